@@ -339,6 +339,34 @@ status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,
     return STATUS_OK;
 }
 
+static status pixel_check(const Azulejo__Wire__PixelSamples *p, const struct render_settings *s,
+                          struct error *err)
+{
+    uint32_t most = p->path ? 1 : PIXEL_SAMPLES_MAX;
+
+    if (p->x >= s->width || p->y >= s->height)
+        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u", p->x,
+                         p->y, s->width, s->height);
+    if (p->count < 1 || p->count > most)
+        return error_set(err, STATUS_ERR_LIMIT, "%u samples at once: must be 1..%u%s", p->count, most,
+                         p->path ? " with its path" : "");
+    if (p->first >= s->spp || p->count > s->spp - p->first)
+        return error_set(err, STATUS_ERR_INPUT, "sample %llu is beyond the pixel's: it has 0 to %u",
+                         (unsigned long long)p->first + p->count - 1, s->spp - 1);
+    return STATUS_OK;
+}
+
+status wire_piece_check(const Azulejo__Wire__RenderRequest *request,
+                        const struct render_settings *settings, struct error *err)
+{
+    const Azulejo__Wire__WorkUnit *unit = request->unit;
+
+    if (!unit == !request->pixel)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a RenderRequest names a unit or a pixel");
+    return unit ? wire_unit_check(unit->tile, unit->group, unit->pass, settings, err)
+                : pixel_check(request->pixel, settings, err);
+}
+
 size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group,
                        uint32_t pass)
 {

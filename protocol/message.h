@@ -77,6 +77,11 @@ void wire_stop_set(Azulejo__Wire__StopRules *out, const struct stop_rules *in);
 status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in,
                      struct error *err) MUST_CHECK;
 
+/* Does a RenderRequest name one piece, a unit or samples of a pixel, that a frame of these settings has?
+ * ERR_PROTOCOL: both or none, or the unit does not exist; ERR_INPUT: the pixel or a sample does not
+ * exist; ERR_LIMIT: more than PIXEL_SAMPLES_MAX samples, or more than one with its path. */
+status wire_piece_check(const Azulejo__Wire__RenderRequest *request,
+                        const struct render_settings *settings, struct error *err) MUST_CHECK;
 /* ERR_PROTOCOL unless the unit exists in a frame of these settings. */
 status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,
                        const struct render_settings *settings, struct error *err) MUST_CHECK;

@@ -38,13 +38,7 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
     uint8_t sums[TILE_FLOATS_MAX * sizeof(float)], tail[WIRE_TAIL_BYTES_MAX];
     struct wire_work work;
-    const struct unit_work done = {
-        .samples = unit->stats.samples, .rays = unit->stats.rays,
-        .vertices = unit->stats.vertices, .leaked_rays = unit->stats.leaked_rays,
-        .health = unit->stats.health,
-        .clamped_samples = unit->stats.clamped_samples,
-        .clamped_luminance = unit->stats.clamped_luminance,
-        .kept_luminance = unit->stats.kept_luminance};
+    const struct unit_work done = render_stats_work(&unit->stats);
 
     wire_sums_set(sums, unit->sums, unit->sum_count);
     result.lease = unit->lease_id;

@@ -37,15 +37,6 @@ struct request {
 
 /* ---- in a pool thread ------------------------------------------------------------------------- */
 
-static struct unit_work work_of(const struct render_stats *stats)
-{
-    return (struct unit_work){.samples = stats->samples, .rays = stats->rays,
-                              .vertices = stats->vertices, .leaked_rays = stats->leaked_rays,
-                              .health = stats->health, .clamped_samples = stats->clamped_samples,
-                              .clamped_luminance = stats->clamped_luminance,
-                              .kept_luminance = stats->kept_luminance};
-}
-
 static status render_unit(struct request *q, const struct render_scene *scene)
 {
     struct unit_result unit;
@@ -56,11 +47,11 @@ static status render_unit(struct request *q, const struct render_scene *scene)
     q->float_count = render_tile(scene, q->frame, q->tile, q->group, q->pass, q->floats, &q->tail,
                                  &q->stats);
     unit = (struct unit_result){q->tile, q->group, q->pass, q->floats, q->float_count, q->tail,
-                                work_of(&q->stats)};
+                                render_stats_work(&q->stats)};
     return wire_unit_digest(&q->digest, &unit, &q->error);
 }
 
-/* The scene's names. Without them (its file has left the cache) the path is told by numbers. */
+/* The scene's names. Without them (its file has left the cache) the path has numbers only. */
 static void read_names(struct request *q)
 {
     struct cached_blob *blob;
@@ -148,22 +139,6 @@ static void request_start(struct request *q)
     pool_push(q->owner->pool, &q->task, 1);
 }
 
-static status check_pixel(const struct request *q, struct error *err)
-{
-    const struct render_settings *s = &q->settings;
-
-    if (q->x >= s->width || q->y >= s->height)
-        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u", q->x,
-                         q->y, s->width, s->height);
-    if (q->count < 1 || q->count > PIXEL_SAMPLES_MAX || (q->wants_path && q->count > 1))
-        return error_set(err, STATUS_ERR_PROTOCOL, "%u samples at once: at most %d, or one with its path",
-                         q->count, PIXEL_SAMPLES_MAX);
-    if (q->first >= s->spp || q->count > s->spp - q->first)
-        return error_set(err, STATUS_ERR_INPUT, "sample %u: the pixel has samples 0 to %u",
-                         q->first + q->count - 1, s->spp - 1);
-    return STATUS_OK;
-}
-
 static status request_fill(struct request *q, const Azulejo__Wire__RenderRequest *m, struct error *err)
 {
     status s = wire_digest_get(&q->scene_digest, &m->scene, "the scene", err);
@@ -176,21 +151,22 @@ static status request_fill(struct request *q, const Azulejo__Wire__RenderRequest
     if (!(q->owner->isa_mask >> q->settings.isa & 1))
         return error_set(err, STATUS_ERR_UNSUPPORTED, "it needs %s, which this worker does not offer",
                          isa_name(q->settings.isa));
-    if (!m->unit == !m->pixel)
-        return error_set(err, STATUS_ERR_PROTOCOL, "a RenderRequest names a unit or a pixel");
+    s = wire_piece_check(m, &q->settings, err);
+    if (s != STATUS_OK)
+        return s;
     if (m->unit) {
         q->is_unit = 1;
         q->tile = m->unit->tile;
         q->group = m->unit->group;
         q->pass = m->unit->pass;
-        return wire_unit_check(q->tile, q->group, q->pass, &q->settings, err);
+    } else {
+        q->x = m->pixel->x;
+        q->y = m->pixel->y;
+        q->first = m->pixel->first;
+        q->count = m->pixel->count;
+        q->wants_path = m->pixel->path;
     }
-    q->x = m->pixel->x;
-    q->y = m->pixel->y;
-    q->first = m->pixel->first;
-    q->count = m->pixel->count;
-    q->wants_path = m->pixel->path;
-    return check_pixel(q, err);
+    return STATUS_OK;
 }
 
 void requests_take(struct requests *r, uint64_t number, const Azulejo__Wire__RenderRequest *message,
@@ -258,7 +234,7 @@ static void send_result(struct request *q, struct channel *channel)
 {
     Azulejo__Wire__RenderResult result = AZULEJO__WIRE__RENDER_RESULT__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(RENDER_RESULT, render_result, &result);
-    const struct unit_work done = work_of(&q->stats);
+    const struct unit_work done = render_stats_work(&q->stats);
     struct path_message *path = NULL;
     struct wire_work work;
     struct error err = {0};

@@ -42,7 +42,7 @@ void requests_take(struct requests *r, uint64_t number, const Azulejo__Wire__Ren
 void requests_scene_settled(struct requests *r, struct scene_slot *slot, struct channel *channel);
 /* Is this finished pool task a request's? If so, its result is sent and it is freed. */
 int requests_task_done(struct requests *r, struct pool_task *task, struct channel *channel);
-/* The connection is lost: nobody waits for the answers. */
+/* The connection is lost: no answer is expected any more. Drops what has not begun. */
 void requests_forget(struct requests *r);
 
 #endif

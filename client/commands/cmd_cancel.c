@@ -69,7 +69,7 @@ static status cancel(struct connection *c, uint64_t job, int discard, int json, 
     return result;
 }
 
-/* One of several: nobody waits for its pictures. */
+/* One of several jobs: its pictures are not waited for. */
 static status ask(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err)
 {
@@ -93,7 +93,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct job_choice choice = {0};
     int discard = 0, json = 0, done;
     const struct option table[] = {
-        JOB_CHOICE_ROWS(choice, "cancelled"),
+        JOB_CHOICE_ROWS(choice, JOB_CHOICE_YES_HELP("cancelled")),
         {"discard", 0, OPTION_FLAG, &discard, NULL,
          "discard the samples of unfinished frames instead of making pictures of them", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},

@@ -18,7 +18,7 @@
 #include "protocol/message.h"
 
 enum {
-    SAMPLES_MAX = 64,            /* paths told by one command */
+    SAMPLES_MAX = 64,            /* paths reported by one command */
     OPTIONS_MAX = 96,
     WORKER_LOOK_MS = 10,
     LOCAL_PATIENCE_S = 86400,    /* a local farm is watched: it need not be doubted */
@@ -336,7 +336,7 @@ static status debug_scene(struct debug *d, struct error *err)
 
 /* ---- the command ------------------------------------------------------------------------------ */
 
-/* Without the rows that say which frames, or what becomes of a picture: there is none. */
+/* Without the rows about frames and about pictures: this command writes no picture. */
 static void choose_rows(const struct debug *d, const struct option *all, struct option out[OPTIONS_MAX])
 {
     static const char *const left_out[] = {"frames", "first-middle-last", "aov", "half", "priority"};

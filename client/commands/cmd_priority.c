@@ -3,17 +3,25 @@
 
 #include "client/commands/steer.h"
 #include "client/farm/job_info.h"
+#include "protocol/message.h"
+
+enum { PRIORITY_MAX = 1000000, NOT_GIVEN = PRIORITY_MAX + 1 };
+
+static status check(const void *options, struct error *err)
+{
+    if (*(const int64_t *)options == NOT_GIVEN)
+        return error_set(err, STATUS_ERR_USAGE, "which priority? Give --to N");
+    return STATUS_OK;
+}
 
 static status ask(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err)
 {
-    Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobPriority body = AZULEJO__WIRE__JOB_PRIORITY__INIT;
+    Azulejo__Wire__Envelope question = MESSAGE(JOB_PRIORITY, job_priority, &body);
 
     body.job = job;
-    body.priority = *(const int32_t *)options;
-    question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_PRIORITY;
-    question.job_priority = &body;
+    body.priority = (int32_t)*(const int64_t *)options;
     return job_ask(c, &question, job, answer, err);
 }
 
@@ -27,37 +35,20 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     static const struct steer_verb verb = {
         .word = "change the priority of",
+        .past = "changed",
         .states = STEER_ACTIVE,
+        .check = check,
         .ask = ask,
         .print = print,
     };
-    struct connection_options where = CONNECTION_OPTIONS_INIT;
-    struct job_choice choice = {0};
-    int64_t to = INT64_MIN;
-    int32_t priority;
-    struct positionals rest;
-    int json = 0, done;
-    const struct option table[] = {
-        {"to", 0, OPTION_INT, &to, "N", "the new priority: jobs with a higher number go first", -1000000,
-         1000000, NULL},
-        JOB_CHOICE_ROWS(choice, "changed"),
-        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
-        CONNECTION_OPTION_ROWS(where),
+    int64_t to = NOT_GIVEN;
+    const struct option own[] = {
+        {"to", 0, OPTION_INT, &to, "N", "the new priority: jobs with a higher number go first",
+         -PRIORITY_MAX, PRIORITY_MAX, NULL},
         {0},
     };
 
-    status result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done,
-                                  err);
-
-    if (result != STATUS_OK || done)
-        return result;
-    result = job_choice_check(&choice, &rest, err);
-    if (result == STATUS_OK && to == INT64_MIN)
-        return error_set(err, STATUS_ERR_USAGE, "which priority? Give --to N");
-    if (result != STATUS_OK)
-        return result;
-    priority = (int32_t)to;
-    return steer_jobs(&verb, &choice, &rest, &where, &priority, json, exit_code, err);
+    return steer_run(command, &verb, own, &to, argc, argv, exit_code, err);
 }
 
 const struct command command_priority = {

@@ -1,17 +1,16 @@
 /* azulejo remove: forget jobs that have ended. */
 #include "client/commands/steer.h"
 #include "client/farm/job_info.h"
+#include "protocol/message.h"
 
 static status ask(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err)
 {
-    Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobRemove body = AZULEJO__WIRE__JOB_REMOVE__INIT;
+    Azulejo__Wire__Envelope question = MESSAGE(JOB_REMOVE, job_remove, &body);
 
     (void)options;
     body.job = job;
-    question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_REMOVE;
-    question.job_remove = &body;
     return job_ask(c, &question, job, answer, err);
 }
 
@@ -20,21 +19,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     static const struct steer_verb verb = {
         .word = "remove",
+        .past = "removed",
         .states = STEER_ENDED,
         .ask = ask,
         .outcome = "removed",
     };
-    struct connection_options where = CONNECTION_OPTIONS_INIT;
-    struct job_choice choice = {0};
-    int json = 0;
-    const struct option table[] = {
-        JOB_CHOICE_ROWS(choice, "removed"),
-        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
-        CONNECTION_OPTION_ROWS(where),
-        {0},
-    };
 
-    return steer_run(command, table, argc, argv, &verb, &choice, &where, NULL, &json, exit_code, err);
+    return steer_run(command, &verb, NULL, NULL, argc, argv, exit_code, err);
 }
 
 const struct command command_remove = {

@@ -1,21 +1,24 @@
 /* azulejo retry: go on with jobs that have ended. */
 #include "client/commands/steer.h"
 #include "client/farm/job_info.h"
+#include "protocol/message.h"
+
+static status check(const void *options, struct error *err)
+{
+    return frame_choice_check(options, err);
+}
 
 static status ask(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err)
 {
-    Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobRetry body = AZULEJO__WIRE__JOB_RETRY__INIT;
-
+    Azulejo__Wire__Envelope question = MESSAGE(JOB_RETRY, job_retry, &body);
     struct frame_list frames;
     status result = frame_choice_of_job(c, job, options, &frames, err);
 
     body.job = job;
     body.frames = frames.items;
     body.n_frames = frames.count;
-    question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_RETRY;
-    question.job_retry = &body;
     if (result == STATUS_OK)
         result = job_ask(c, &question, job, answer, err);
     frame_list_free(&frames);
@@ -27,33 +30,18 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     static const struct steer_verb verb = {
         .word = "retry",
+        .past = "tried again",
         .states = STEER_STATE(FAILED) | STEER_STATE(CANCELLED),
+        .check = check,
         .ask = ask,
     };
-    struct connection_options where = CONNECTION_OPTIONS_INIT;
-    struct job_choice choice = {0};
     struct frame_choice frames = {0};
-    struct positionals rest;
-    int json = 0, done;
-    const struct option table[] = {
+    const struct option own[] = {
         FRAME_CHOICE_ROWS(frames, 'f', "try"),
-        JOB_CHOICE_ROWS(choice, "tried again"),
-        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
-        CONNECTION_OPTION_ROWS(where),
         {0},
     };
 
-    status result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done,
-                                  err);
-
-    if (result != STATUS_OK || done)
-        return result;
-    result = job_choice_check(&choice, &rest, err);
-    if (result == STATUS_OK)
-        result = frame_choice_check(&frames, err);
-    if (result != STATUS_OK)
-        return result;
-    return steer_jobs(&verb, &choice, &rest, &where, &frames, json, exit_code, err);
+    return steer_run(command, &verb, own, &frames, argc, argv, exit_code, err);
 }
 
 const struct command command_retry = {

@@ -16,6 +16,7 @@ struct debug_sample {
 
 /* Largest luminance first; what is not a number before all. */
 void debug_samples_sort(struct debug_sample *samples, size_t count);
+/* To `out`, or as JSON for json_print, which takes it; NULL: out of memory. */
 void debug_samples_print(FILE *out, const struct debug_sample *samples, size_t count);
 json_t *debug_samples_json(const struct debug_sample *samples, size_t count);
 

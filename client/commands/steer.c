@@ -1,7 +1,9 @@
 #include "client/commands/steer.h"
 
+#include <assert.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "client/farm/job_info.h"
 #include "protocol/message.h"
@@ -119,20 +121,38 @@ status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice
     return result;
 }
 
-status steer_run(const struct command *command, const struct option *table, int argc,
-                 char *const *argv, const struct steer_verb *verb, const struct job_choice *choice,
-                 const struct connection_options *where, const void *options, const int *json,
+status steer_run(const struct command *command, const struct steer_verb *verb,
+                 const struct option *own, const void *options, int argc, char *const *argv,
                  int *exit_code, struct error *err)
 {
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    struct job_choice choice = {0};
+    int json = 0, done;
+    char yes_help[64];
+    const struct option common[] = {
+        JOB_CHOICE_ROWS(choice, yes_help),
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct option table[STEER_OWN_MAX + sizeof common / sizeof *common];
+    size_t own_count = 0;
     struct positionals rest;
-    int done;
-    status result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done,
-                                  err);
+    status result;
 
+    snprintf(yes_help, sizeof yes_help, JOB_CHOICE_YES_HELP("%s"), verb->past);
+    for (; own && own[own_count].name; own_count++) {
+        assert(own_count < STEER_OWN_MAX);
+        table[own_count] = own[own_count];
+    }
+    memcpy(table + own_count, common, sizeof common);
+    result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done, err);
     if (result != STATUS_OK || done)
         return result;
-    result = job_choice_check(choice, &rest, err);
-    if (result != STATUS_OK)
-        return result;
-    return steer_jobs(verb, choice, &rest, where, options, *json, exit_code, err);
+    result = job_choice_check(&choice, &rest, err);
+    if (result == STATUS_OK && verb->check)
+        result = verb->check(options, err);
+    if (result == STATUS_OK)
+        result = steer_jobs(verb, &choice, &rest, &where, options, json, exit_code, err);
+    return result;
 }

@@ -1,5 +1,6 @@
-/* steer: the verbs that change jobs, for one job or many. A command gives a struct steer_verb; the
- * rest is common: choosing, asking, doing it job by job, reporting.
+/* steer: the verbs that change jobs, for one job or many. A command gives a struct steer_verb and its
+ * own options; the rest is common: the command line, choosing, confirming, doing it job by job,
+ * reporting.
  */
 #ifndef AZULEJO_CLIENT_STEER_H
 #define AZULEJO_CLIENT_STEER_H
@@ -15,9 +16,13 @@
 #define STEER_ENDED (STEER_STATE(DONE) | STEER_STATE(FAILED) | STEER_STATE(CANCELLED))
 
 struct steer_verb {
-    const char *word;            /* "pause" */
-    unsigned states;             /* in which it does something: what a filter chooses */
-    /* Ask the coordinator to do it to one job; *answer is a JobList with the job. */
+    const char *word, *past;     /* "pause", "paused" */
+    unsigned states;             /* bits: in which it does something, so what a filter chooses */
+    /* Check the verb's own options before a connection is opened: ERR_USAGE, ERR_NO_MEMORY. NULL:
+     * nothing to check. */
+    status (*check)(const void *options, struct error *err);
+    /* Ask the coordinator to do it to one job; *answer is a JobList with the job, which the caller
+     * frees with message_free. Errors: job_ask's. */
     status (*ask)(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err);
     const char *outcome;         /* printed after "job 3: "; NULL: its state */
@@ -25,16 +30,18 @@ struct steer_verb {
     void (*print)(const Azulejo__Wire__JobInfo *info);
 };
 
-/* Do it to the chosen jobs. A failure does not stop the others: *exit_code is the first one's. */
+/* Do it to the chosen jobs. A failure that is about one job does not stop the others: *exit_code is
+ * that of the first. ERR_USAGE, ERR_NOT_FOUND, ERR_NO_MEMORY, the connection's errors, or `ask`'s. */
 status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice,
                   const struct positionals *rest, const struct connection_options *where,
                   const void *options, int json, int *exit_code, struct error *err) MUST_CHECK;
 
-/* Parse the command line, with at most `most` jobs, and do it. `table` has the rows of `choice` and
- * `where`. `check` is called in between; NULL: none. */
-status steer_run(const struct command *command, const struct option *table, int argc,
-                 char *const *argv, const struct steer_verb *verb, const struct job_choice *choice,
-                 const struct connection_options *where, const void *options, const int *json,
+/* Parse the command line and do it. `own`: the verb's rows before the common ones, ended by a row
+ * without a name, at most STEER_OWN_MAX; NULL: none. Their targets are in `options`, which `check` and
+ * `ask` get. ERR_USAGE, or steer_jobs's. */
+enum { STEER_OWN_MAX = 2 };
+status steer_run(const struct command *command, const struct steer_verb *verb,
+                 const struct option *own, const void *options, int argc, char *const *argv,
                  int *exit_code, struct error *err) MUST_CHECK;
 
 #endif

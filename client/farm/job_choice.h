@@ -11,15 +11,17 @@ struct job_choice {
     int mine;
     int yes;                     /* do not ask */
 };
-#define JOB_CHOICE_ROWS(c, past)                                                                  \
+/* The help of --yes, as in JOB_CHOICE_YES_HELP("paused"). */
+#define JOB_CHOICE_YES_HELP(past) "do not ask before several jobs are " past
+#define JOB_CHOICE_ROWS(c, yes_help)                                                              \
     {"state", 0, OPTION_STRING, &(c).states, "STATE,...",                                         \
      "only jobs in these states, as in queued,failed (without a JOB: all of them)", 0, 0, NULL},  \
     {"mine", 0, OPTION_FLAG, &(c).mine, NULL,                                                     \
      "only jobs that you submitted from this machine (without a JOB: all of them)", 0, 0, NULL},  \
-    {"yes", 'y', OPTION_FLAG, &(c).yes, NULL,                                                     \
-     "do not ask before several jobs are " past, 0, 0, NULL}
+    {"yes", 'y', OPTION_FLAG, &(c).yes, NULL, yes_help, 0, 0, NULL}
 
-/* The chosen jobs, ascending numbers. The infos belong to `answers`. Zero-initialise. */
+/* The chosen jobs, ascending numbers. The infos belong to `answers`. Zero-initialise; release with
+ * chosen_jobs_release, after a failure, too. */
 struct chosen_jobs {
     struct chosen_job {
         uint64_t job;
@@ -31,18 +33,21 @@ struct chosen_jobs {
     int several;                 /* more than one number was given, or anything else: to be confirmed */
 };
 
-/* Check what was typed, before a connection is opened. ERR_USAGE. */
+/* Check the command line before a connection is opened. ERR_USAGE: it names no job, or an unknown
+ * state, or a number that is too large. */
 status job_choice_check(const struct job_choice *choice, const struct positionals *rest,
                         struct error *err) MUST_CHECK;
 /* Find the jobs. `states`: bits of JobState, to which a filter or a wildcard without --state is
- * limited: those in which the verb does something. ERR_NOT_FOUND: none, or not one of the numbers. */
+ * limited: those in which the verb does something. ERR_NOT_FOUND: no job matches, or a number is no
+ * job's; ERR_NO_MEMORY, or job_ask's errors. */
 status job_choice_find(struct connection *c, const struct job_choice *choice,
                        const struct positionals *rest, unsigned states, struct chosen_jobs *out,
                        struct error *err) MUST_CHECK;
 void chosen_jobs_release(struct chosen_jobs *jobs);
 
-/* Show what will be done ("pause" 3 jobs) and ask. 0: the answer was no. ERR_USAGE if nobody can be
- * asked. */
+/* Print what will be done ("pause" 3 jobs) to standard error and ask, unless it is one job by its
+ * number, or --yes was given. *go_on is 0 if the answer was no. ERR_USAGE: standard input is not a
+ * terminal. */
 status job_choice_confirm(const struct job_choice *choice, const struct chosen_jobs *jobs,
                           const char *verb, int *go_on, struct error *err) MUST_CHECK;
 

@@ -101,26 +101,29 @@ struct health_place {
 /* Places as numbers in their order, never 0: pass, tile, pixel, sample from the highest bits on. */
 enum { HEALTH_SAMPLE_BITS = 21, HEALTH_PIXEL_BITS = 8, HEALTH_TILE_BITS = 21, HEALTH_PASS_BITS = 8 };
 uint64_t health_key(struct health_place place);
-/* 0: the key is no place's. */
+/* The place of a key. Returns 0, and *out is undefined, if the key is 0 or its pass is not below
+ * PASSES_MAX; tile, pixel and sample are not checked against a picture. */
 int health_place_of(uint64_t key, struct health_place *out);
 
 /* Sums of counts, the lesser of both examples: exact in any order. */
 void health_add(struct health *sum, const struct health *more);
-/* Counts only: what the lesser example was before, a film finds among its tiles. */
+/* Counts only: *sum must contain *less. The examples stay; a film finds the least one again among its
+ * tiles. */
 void health_subtract(struct health *sum, const struct health *less);
-/* Take the example if it is less than that of `kind`. */
+/* Keep the lesser of this example and that of `kind`; a key of 0 is ignored. */
 void health_example(struct health *health, enum health_kind kind, uint32_t frame, uint64_t key);
-/* Say that the examples are of this frame. */
+/* Mark all examples as this frame's. */
 void health_of_frame(struct health *health, uint32_t frame);
 /* Is anything counted? */
 int health_is_ill(const struct health *health);
 
 enum { HEALTH_TEXT_SIZE = 256 };
 /* "3 samples were not finite and count as black; first: pass 0, tile 12, pixel 33,40, sample 5" of a
- * picture of this size. `with_frame`: the frame is named, too. */
+ * picture of this size in pixels. `with_frame`: the frame is named, too. Returns `out`. */
 const char *health_text(char out[HEALTH_TEXT_SIZE], const struct health *health, enum health_kind kind,
                         uint32_t width, uint32_t height, int with_frame);
-/* The example alone, "pass 0, tile 12, pixel 33,40, sample 5"; "" where none is known. */
+/* The example alone, "pass 0, tile 12, pixel 33,40, sample 5", with the pixel's place in the picture; ""
+ * where none is known or the tile is outside the picture. Returns `out`. */
 const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key, uint32_t width,
                               uint32_t height);
 

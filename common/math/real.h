@@ -30,7 +30,6 @@ static inline real real_abs(real x) { return fabs(x); }
 static inline real real_floor(real x) { return floor(x); }
 static inline real real_copysign(real x, real sign) { return copysign(x, sign); }
 static inline real real_ldexp(real x, int exponent) { return ldexp(x, exponent); }
-static inline real real_fmin(real a, real b) { return fmin(a, b); }
 static inline real real_fmax(real a, real b) { return fmax(a, b); }
 static inline void real_sincos(real x, real *sine, real *cosine) { sincos(x, sine, cosine); }
 static inline real real_sin(real x) { return sin(x); }
@@ -72,7 +71,6 @@ static inline real real_abs(real x) { return fabsf(x); }
 static inline real real_floor(real x) { return floorf(x); }
 static inline real real_copysign(real x, real sign) { return copysignf(x, sign); }
 static inline real real_ldexp(real x, int exponent) { return ldexpf(x, exponent); }
-static inline real real_fmin(real a, real b) { return fminf(a, b); }
 static inline real real_fmax(real a, real b) { return fmaxf(a, b); }
 static inline void real_sincos(real x, real *sine, real *cosine) { det_sincos(x, sine, cosine); }
 static inline real real_sin(real x) { return det_sin(x); }

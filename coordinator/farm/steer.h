@@ -14,6 +14,7 @@
  *
  * Each function returns when the change and its line in the job's log are on disk, or, if the store
  * cannot be written, noted for later (remove and retry fail instead: ERR_IO). `who` is for the log.
+ * `now_ns`: the monotonic clock. Beyond the table's ERR_REFUSED, errors are those at the function.
  */
 #ifndef AZULEJO_COORDINATOR_STEER_H
 #define AZULEJO_COORDINATOR_STEER_H
@@ -28,17 +29,19 @@ status steer_resume(struct farm *farm, struct job *job, const char *who, uint64_
                     struct error *err) MUST_CHECK;
 status steer_finish(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
                     struct error *err) MUST_CHECK;
-/* farm_cancel, with its line in the log. */
+/* farm_cancel, with its line in the log. `discard`: unfinished frames become no pictures, and their
+ * films are removed. */
 void steer_cancel(struct farm *farm, struct job *job, int discard, const char *who, uint64_t now_ns);
+/* `priority`: any; jobs with a higher number go first. */
 status steer_priority(struct farm *farm, struct job *job, int32_t priority, const char *who,
                       uint64_t now_ns, struct error *err) MUST_CHECK;
 /* The frames that are not done, and those that a person cut short, continue with the films that are
  * there; or only these `frames`, if count is not 0: they ascend. A frame without a film begins
- * again. ERR_INPUT: no such frame; ERR_LIMIT, ERR_NO_MEMORY. */
+ * again. ERR_INPUT: no such frame; ERR_IO, ERR_LIMIT, ERR_NO_MEMORY. */
 status steer_retry(struct farm *farm, struct job *job, const uint32_t *frames, size_t count,
                    const char *who, struct error *err) MUST_CHECK;
 /* The job leaves the queue, and its row, log, films and pictures are removed. It is freed now or,
- * while a commit or a develop holds it, later. */
+ * while a commit or a develop holds it, later. ERR_IO. */
 status steer_remove(struct farm *farm, struct job *job, const char *who, struct error *err) MUST_CHECK;
 
 #endif

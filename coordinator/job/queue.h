@@ -137,7 +137,7 @@ struct job {
     struct digest scene;
     char scene_name[JOB_NAME_MAX + 1];
     char source[JOB_SOURCE_MAX + 1];   /* the scene's file and how it was imported, as words of a shell; "": not
-                                          told */
+                                          known */
     char token[JOB_TOKEN_MAX + 1];     /* of the submission; "": none. No two jobs have the same */
 
     char kernel[KERNEL_NAME_MAX + 1];  /* of the workers that got units; "": none yet */

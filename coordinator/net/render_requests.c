@@ -173,28 +173,6 @@ static status check_scene(const char *folder, const struct digest *scene, struct
     return error_set(err, STATUS_ERR_NOT_FOUND, "the coordinator no longer has the scene");
 }
 
-/* Does the piece exist? The worker looks again: it trusts nobody. */
-static status check_piece(const Azulejo__Wire__RenderRequest *m, const struct render_settings *s,
-                          struct error *err)
-{
-    const Azulejo__Wire__PixelSamples *p = m->pixel;
-
-    if (!m->unit == !m->pixel)
-        return error_set(err, STATUS_ERR_PROTOCOL, "a RenderRequest names a unit or a pixel");
-    if (m->unit)
-        return wire_unit_check(m->unit->tile, m->unit->group, m->unit->pass, s, err);
-    if (p->x >= s->width || p->y >= s->height)
-        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u", p->x,
-                         p->y, s->width, s->height);
-    if (p->count < 1 || p->count > PIXEL_SAMPLES_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%u samples at once: must be 1..%d", p->count,
-                         PIXEL_SAMPLES_MAX);
-    if (p->first >= s->spp || p->count > s->spp - p->first)
-        return error_set(err, STATUS_ERR_INPUT, "sample %" PRIu64 " is beyond the pixel's: it has 0 to %u",
-                         (uint64_t)p->first + p->count - 1, s->spp - 1);
-    return STATUS_OK;
-}
-
 /* The message with the job's scene and settings, or those that it names itself. */
 static status complete(struct server *server, struct render_request *q,
                        const Azulejo__Wire__RenderRequest *message, struct error *err)
@@ -219,7 +197,7 @@ static status complete(struct server *server, struct render_request *q,
             s = wire_settings_get(&settings, message->settings, UINT32_MAX, err);
     }
     if (s == STATUS_OK)
-        s = check_piece(message, &settings, err);
+        s = wire_piece_check(message, &settings, err);
     if (s == STATUS_OK)
         s = check_scene(store_folder(server->store), &scene, err);
     if (s != STATUS_OK)

@@ -16,9 +16,9 @@
 #include "protocol/azulejo.pb-c.h"
 
 enum {
-    RENDER_REQUESTS_MAX = 1024,
-    RENDER_REQUESTS_PER_WORKER = 32,
-    RENDER_TRIES_MAX = 3,
+    RENDER_REQUESTS_MAX = 1024,      /* under way in the farm; more: ERR_LIMIT */
+    RENDER_REQUESTS_PER_WORKER = 32, /* sent to one worker and not answered */
+    RENDER_TRIES_MAX = 3,            /* workers lost with it before it fails */
 };
 
 struct server;
@@ -30,12 +30,15 @@ struct render_requests {
     uint32_t count;
 };
 
-/* A client's RenderRequest (a handler of session_messages.h). */
+/* A client's RenderRequest (a handler of session_messages.h). ERR_NOT_FOUND: no such job, frame or
+ * scene; ERR_INPUT, ERR_PROTOCOL: the request is wrong; ERR_LIMIT, ERR_NO_MEMORY, ERR_IO. What is found
+ * later is answered by a Failure. */
 session_handler render_request_begin;
 /* A worker's answer; of a request whose client is gone it is ignored. */
 void render_request_answer(struct session *worker, const Azulejo__Wire__Envelope *message);
-/* The session has left the table. */
+/* The session has left the table: its requests are freed if it was their client, and sent to another
+ * worker if it had them to render. */
 void render_requests_session_gone(struct server *server, uint32_t session);
-void render_requests_release(struct server *server);
+void render_requests_release(struct server *server); /* frees all, unanswered */
 
 #endif

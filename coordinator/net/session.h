@@ -64,7 +64,6 @@ struct session {
     uint32_t watch_count;
     struct upload *uploads[SESSION_UPLOADS_MAX];
     uint32_t storing;
-    uint64_t failed_request;      /* of an upload: its remaining pieces are ignored */
     struct transfers transfers;
 
     /* Acknowledgements that are about to be sent, all of one frame. */

@@ -269,18 +269,10 @@ static void room_with_hole(struct scene_builder *b, float size)
         {{1, -h, -1}, {1, h, -1}, {1, h, -h}, {1, -h, -h}},
         {{1, -h, h}, {1, h, h}, {1, h, 1}, {1, -h, 1}},
     };
-    uint32_t indices[9 * 6];
 
-    for (uint32_t q = 0; q < 9; q++) {
-        static const uint32_t two[6] = {0, 1, 2, 0, 2, 3};
-
-        for (uint32_t k = 0; k < 6; k++)
-            indices[6 * q + k] = 4 * q + two[k];
-    }
     builder_init(b);
     builder_lambert(b, (float)albedo);
-    builder_place(b, builder_mesh(b, &quads[0][0][0], NULL, 36, indices, 18, 0), 0, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(b, builder_quads(b, quads, 9), 0, vec3_splat(1), vec3_splat(0));
 }
 
 /* Irradiance by a sky of radiance 1, seen through that hole, of the floor at (0, -1, z). */

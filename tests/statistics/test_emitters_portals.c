@@ -33,18 +33,10 @@ static void room(struct scene_builder *b)
         {{1, 0, -1}, {1, 0.4f, -1}, {1, 0.4f, -0.2f}, {1, 0, -0.2f}},
         {{1, 0, 0.2f}, {1, 0.4f, 0.2f}, {1, 0.4f, 1}, {1, 0, 1}},
     };
-    uint32_t indices[9 * 6];
 
-    for (uint32_t q = 0; q < 9; q++) {
-        static const uint32_t two[6] = {0, 1, 2, 0, 2, 3};
-
-        for (uint32_t k = 0; k < 6; k++)
-            indices[6 * q + k] = 4 * q + two[k];
-    }
     builder_init(b);
     builder_lambert(b, 0.7f);
-    builder_place(b, builder_mesh(b, &quads[0][0][0], NULL, 36, indices, 18, 0), 0, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(b, builder_quads(b, quads, 9), 0, vec3_splat(1), vec3_splat(0));
     builder_camera(b, vec3_make(-0.9f, 0.6f, 0.7f), vec3_make(0, -1, -0.3f), 1);
     builder_environment_map(b, map, WIDTH, HEIGHT);
 }

@@ -1,24 +1,8 @@
 /* The parts of a model. */
-#include "tests/support/model.h"
+#include "tests/support/model_parts.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-
-static void *need(void *p)
-{
-    if (!p) {
-        fprintf(stderr, "model: out of memory\n");
-        abort();
-    }
-    return p;
-}
-
-#define NEW(m, count, type) ((type *)need(arena_alloc(&(m)->arena, (count), sizeof(type))))
-typedef double point[3];
-typedef double point2[2];
-typedef uint32_t corners[3];
 
 void model_init(struct model *m)
 {

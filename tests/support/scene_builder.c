@@ -97,6 +97,18 @@ uint32_t builder_mesh(struct scene_builder *b, const float *positions, const flo
     return b->scene.mesh_count++;
 }
 
+uint32_t builder_quads(struct scene_builder *b, const float (*quads)[4][3], uint32_t count)
+{
+    static const uint32_t two[6] = {0, 1, 2, 0, 2, 3};
+    uint32_t *indices = need(mem_alloc_array(6 * (size_t)count, sizeof *indices)), mesh;
+
+    for (uint32_t i = 0; i < 6 * count; i++)
+        indices[i] = 4 * (i / 6) + two[i % 6];
+    mesh = builder_mesh(b, &quads[0][0][0], NULL, 4 * count, indices, 2 * count, 0);
+    mem_free(indices);
+    return mesh;
+}
+
 uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
                                 uint32_t vertex_count, const uint32_t *indices,
                                 uint32_t triangle_count, const struct mesh_influence *influences,

@@ -30,6 +30,8 @@ uint32_t builder_slab(struct scene_builder *b);
 uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals,
                       uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
                       int closed);
+/* Flat quads abcd, each as the triangles abc, acd with vertices of its own. */
+uint32_t builder_quads(struct scene_builder *b, const float (*quads)[4][3], uint32_t count);
 /* A mesh that can be deformed: `influences` [vertices] or NULL; `morphs` [morph_count][vertices][3]
  * position offsets. The blob is the mesh's without them but for their arrays (no normals). */
 uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,

@@ -10,8 +10,10 @@
 #include <cmocka.h>
 
 #include "common/base/clock.h"
+#include "common/base/file.h"
 #include "coordinator/farm/freeze.h"
 #include "coordinator/farm/scheduler.h"
+#include "coordinator/film/store_film.h"
 
 static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *reason)
 {
@@ -177,6 +179,47 @@ int sim_set_up(void **state)
 int sim_tear_down(void **state)
 {
     sim_free(*state);
+    return 0;
+}
+
+static void begin(struct sim_stored *f)
+{
+    f->store = sim_store(f->folder);
+    sim_init(f->sim, f->store, 1);
+    f->workers = 0;
+}
+
+void sim_stored_restart(struct sim_stored *f)
+{
+    sim_release(f->sim);
+    store_close(f->store);
+    begin(f);
+}
+
+int sim_stored_set_up(void **state)
+{
+    struct sim_stored *f = calloc(1, sizeof *f);
+
+    assert_non_null(f);
+    snprintf(f->folder, sizeof f->folder, "/tmp/azulejo-test-XXXXXX");
+    assert_non_null(mkdtemp(f->folder));
+    f->sim = calloc(1, sizeof *f->sim);
+    assert_non_null(f->sim);
+    begin(f);
+    *state = f;
+    return 0;
+}
+
+int sim_stored_tear_down(void **state)
+{
+    struct sim_stored *f = *state;
+
+    film_file_fault(-1);
+    sim_release(f->sim);
+    store_close(f->store);
+    file_remove_tree(f->folder);
+    free(f->sim);
+    free(f);
     return 0;
 }
 

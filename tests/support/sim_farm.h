@@ -63,6 +63,19 @@ void sim_free(struct sim *sim);
 int sim_set_up(void **state);
 int sim_tear_down(void **state);
 
+/* A farm with a store in a folder of its own, and the same for cmocka: *state is a struct
+ * sim_stored. */
+struct sim_stored {
+    char folder[64];
+    struct store *store;
+    struct sim *sim;
+    unsigned workers;            /* that the test has connected since the start */
+};
+int sim_stored_set_up(void **state);
+int sim_stored_tear_down(void **state);
+/* The coordinator is killed, and started again. */
+void sim_stored_restart(struct sim_stored *f);
+
 uint32_t sim_random(struct sim *sim, uint32_t limit); /* 0..limit-1 */
 
 struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_t spp,

@@ -14,7 +14,7 @@
 
 enum {
     RECORD_VERTICES_MAX = 1536, /* kept; a path has at most SETTINGS_DEPTH_MAX + 1 and the boundaries it passed */
-    RECORD_BODIES_MAX = 16,     /* INTERIOR_MAX */
+    RECORD_BODIES_MAX = 16,     /* at least INTERIOR_MAX (record_path.h) */
 };
 
 /* X(NAME, text): why the path went no further. */
@@ -37,7 +37,7 @@ enum record_end {
 #undef RECORD_END_ENUM
     RECORD_ENDS
 };
-const char *record_end_text(enum record_end end);
+const char *record_end_text(enum record_end end); /* static */
 
 /* X(NAME, text): what the path met. */
 #define RECORD_KIND_MAP(X) \
@@ -50,7 +50,7 @@ enum record_kind {
     RECORD_KIND_MAP(RECORD_KIND_ENUM)
 #undef RECORD_KIND_ENUM
 };
-const char *record_kind_text(enum record_kind kind);
+const char *record_kind_text(enum record_kind kind); /* static */
 
 enum record_source {
     RECORD_FROM_MEDIUM, /* that lies before the vertex, and glows */
@@ -67,12 +67,12 @@ struct record_light {
     int32_t instance;           /* that shines; -1: none */
     uint32_t triangle;
     struct vec3 direction, radiance;
-    real distance;             /* metres; INFINITY: at infinity */
-    real pdf;                  /* of light sampling, odds of the choice included; 1/sr, or the odds alone */
+    real distance;              /* metres; INFINITY: at infinity */
+    real pdf;                   /* of light sampling, odds of the choice included; 1/sr, or the odds alone */
     int delta;                  /* only light sampling finds it: no weight */
-    real scatter_pdf;          /* the density with which scattering finds that direction */
+    real scatter_pdf;           /* the density with which scattering finds that direction */
     struct vec3 scatter;        /* what the vertex scatters of it */
-    real weight;               /* of multiple importance sampling */
+    real weight;                /* of multiple importance sampling */
     int traced;                 /* a shadow ray was traced */
     struct vec3 visible;        /* 0: something is in between */
 };
@@ -81,7 +81,7 @@ struct record_vertex {
     enum record_kind kind;
     uint32_t depth;             /* scattering vertices before it */
     struct vec3 p, ng, ns;      /* metres, world; unit, black where there is none */
-    real t;                    /* metres from the last vertex, or boundary; INFINITY: escaped */
+    real t;                     /* metres from the last vertex, or boundary; INFINITY: escaped */
     int front;                  /* met from the side of counter-clockwise winding */
     int32_t instance, mesh, material; /* -1: none */
     uint32_t triangle;
@@ -90,16 +90,16 @@ struct record_vertex {
     struct { uint32_t material; int owed; } bodies[RECORD_BODIES_MAX];
     struct vec3 throughput;     /* with which it arrived */
     struct vec3 added[RECORD_SOURCES];
-    real met_pdf;              /* with which light sampling would have found what the ray met */
-    real met_weight;           /* of multiple importance sampling */
+    real met_pdf;               /* with which light sampling would have found what the ray met */
+    real met_weight;            /* of multiple importance sampling */
     struct record_light light;
     int scattered;              /* a direction was sampled */
     const char *lobe;           /* that sampled it, "DIFFUSE" (BSDF_LOBE_MAP), "PHASE"; "": none */
     struct vec3 direction;      /* unit, world */
     struct vec3 weight;         /* of the sampled direction: f cos / density */
-    real pdf;                  /* 1/sr; 0: a mirror's */
+    real pdf;                   /* 1/sr; 0: a mirror's */
     int delta;
-    real survival;             /* Russian roulette's probability; 1: it did not play */
+    real survival;              /* Russian roulette's probability; 1: it did not play */
     enum record_source adding;  /* where light that is added now comes from: for the hooks */
 };
 
@@ -111,7 +111,7 @@ struct sample_record {
     struct record_vertex vertices[RECORD_VERTICES_MAX];
 };
 
-/* The light of the scene's list that record_light.number is; light_count: none. */
+/* The index in scene->lights of record_light.number; scene->light_count: it is no light of the scene's. */
 uint32_t record_scene_light(const struct scene *scene, uint32_t number);
 
 /* Render sample `number` (sample i of group g is number 2 i + g) of a pixel of `frame` again. added[3]: what

@@ -38,6 +38,16 @@ struct render_stats {
     uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */
 };
 
+/* What a unit's result holds of it. */
+static inline struct unit_work render_stats_work(const struct render_stats *stats)
+{
+    return (struct unit_work){.samples = stats->samples, .rays = stats->rays,
+                              .vertices = stats->vertices, .leaked_rays = stats->leaked_rays,
+                              .health = stats->health, .clamped_samples = stats->clamped_samples,
+                              .clamped_luminance = stats->clamped_luminance,
+                              .kept_luminance = stats->kept_luminance};
+}
+
 struct render_scene_info {
     uint64_t triangles, instances;
     uint64_t texture_bytes, mesh_bytes, bvh_bytes;

@@ -75,7 +75,6 @@ struct ply {
 status ply_header_read(struct ply *p) MUST_CHECK;
 
 /* ply_values.c: the data at p->at, as p->format and a property's types say. */
-status ply_cut_short(const struct ply *p) MUST_CHECK;
 status ply_value_read(struct ply *p, enum ply_type type, double *out) MUST_CHECK;
 /* The number of values in a list: no more than the bytes that are left can hold. */
 status ply_list_size(struct ply *p, const struct property *property, size_t *out) MUST_CHECK;

@@ -7,7 +7,7 @@
 
 static const size_t type_bytes[] = {0, 1, 1, 2, 2, 4, 4, 4, 8};
 
-status ply_cut_short(const struct ply *p)
+static status cut_short(const struct ply *p)
 {
     return error_set(p->err, STATUS_ERR_INPUT, "the data is cut short after %zu bytes",
                      (size_t)(p->end - p->start));
@@ -23,7 +23,7 @@ static status read_ascii(struct ply *p, double *out)
         p->at++;
     }
     if (p->at == p->end)
-        return ply_cut_short(p);
+        return cut_short(p);
     length = scan_double((const char *)p->at, end, out);
     p->at += length;
     if (length == 0 || (p->at<p->end && * p->at> ' '))
@@ -40,7 +40,7 @@ status ply_value_read(struct ply *p, enum ply_type type, double *out)
     if (p->format == FORMAT_ASCII)
         return read_ascii(p, out);
     if ((size_t)(p->end - p->at) < size)
-        return ply_cut_short(p);
+        return cut_short(p);
     for (size_t i = 0; i < size; i++)
         bits |= (uint64_t)p->at[p->format == FORMAT_LITTLE ? i : size - 1 - i] << 8 * i;
     p->at += size;
@@ -72,7 +72,7 @@ status ply_list_size(struct ply *p, const struct property *property, size_t *out
         return error_set(p->err, STATUS_ERR_INPUT, "a list has %g values: line or byte %zu", count,
                          p->format == FORMAT_ASCII ? p->line : (size_t)(p->at - p->start));
     if (count > (double)left / (double)least)
-        return ply_cut_short(p);
+        return cut_short(p);
     *out = (size_t)count;
     return STATUS_OK;
 }
@@ -87,7 +87,7 @@ status ply_property_skip(struct ply *p, const struct property *property)
     if (p->format != FORMAT_ASCII) {
         size_t bytes = count * type_bytes[property->type];
         if ((size_t)(p->end - p->at) < bytes)
-            return ply_cut_short(p);
+            return cut_short(p);
         p->at += bytes;
         return STATUS_OK;
     }
@@ -108,6 +108,6 @@ status ply_check_room(struct ply *p, const struct element *element)
     }
     /* + 1: the last value of a text needs no space after it. */
     if (least && element->count > ((size_t)(p->end - p->at) + 1) / least)
-        return ply_cut_short(p);
+        return cut_short(p);
     return STATUS_OK;
 }

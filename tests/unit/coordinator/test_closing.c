@@ -17,56 +17,9 @@
 #include "coordinator/film/store_film.h"
 #include "tests/support/sim_farm.h"
 
-struct fixture {
-    char folder[64];
-    struct store *store;
-    struct sim *sim;
-};
-
-static void begin(struct fixture *f)
-{
-    f->store = sim_store(f->folder);
-    sim_init(f->sim, f->store, 1);
-}
-
-/* The coordinator is killed, and started again. */
-static void restart(struct fixture *f)
-{
-    sim_release(f->sim);
-    store_close(f->store);
-    begin(f);
-}
-
-static int set_up(void **state)
-{
-    struct fixture *f = calloc(1, sizeof *f);
-
-    assert_non_null(f);
-    snprintf(f->folder, sizeof f->folder, "/tmp/azulejo-test-XXXXXX");
-    assert_non_null(mkdtemp(f->folder));
-    f->sim = calloc(1, sizeof *f->sim);
-    assert_non_null(f->sim);
-    begin(f);
-    *state = f;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    struct fixture *f = *state;
-
-    film_file_fault(-1);
-    sim_release(f->sim);
-    store_close(f->store);
-    file_remove_tree(f->folder);
-    free(f->sim);
-    free(f);
-    return 0;
-}
-
 /* A job of two frames of 4 tiles and 4 passes of either group, of which tile 0 of frame 1 has one pass of
  * both groups merged, tile 1 one, and tile 2 one that waits for the pass before it. */
-static struct job *begin_job(struct fixture *f, struct sim_worker *worker)
+static struct job *begin_job(struct sim_stored *f, struct sim_worker *worker)
 {
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
     static const struct unit_name done[] = {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {2, 0, 1}};
@@ -98,7 +51,7 @@ static void check_cut(const struct job *job)
 
 static void a_cancelled_job_makes_its_picture(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct sim *sim = f->sim;
     struct sim_worker *worker = sim_connect(sim, 0, 16);
     struct job *job = begin_job(f, worker);
@@ -127,13 +80,13 @@ static void a_cancelled_job_makes_its_picture(void **state)
     assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_UNWANTED);
     assert_false(store_film_exists(f->store, job->id, 2));
 
-    restart(f);
+    sim_stored_restart(f);
     check_cut(sim->farm.queue.all[0]);
 }
 
 static void closing_survives_restarts(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct sim *sim = f->sim;
     struct job *job = begin_job(f, sim_connect(sim, 0, 16));
 
@@ -143,7 +96,7 @@ static void closing_survives_restarts(void **state)
         job = sim->farm.queue.all[0];
         assert_int_equal(job->state, JOB_STATE_CANCELLING);
         assert_int_equal(sim->developing_count, 1); /* killed in the middle of it */
-        restart(f);
+        sim_stored_restart(f);
     }
     sim_develop(sim);
     check_cut(sim->farm.queue.all[0]);
@@ -151,7 +104,7 @@ static void closing_survives_restarts(void **state)
 
 static void nothing_is_made_of_nothing(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct sim *sim = f->sim;
     struct job *queued = sim_submit(sim, 32, 32, 32, 1, 2, 0);
     struct job *begun = sim_submit(sim, 32, 32, 32, 1, 2, 1);
@@ -168,7 +121,7 @@ static void nothing_is_made_of_nothing(void **state)
 
 static void discarding_makes_no_picture(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct sim *sim = f->sim;
     struct job *job = begin_job(f, sim_connect(sim, 0, 16));
 
@@ -184,7 +137,7 @@ static void discarding_makes_no_picture(void **state)
 
 static void a_full_disk_delays_the_end(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct sim *sim = f->sim;
     struct job *job = begin_job(f, sim_connect(sim, 0, 16));
 
@@ -206,7 +159,7 @@ static void a_full_disk_delays_the_end(void **state)
 
 static void a_parked_job_keeps_its_film(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct sim *sim = f->sim;
     struct job *job = begin_job(f, sim_connect(sim, 0, 16));
 
@@ -222,7 +175,7 @@ static void a_parked_job_keeps_its_film(void **state)
     sim_commit(sim);
     farm_tick(&sim->farm, sim->now_ns);
     assert_null(job->frames);
-    restart(f);
+    sim_stored_restart(f);
     job = sim->farm.queue.all[0];
     assert_int_equal(job->state, JOB_STATE_PARKED);
     assert_non_null(strstr(job->state_text, "died"));
@@ -233,7 +186,7 @@ static void a_parked_job_keeps_its_film(void **state)
     check_cut(job);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, sim_stored_set_up, sim_stored_tear_down)
 
 int main(void)
 {

@@ -18,60 +18,12 @@
 #include "coordinator/farm/steer.h"
 #include "tests/support/sim_farm.h"
 
-struct fixture {
-    char folder[64];
-    struct store *store;
-    struct sim *sim;
-    unsigned workers;            /* connected so far */
-};
-
-static void begin(struct fixture *f)
-{
-    f->store = sim_store(f->folder);
-    sim_init(f->sim, f->store, 1);
-    f->workers = 0;
-}
-
-/* The coordinator is killed, and started again. */
-static void restart(struct fixture *f)
-{
-    sim_release(f->sim);
-    store_close(f->store);
-    begin(f);
-}
-
-static int set_up(void **state)
-{
-    struct fixture *f = calloc(1, sizeof *f);
-
-    assert_non_null(f);
-    snprintf(f->folder, sizeof f->folder, "/tmp/azulejo-test-XXXXXX");
-    assert_non_null(mkdtemp(f->folder));
-    f->sim = calloc(1, sizeof *f->sim);
-    assert_non_null(f->sim);
-    begin(f);
-    *state = f;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    struct fixture *f = *state;
-
-    sim_release(f->sim);
-    store_close(f->store);
-    file_remove_tree(f->folder);
-    free(f->sim);
-    free(f);
-    return 0;
-}
-
-static struct sim_worker *connect(struct fixture *f, uint32_t threads)
+static struct sim_worker *connect(struct sim_stored *f, uint32_t threads)
 {
     return sim_connect(f->sim, f->workers++, threads);
 }
 
-static void tick(struct fixture *f)
+static void tick(struct sim_stored *f)
 {
     f->sim->now_ns += NS_PER_SECOND;
     sim_freeze(f->sim);
@@ -80,7 +32,7 @@ static void tick(struct fixture *f)
 }
 
 /* The farm has no job but this one. */
-static struct job *the_job(struct fixture *f)
+static struct job *the_job(struct sim_stored *f)
 {
     return f->sim->farm.queue.all[0];
 }
@@ -88,7 +40,7 @@ static struct job *the_job(struct fixture *f)
 /* ---- jobs in each state ---------------------------------------------------------------------- */
 
 /* Two frames of 4 tiles: two tiles of frame 1 have their first pass on disk, frame 2 is not begun. */
-static struct job *make_running(struct fixture *f)
+static struct job *make_running(struct sim_stored *f)
 {
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
     struct sim_worker *worker = connect(f, 4);
@@ -102,7 +54,7 @@ static struct job *make_running(struct fixture *f)
     return job;
 }
 
-static void park(struct fixture *f, struct job *job)
+static void park(struct sim_stored *f, struct job *job)
 {
     struct sim_worker *victim = connect(f, 1);
 
@@ -112,7 +64,7 @@ static void park(struct fixture *f, struct job *job)
 }
 
 /* Render everything that is lent, until nothing more is. */
-static void render_all(struct fixture *f)
+static void render_all(struct sim_stored *f)
 {
     struct sim_worker *worker = connect(f, 16);
 
@@ -129,7 +81,7 @@ static void render_all(struct fixture *f)
     sim_disconnect(f->sim, f->workers - 1);
 }
 
-static struct job *make(struct fixture *f, enum job_state state)
+static struct job *make(struct sim_stored *f, enum job_state state)
 {
     struct sim *sim = f->sim;
     struct job *job = make_running(f);
@@ -168,7 +120,7 @@ static int has_edge(enum job_state from, enum job_state to)
 }
 
 /* Do what leads to that state. */
-static void act(struct fixture *f, struct job *job, enum job_state to)
+static void act(struct sim_stored *f, struct job *job, enum job_state to)
 {
     struct farm *farm = &f->sim->farm;
     uint64_t now_ns = f->sim->now_ns;
@@ -199,7 +151,7 @@ static void act(struct fixture *f, struct job *job, enum job_state to)
 /* Each edge can be walked, and nothing leads where there is none; a restart changes nothing. */
 static void every_edge(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     size_t walked = 0;
 
     for (int from = 0; from < JOB_STATE_COUNT; from++)
@@ -214,8 +166,8 @@ static void every_edge(void **state)
                 fail_msg("from %s to %s: it is %s", job_state_word((enum job_state)from),
                          job_state_word((enum job_state)to), job_state_word(job->state));
             walked += (int)job->state == to;
-            tear_down(state);
-            set_up(state);
+            sim_stored_tear_down(state);
+            sim_stored_set_up(state);
             f = *state;
         }
     assert_int_equal(walked, job_edge_count);
@@ -225,7 +177,7 @@ static void every_edge(void **state)
 
 enum verb { PAUSE, RESUME, FINISH, PRIORITY, RETRY, RETRY_FRAME, REMOVE, CANCEL, DISCARD, VERBS };
 
-static status do_verb(struct fixture *f, struct job *job, enum verb verb, struct error *err)
+static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, struct error *err)
 {
     struct farm *farm = &f->sim->farm;
     const uint32_t frame = 2;
@@ -258,7 +210,7 @@ static const char *const table[VERBS] = {
 };
 static const char letters[] = "qrdfckgpn";
 
-static void check_after(struct fixture *f, enum verb verb, enum job_state expected)
+static void check_after(struct sim_stored *f, enum verb verb, enum job_state expected)
 {
     struct job *job;
 
@@ -276,7 +228,7 @@ static void check_after(struct fixture *f, enum verb verb, enum job_state expect
 
 static void every_verb_in_every_state(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
 
     for (int from = 0; from < JOB_STATE_COUNT; from++)
         for (int verb = 0; verb < VERBS; verb++) {
@@ -297,17 +249,17 @@ static void every_verb_in_every_state(void **state)
             if (outcome == '0')
                 expected = JOB_STATE_COUNT;
             check_after(f, (enum verb)verb, expected);
-            restart(f);  /* killed after the answer */
+            sim_stored_restart(f);  /* killed after the answer */
             check_after(f, (enum verb)verb, expected);
-            tear_down(state);
-            set_up(state);
+            sim_stored_tear_down(state);
+            sim_stored_set_up(state);
             f = *state;
         }
 }
 
 /* ---- what continues -------------------------------------------------------------------------- */
 
-static void check_whole(struct fixture *f)
+static void check_whole(struct sim_stored *f)
 {
     struct job *job = the_job(f);
 
@@ -322,7 +274,7 @@ static void check_whole(struct fixture *f)
 
 static void a_paused_job_stays_paused(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = make(f, JOB_STATE_PAUSED);
 
     assert_string_equal(job->state_text, "paused by ana@desk");
@@ -330,27 +282,27 @@ static void a_paused_job_stays_paused(void **state)
     assert_int_equal(job->state, JOB_STATE_PAUSED);
     assert_null(job->frames); /* its film is on disk */
     for (int i = 0; i < 2; i++)
-        restart(f);
+        sim_stored_restart(f);
     render_all(f);
     job = the_job(f);
     assert_int_equal(job->state, JOB_STATE_PAUSED);
     assert_string_equal(job->state_text, "paused by ana@desk");
     assert_int_equal(job->samples_done, 0);
     assert_int_equal(steer_resume(&f->sim->farm, job, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
-    restart(f);
+    sim_stored_restart(f);
     assert_int_equal(the_job(f)->state, JOB_STATE_QUEUED);
     check_whole(f);
 }
 
 static void a_finished_job_has_its_first_pass(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = make(f, JOB_STATE_FINISHING);
 
     for (int i = 0; i < 2; i++) { /* killed in the middle of it */
         tick(f);
         assert_int_equal(the_job(f)->frames->end, FRAME_END_NONE); /* two tiles have no sample */
-        restart(f);
+        sim_stored_restart(f);
         job = the_job(f);
         assert_int_equal(job->state, JOB_STATE_FINISHING);
         assert_non_null(job->frames);
@@ -366,12 +318,12 @@ static void a_finished_job_has_its_first_pass(void **state)
     assert_in_range(job->cuts[0].coverage.most, 2, 4);
     assert_int_equal(job->cuts[0].coverage.tiles_empty, 0);
     assert_true(job_frame_is_left(job, 2) && job_frames_left(job) == 1);
-    restart(f);
+    sim_stored_restart(f);
     job = the_job(f);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_true(job_frame_is_left(job, 2) && job_frames_left(job) == 1);
     assert_int_equal(steer_retry(&f->sim->farm, job, NULL, 0, "ana@desk", NULL), STATUS_OK);
-    restart(f);
+    sim_stored_restart(f);
     assert_int_equal(the_job(f)->frames_done_count, 0);
     check_whole(f);
 }
@@ -379,7 +331,7 @@ static void a_finished_job_has_its_first_pass(void **state)
 /* A frame that has its first pass ends at once. */
 static void a_covered_frame_ends_now(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
     struct sim_worker *worker = connect(f, 16);
     size_t count = sim_grant(f->sim, worker, 12), sent = 0;
@@ -402,20 +354,21 @@ static void a_covered_frame_ends_now(void **state)
 
 static void nothing_in_work_cannot_be_finished(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
     struct error err = {0};
 
     assert_int_equal(steer_finish(&f->sim->farm, job, "ana@desk", f->sim->now_ns, &err),
                      STATUS_ERR_REFUSED);
     assert_non_null(strstr(err.text, "no frame in work"));
+    assert_null(strstr(err.text, "remove")); /* which is refused until the job has ended */
     assert_int_equal(job->state, JOB_STATE_QUEUED);
 }
 
 static void failed_and_cancelled_jobs_go_on(void **state)
 {
     static const enum job_state ends[] = {JOB_STATE_FAILED, JOB_STATE_CANCELLED};
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
 
     for (size_t i = 0; i < 2; i++) {
         struct job *job = make_running(f);
@@ -428,32 +381,32 @@ static void failed_and_cancelled_jobs_go_on(void **state)
         sim_develop(f->sim);
         tick(f);
         assert_int_equal(job->state, ends[i]);
-        restart(f);
+        sim_stored_restart(f);
         job = the_job(f);
         assert_int_equal(job->state, ends[i]);
         assert_true(store_film_exists(f->store, job->id, 1));
         assert_int_equal(steer_retry(&f->sim->farm, job, NULL, 0, "ana@desk", NULL), STATUS_OK);
-        restart(f);
+        sim_stored_restart(f);
         job = the_job(f);
         assert_non_null(farm_frame_open(&f->sim->farm, job, 1, f->sim->now_ns));
         assert_true(film_samples(job->frames->film) > 0); /* from its film */
         check_whole(f);
-        tear_down(state);
-        set_up(state);
+        sim_stored_tear_down(state);
+        sim_stored_set_up(state);
         f = *state;
     }
 }
 
 static void retry_takes_only_the_named_frames(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = make(f, JOB_STATE_FAILED);
     const uint32_t second = 2, none = 3;
 
     assert_int_equal(steer_retry(&f->sim->farm, job, &none, 1, "ana@desk", NULL), STATUS_ERR_INPUT);
     assert_int_equal(job->state, JOB_STATE_FAILED);
     assert_int_equal(steer_retry(&f->sim->farm, job, &second, 1, "ana@desk", NULL), STATUS_OK);
-    restart(f);
+    sim_stored_restart(f);
     render_all(f);
     job = the_job(f);
     assert_int_equal(job->state, JOB_STATE_DONE);
@@ -463,7 +416,7 @@ static void retry_takes_only_the_named_frames(void **state)
 
 static void priority_changes_the_order(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct queue *queue = &f->sim->farm.queue;
     struct job *first = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
     struct job *second = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
@@ -477,7 +430,7 @@ static void priority_changes_the_order(void **state)
     assert_ptr_equal(queue->active[0], parked);
     assert_int_equal(queue->shut_count, 1);
     assert_int_equal(queue_position(queue, second), 0);
-    restart(f);
+    sim_stored_restart(f);
     assert_int_equal(queue->active[0]->id, 3);
     assert_int_equal(queue->active[1]->priority, 1);
     assert_int_equal(steer_priority(&f->sim->farm, queue->active[1], -1, "ana@desk", 0, NULL), STATUS_OK);
@@ -486,7 +439,7 @@ static void priority_changes_the_order(void **state)
 
 /* ---- remove ---------------------------------------------------------------------------------- */
 
-static int exists(const struct fixture *f, const char *name)
+static int exists(const struct sim_stored *f, const char *name)
 {
     char path[128];
 
@@ -496,7 +449,7 @@ static int exists(const struct fixture *f, const char *name)
 
 static void removing_leaves_nothing(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = make(f, JOB_STATE_FAILED), *other;
     struct buffer picture = BUFFER_INIT;
 
@@ -506,7 +459,7 @@ static void removing_leaves_nothing(void **state)
     assert_true(exists(f, "outputs/1") && exists(f, "films/1"));
     assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", NULL), STATUS_OK);
     assert_false(exists(f, "outputs/1") || exists(f, "films/1"));
-    restart(f);
+    sim_stored_restart(f);
     assert_int_equal(f->sim->farm.queue.count, 0);
     other = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
     assert_int_equal(other->id, 2); /* numbers are not used again */
@@ -515,19 +468,19 @@ static void removing_leaves_nothing(void **state)
 /* Killed between the rows and the files. */
 static void removing_is_completed_at_the_start(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
 
     make(f, JOB_STATE_FAILED);
     assert_int_equal(store_job_remove(f->store, 1, NULL), STATUS_OK);
     assert_true(exists(f, "films/1"));
-    restart(f);
+    sim_stored_restart(f);
     assert_int_equal(f->sim->farm.queue.count, 0);
     assert_false(exists(f, "films/1"));
 }
 
 static void a_job_that_is_held_is_freed_later(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = make_running(f);
 
     tick(f);
@@ -545,7 +498,7 @@ static void a_job_that_is_held_is_freed_later(void **state)
 /* A develop that was under way keeps its film after the others were removed. */
 static void discarded_films_do_not_come_back(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = make_running(f);
     char path[128];
 
@@ -588,11 +541,11 @@ static status take_line(void *user, const struct job_event *event, struct error 
 
 static void the_log_names_people(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job *job = make(f, JOB_STATE_PAUSED);
     struct lines lines = {0};
 
-    restart(f);
+    sim_stored_restart(f);
     job = the_job(f);
     assert_int_equal(steer_resume(&f->sim->farm, job, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(steer_priority(&f->sim->farm, job, 3, "ben@desk", f->sim->now_ns, NULL),
@@ -612,7 +565,7 @@ static void the_log_names_people(void **state)
 
 static void the_log_is_bounded(void **state)
 {
-    struct fixture *f = *state;
+    struct sim_stored *f = *state;
     struct job_event event = {.job = 5, .who = "ana@desk"};
     struct lines lines = {0}, rest = {0};
 
@@ -633,7 +586,7 @@ static void the_log_is_bounded(void **state)
     assert_string_equal(rest.text, "ana@desk: event 1049\n");
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, sim_stored_set_up, sim_stored_tear_down)
 
 int main(void)
 {

@@ -208,6 +208,49 @@ static void test_units(void **state)
     assert_int_equal(wire_sums_count(&s, 0, 0, 0), TILE_FLOATS_MAX);
 }
 
+/* A RenderRequest names one unit, or samples that one pixel has; a path is of one sample. */
+static void test_piece_check(void **state)
+{
+    struct render_settings s = example_settings();
+    Azulejo__Wire__RenderRequest request = AZULEJO__WIRE__RENDER_REQUEST__INIT;
+    Azulejo__Wire__PixelSamples pixel = AZULEJO__WIRE__PIXEL_SAMPLES__INIT;
+    Azulejo__Wire__WorkUnit unit = AZULEJO__WIRE__WORK_UNIT__INIT;
+
+    (void)state;
+    s.width = 36;
+    s.height = 20;
+    s.spp = PIXEL_SAMPLES_MAX + 1;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_PROTOCOL);
+    request.unit = &unit;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_OK);
+    unit.group = GROUPS;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_PROTOCOL);
+    unit.group = 0;
+    request.pixel = &pixel;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_PROTOCOL);
+    request.unit = NULL;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_LIMIT);
+    pixel.count = PIXEL_SAMPLES_MAX;
+    pixel.first = 1;
+    pixel.x = 35;
+    pixel.y = 19;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_OK);
+    pixel.first = 2;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_INPUT);
+    pixel.first = UINT32_MAX;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_INPUT);
+    pixel.first = 0;
+    pixel.path = 1;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_LIMIT);
+    pixel.count = 1;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_OK);
+    pixel.x = 36;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_INPUT);
+    pixel.x = 35;
+    pixel.y = 20;
+    assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_INPUT);
+}
+
 static void test_results(void **state)
 {
     const float in[2] = {1, 0.5f};
@@ -576,6 +619,7 @@ int main(void)
         cmocka_unit_test(test_settings_out_of_range),
         cmocka_unit_test(test_digest_lengths),
         cmocka_unit_test(test_units),
+        cmocka_unit_test(test_piece_check),
         cmocka_unit_test(test_results),
         cmocka_unit_test(health_survives_the_wire),
         cmocka_unit_test(test_blob_pieces),

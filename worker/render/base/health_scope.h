@@ -18,7 +18,7 @@
 #include "common/math/vec.h"
 
 struct health_scope {
-    uint64_t *count;  /* [HEALTH_KINDS]; NULL: nobody counts */
+    uint64_t *count;  /* [HEALTH_KINDS]; NULL: nothing is counted */
     uint32_t noted;   /* a bit per kind, since it was last cleared */
 };
 extern _Thread_local struct health_scope health_scope __attribute__((tls_model("local-exec")));
@@ -28,7 +28,8 @@ _Static_assert(HEALTH_KINDS <= 32, "health_scope.noted has a bit for each");
 /* Count one of the kind. */
 void health_note(enum health_kind kind) __attribute__((cold, noinline));
 
-/* All return 0, which is what a guard returns. */
+/* The guards' functions count a value that is not finite or out of range; all return 0, which is what
+ * a guard returns. A density of 0 is sound. */
 static inline int health_density(real pdf)
 {
     if (!(pdf >= 0 && pdf < INFINITY))
@@ -36,6 +37,7 @@ static inline int health_density(real pdf)
     return 0;
 }
 
+/* Of length 1, within 5 %. NaN is not. */
 static inline int health_direction_is_good(struct vec3 w)
 {
     real length2 = vec3_length_squared(w);
@@ -50,7 +52,7 @@ static inline int health_direction(struct vec3 w)
     return 0;
 }
 
-/* The squared distance to where a direction leads; 0 has none, which is sound. */
+/* The squared distance (m^2) to where a direction leads; 0 has none, which is sound. */
 static inline int health_distance(real squared)
 {
     if (!(squared >= 0 && squared < INFINITY))
@@ -58,7 +60,7 @@ static inline int health_distance(real squared)
     return 0;
 }
 
-/* Weights, values of lobes, radiance of lights. */
+/* Weights, values of lobes, radiance of lights: finite and not negative. */
 static inline int health_weight_is_good(struct vec3 w)
 {
     return w.x >= 0 && w.y >= 0 && w.z >= 0 && w.x < INFINITY && w.y < INFINITY && w.z < INFINITY;

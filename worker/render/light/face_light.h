@@ -25,7 +25,8 @@ static inline int face_light_kind(const struct shape *shape)
     return LIGHT_TRIANGLE;
 }
 
-/* Density per solid angle of a point that is chosen uniformly on `area`, times the odds. */
+/* Density (1/sr) of a point that is chosen uniformly on `area` (m2), times the odds of the light; 0 where
+ * the face is seen edge-on. */
 static inline real face_light_area_pdf(const struct light_meeting *met, real area)
 {
     real denominator = met->cosine * area;
@@ -33,15 +34,16 @@ static inline real face_light_area_pdf(const struct light_meeting *met, real are
     return denominator > 0 ? met->odds * met->distance_squared / denominator : 0;
 }
 
-/* Numbers the emissive instances' faces by light_base; how many there are. */
+/* Number the emissive instances' faces by light_base; returns how many there are. */
 uint64_t face_lights_count(struct render_scene *scene);
 /* faces[count]; the bits of `dark`, zeroed, of those whose emissive texture is black all over.
  * ERR_NO_MEMORY. */
 status face_lights_find(const struct render_scene *scene, struct hit *faces, uint8_t *dark,
                         struct error *err) MUST_CHECK;
 
-/* The length of a triangle's normal: its square is below what a float holds where the edges are below
- * 1e-10 m. */
+/* Twice a triangle's area (m2): the length of its `normal`, the cross product of two edges. Where the
+ * square of that length leaves the range of floats (edges below 1e-10 m) the vector is scaled by a power
+ * of two first. */
 static inline real triangle_double_area(struct vec3 normal)
 {
     real squared = vec3_length_squared(normal), most, power;

@@ -12,7 +12,7 @@
 #define KERNEL_RECORDS 0
 #endif
 
-/* Where the thread writes; NULL: nobody asked. */
+/* Where the thread writes; NULL: no record is wanted. */
 extern _Thread_local struct sample_record *record_now;
 
 /* The vertex being written, NULL: none. */

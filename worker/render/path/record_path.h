@@ -7,6 +7,8 @@
 
 #if KERNEL_RECORDS
 
+_Static_assert((int)RECORD_BODIES_MAX >= (int)INTERIOR_MAX, "a record holds all bodies that a path is in");
+
 /* The ray has been traced; v->s is valid if it met something. */
 static void record_begin(const struct path *path, int met, const struct path_vertex *v)
 {

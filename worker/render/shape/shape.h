@@ -44,7 +44,7 @@ enum shape_kind {
 struct shape {
     enum shape_kind kind;
     uint32_t front;   /* the side of the mesh's counter-clockwise winding: a lamp shines from there */
-    uint32_t winding; /* the same, as `accept` is told of it (accel.h) */
+    uint32_t winding; /* the same, as `accept` gets it (accel.h) */
     int located;      /* what is shaded depends on the place: find the mesh's triangle at every hit */
 };
 

@@ -100,7 +100,9 @@ void sphere_place(const struct shape *shape, const double origin[3], const doubl
 
 /* ---- the mesh's triangles --------------------------------------------------------------------- */
 
-uint32_t sphere_mesh_rows(uint32_t triangles)
+/* Rows of the grid that shape_sphere makes: twice as many columns, from the pole at -z on, two
+ * triangles a cell but one at the poles. 0: no such grid has this count. */
+static uint32_t mesh_rows(uint32_t triangles)
 {
     uint32_t rows = (uint32_t)(0.5 * (1 + sqrt(1 + (double)triangles)) + 0.5);
 
@@ -158,7 +160,7 @@ static double weights_towards(const struct world_mesh *mesh, uint32_t triangle, 
 
 uint32_t sphere_cover(const struct world_mesh *mesh, const double p[3], double weight[3])
 {
-    uint32_t count, first = cell_towards(sphere_mesh_rows(mesh->triangle_count), p, &count);
+    uint32_t count, first = cell_towards(mesh_rows(mesh->triangle_count), p, &count);
     double other[3];
 
     if (count < 2)
@@ -176,7 +178,7 @@ int sphere_fits(const struct world_mesh *mesh, const struct scene_mesh *descript
 {
     double radius = (double)description->bounds_max[2];
 
-    if (!sphere_mesh_rows(mesh->triangle_count) || !(radius > 0))
+    if (!mesh_rows(mesh->triangle_count) || !(radius > 0))
         return 0;
     for (uint32_t t = 0; t < mesh->triangle_count; t++) {
         double middle[3] = {0, 0, 0}, weight[3];

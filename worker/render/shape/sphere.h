@@ -58,8 +58,4 @@ static inline void sphere_chord_find(const struct sphere_shape *sphere, const do
     out->half = out->meets ? sqrt(inside / length2) : 0;
 }
 
-/* Rows of the grid that shape_sphere makes: twice as many columns, from the pole at -z on, two
- * triangles a cell but one at the poles. 0: that is not the count of one. */
-uint32_t sphere_mesh_rows(uint32_t triangles);
-
 #endif
