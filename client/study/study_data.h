@@ -17,7 +17,7 @@
 #include "common/base/buffer.h"
 #include "common/base/status.h"
 
-/* A growable list; study_add appends. */
+/* A growable list; study_add_* append. */
 #define STUDY_LIST(type)        \
     struct {                    \
         type *items;            \

@@ -1,6 +1,6 @@
 /* study_plot: the study's pictures, each one SVG element.
  *
- * They use classes only; study_plot_style has the rules that they need, with variables for the
+ * They use classes only; study_style_rules has the rules that they need, with variables for the
  * colours in a page or the colours themselves in a file of its own (librsvg knows no variables).
  */
 #ifndef AZULEJO_CLIENT_STUDY_PLOT_H

@@ -1,6 +1,6 @@
 /* safeguard: what keeps a hard case stable, each with a switch for the tests.
  *
- *     static float mis_weight(float a, float b)
+ *     static real power_heuristic(real a, real b)
  *     {
  *         if (SAFEGUARD(MIS_OVERFLOW)) ...
  *

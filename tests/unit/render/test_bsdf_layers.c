@@ -264,7 +264,7 @@ static void absent_layers_change_nothing(void **state)
             q.clearcoat_alpha = 0.3f;
             q.clearcoat_ior = 1.5f;
             q.clearcoat_normal = (struct vec3){0, 0, 1};
-            tolerance = 0.03f; /* the Lambert base under two layers: bsdf_init.c */
+            tolerance = 0.03f; /* the Lambert base under two layers: layering.h */
             break;
         case 1:
             what = "sheen 1e-4";
