@@ -43,10 +43,14 @@ static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envel
 static void print(const Azulejo__Wire__JobInfo *info)
 {
     char text[512];
+    const char *why = message_text(text, sizeof text, info->state_text);
 
-    printf("job %" PRIu64 ": %s", info->job, job_state_name(info->state));
-    if (!job_state_is_final(info->state) && info->state_text[0])
-        printf(": %s", message_text(text, sizeof text, info->state_text));
+    if (info->state == AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED && why[0])
+        printf("job %" PRIu64 ": %s", info->job, why); /* it begins with the state */
+    else
+        printf("job %" PRIu64 ": %s", info->job, job_state_name(info->state));
+    if (!job_state_is_final(info->state) && why[0])
+        printf(": %s", why);
     printf("\n");
     for (size_t i = 0; i < info->n_cut_frames; i++)
         printf("  %s\n", cut_frame_text(text, info, info->cut_frames[i]));

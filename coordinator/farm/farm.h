@@ -190,6 +190,8 @@ void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, stru
 /* The work succeeded; no effect without trouble. */
 void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *trouble,
                        uint64_t now_ns);
+/* The store refused what was to be on disk at once: say so from now on, not only after the next look. */
+void farm_store_failed(struct farm *farm, const struct error *why, uint64_t now_ns);
 /* May new jobs and blobs be taken? ERR_IO: the text says why not. */
 status farm_store_usable(const struct farm *farm, struct error *err) MUST_CHECK;
 /* May units of the frame be lent? While it cannot be written: up to TROUBLE_RESULTS_MAX. */

@@ -17,7 +17,12 @@ static void save(struct farm *farm, struct job *job, int now, uint64_t now_ns)
     job->unsaved = 0;
     if (!farm->store)
         return;
-    if (!now || store_job_save(farm->store, job, now_ns, &err) != STATUS_OK)
+    if (now) {
+        s = store_job_save(farm->store, job, now_ns, &err);
+        if (s != STATUS_OK)
+            farm_store_failed(farm, &err, now_ns);
+    }
+    if (!now || s != STATUS_OK)
         s = store_job_save_later(farm->store, job, now_ns, &err);
     job->unsaved = s != STATUS_OK;
     farm->unsaved |= job->unsaved;

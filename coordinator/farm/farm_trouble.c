@@ -56,6 +56,12 @@ void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *troub
     farm->events.job_changed(farm->events.user, job);
 }
 
+void farm_store_failed(struct farm *farm, const struct error *why, uint64_t now_ns)
+{
+    if (!trouble_is(&farm->trouble))
+        store_failed(farm, why, now_ns);
+}
+
 status farm_store_usable(const struct farm *farm, struct error *err)
 {
     if (!trouble_is(&farm->trouble))

@@ -38,7 +38,7 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     }
     if (trouble_is(&farm->trouble)) {
         snprintf(out, size, "%swaits: the store cannot be used: %s; trying again",
-                 job->state == JOB_STATE_CANCELLING && is_unsaved(farm, job) ? "not stored yet; " : "",
+                 job->state != JOB_STATE_RUNNING && is_unsaved(farm, job) ? "not stored yet; " : "",
                  farm->trouble.text);
         return;
     }

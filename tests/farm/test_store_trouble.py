@@ -349,6 +349,36 @@ def stored_state(farm, number):
 
 
 @tests.add
+def steered_on_a_disk_that_cannot_be_written():
+    """the first answer of a verb whose change is not on disk says so; a kill loses it, the disk's return does not"""
+    with Farm() as farm:
+        disk = OddDisk(farm)
+        farm.start_coordinator(env=disk.env)
+        for first in ("pause", "resume", "priority", "cancel"):
+            for killed in (False, True):
+                number = farm.submit(farm.scene(), *SMALL)
+                more = ("--to", "7") if first == "priority" else ("--discard", ) if first == "cancel" else ()
+                if first == "resume":
+                    farm.cli("pause", number, expect=0)
+                before = {k: farm.job(number)[k] for k in ("state", "priority")}
+                disk.fail(errno.EIO, "/queue.sqlite")
+                result = farm.cli(first, number, *more, expect=0)
+                expect("not stored yet" in farm.job(number)["state_text"], (first, farm.job(number)))
+                expect("not stored yet" in result.out, result)
+                after = {k: farm.job(number)[k] for k in ("state", "priority")}
+                expect(after != before, (first, after))
+                if killed:
+                    farm.coordinator.kill()
+                disk.work()
+                if not killed:
+                    wait_for(lambda: "not stored" not in farm.job(number)["state_text"], "it to be stored")
+                    farm.coordinator.kill()
+                farm.restart_coordinator(env=disk.env)
+                now = {k: farm.job(number)[k] for k in ("state", "priority")}
+                expect(now == (before if killed else after), (first, killed, now))
+
+
+@tests.add
 def films_outlive_what_is_not_stored():
     """a job's films are removed only when its end is in the database; until then `show` says so"""
     cancelled = 4
