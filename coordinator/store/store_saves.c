@@ -138,22 +138,24 @@ static void row_written(struct store *store, struct saved_job *row, status s,
     mem_free(row);
 }
 
-/* Wait until there is a row that may be written. 0: the store closes, and no such row is left. */
+static int nothing_waits(const struct store *store)
+{
+    return !store->saves && !store->events;
+}
+
+/* Wait until there is a row or an event that may be written. 0: the store closes, and there is
+ * none. */
 static int await_row(struct store *store)
 {
     int there;
 
     pthread_mutex_lock(&store->lock);
-    while (!store->ending &&
-           ((!store->saves && !store->events) || (store->failing && !store->retry)))
+    while (!store->ending && (nothing_waits(store) || (store->failing && !store->retry)))
         pthread_cond_wait(&store->wake, &store->lock);
-    if (store->ending && store->failing && !store->retry && store->saves) {
+    there = !nothing_waits(store) && (!store->failing || store->retry);
+    if (!there && store->saves)
         log_error("%s; the present states of jobs are not stored: jobs that ended continue at the next start",
                   store->save_error.text);
-        there = 0;
-    } else {
-        there = store->saves || (store->events && !store->failing);
-    }
     store->busy = there;
     pthread_mutex_unlock(&store->lock);
     return there;
@@ -364,6 +366,8 @@ void saves_retry(struct store *store)
 {
     pthread_mutex_lock(&store->lock);
     store->retry = 1;
+    if (nothing_waits(store) && !store->busy) /* what failed was written at once, or is gone */
+        store->failing = 0;
     pthread_cond_signal(&store->wake);
     pthread_mutex_unlock(&store->lock);
 }

@@ -335,6 +335,60 @@ static void deliverers_keep_their_numbers(void **state)
     store_close(store);
 }
 
+/* What another program does to the store's database. */
+static void change_database(const char *sql)
+{
+    sqlite3 *db;
+
+    assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
+    assert_int_equal(sqlite3_exec(db, sql, NULL, NULL, NULL), SQLITE_OK);
+    sqlite3_close(db);
+}
+
+/* Does the store come to be in order (1) or not (0) within ten seconds? Its own thread tries the
+ * failed saves. */
+static int comes_to(struct store *store, int in_order)
+{
+    struct error err = {0};
+
+    for (int i = 0; i < 1000; i++) {
+        if ((store_check(store, &err) == STATUS_OK) == in_order)
+            return 1;
+        usleep(10000);
+    }
+    return 0;
+}
+
+/* Saves that failed are tried again, an event alone, too, and the thread that does it stays. */
+static void failed_saves_are_tried_again(void **state)
+{
+    struct store *store = sim_store(folder);
+    struct job *job = sim_job(16, 16, 1, 1, 3, 0);
+    struct job_event event = {.text = "paused"};
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    change_database("ALTER TABLE events RENAME TO away");
+    event.job = job->id;
+    store_event_later(store, &event);
+    assert_true(comes_to(store, 0));
+    for (int i = 0; i < 100; i++) { /* no number of tries ends the thread */
+        assert_int_not_equal(store_check(store, &err), STATUS_OK);
+        usleep(1000);
+    }
+    change_database("ALTER TABLE away RENAME TO events");
+    assert_true(comes_to(store, 1));
+    change_database("ALTER TABLE jobs RENAME TO away");
+    assert_int_equal(store_job_save_later(store, job, 0, &err), STATUS_OK);
+    assert_int_not_equal(store_await_saves(store, &err), STATUS_OK);
+    change_database("ALTER TABLE away RENAME TO jobs");
+    assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK); /* it takes the row's place */
+    assert_true(comes_to(store, 1));
+    store_close(store);
+    job_free(job);
+}
+
 /* A token names one job for ever, also after its output settings have changed. */
 static void tokens_name_one_job(void **state)
 {
@@ -974,6 +1028,7 @@ int main(void)
         STORE_TEST(jobs_of_version_5_go_on),
         STORE_TEST(unfinished_jobs_of_an_older_store_begin_again),
         STORE_TEST(deliverers_keep_their_numbers),
+        STORE_TEST(failed_saves_are_tried_again),
         STORE_TEST(tokens_name_one_job),
         STORE_TEST(epochs_never_repeat),
         STORE_TEST(a_store_in_use_is_refused),
