@@ -380,7 +380,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"pixel", 'p', OPTION_STRING, &d.pixel_text, "X,Y", "column and row, from 0 at the upper left corner", 0, 0,
          NULL},
         {"sample", 0, OPTION_LIST, &d.sample_texts, "N",
-         "the sample whose path is told, from 0, or a range as in 0-3; may be repeated (default: list all, the "
+         "the sample whose path is printed, from 0, or a range as in 0-3; may be repeated (default: list all, the "
          "largest first)",
          0, 0, NULL},
         {"frame", 0, OPTION_INT, &d.frame, "N", "the frame (default: the first)", 0, INT32_MAX, NULL},
