@@ -31,6 +31,7 @@ struct store {
     int read_only;                 /* `db` was opened for reading; store_check opens it again */
     uint64_t epoch_limit;          /* to be stored; 0: it is */
     atomic_int suspect;
+    int clear_held;                /* files of removed jobs are still there: a backup was being made */
 
     /* Saves that wait for the writer thread. `order` is held by a thread that writes to the
      * database: from a row's leaving the list until it is written, so that an older row never

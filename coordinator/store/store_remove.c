@@ -1,5 +1,8 @@
 /* Jobs are removed: rows first, in one transaction, which notes that the files are still to go. */
+#include <inttypes.h>
+
 #include "common/base/log.h"
+#include "coordinator/store/store_hold.h"
 #include "coordinator/store/store_parts.h"
 
 /* Run the statements, each with the job's number, in one transaction. */
@@ -36,7 +39,7 @@ status store_job_remove(struct store *store, uint64_t id, struct error *err)
     return s;
 }
 
-void store_job_clear(struct store *store, uint64_t id)
+static void clear(struct store *store, uint64_t id)
 {
     struct error err = {0};
     status s = STATUS_OK;
@@ -50,6 +53,20 @@ void store_job_clear(struct store *store, uint64_t id)
     pthread_mutex_unlock(&store->order);
     if (s != STATUS_OK)
         log_warn("%s", err.text);
+}
+
+void store_job_clear(struct store *store, uint64_t id)
+{
+    struct error err = {0};
+    int hold;
+
+    if (store_hold_exclude(store->folder, &hold, &err) == STATUS_ERR_REFUSED) {
+        log_info("job %" PRIu64 ": its files are removed later: %s", id, err.text);
+        store->clear_held = 1;
+    } else {
+        clear(store, id);
+    }
+    store_hold_end(hold);
 }
 
 void store_clear_removed(struct store *store)
@@ -72,4 +89,12 @@ void store_clear_removed(struct store *store)
         if (found)
             store_job_clear(store, id);
     }
+}
+
+void store_clear_held(struct store *store)
+{
+    if (!store->clear_held)
+        return;
+    store->clear_held = 0;
+    store_clear_removed(store);
 }
