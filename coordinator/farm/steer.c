@@ -230,7 +230,8 @@ status steer_remove(struct farm *farm, struct job *job, const char *who, struct 
         s = store_job_remove(farm->store, job->id, err);
     if (s != STATUS_OK)
         return s;
-    log_info("job %" PRIu64 " (%s) is removed by %s", job->id, job->name, who);
+    log_info("job %" PRIu64 " (%s) of %s is removed by %s", job->id, job->name,
+             job->owner[0] ? job->owner : "nobody known", who);
     farm_pictures_unwanted(farm, job);
     queue_remove(&farm->queue, job);
     job->removed = 1;

@@ -10,6 +10,7 @@
 #include "coordinator/net/session.h"
 #include "coordinator/net/session_table.h"
 #include "coordinator/net/task.h"
+#include "coordinator/store/blobs.h"
 
 /* A task that answers a request; its session may have ended by then. */
 struct request_task {
@@ -244,6 +245,7 @@ static void submit_end(struct task *task)
 
     if (task->result == STATUS_OK)
         task->result = submit_take(t, &number, &spp);
+    task->server->submits--;
     session = session_find(task->server, t->r.session);
     if (!session)
         return;
@@ -277,5 +279,8 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
     estimate = farm_find_estimate(&session->server->farm, job);
     t->estimate = estimate ? estimate->id : 0;
     t->job = job;
+    /* Its blobs were held while it was checked, a moment ago; the session holds them no longer than it lives. */
+    if (session->server->submits++ == 0)
+        session->server->submits_since_ns = session->blobs_since_ns ? session->blobs_since_ns : blobs_now();
     task_start(&t->r.task);
 }
