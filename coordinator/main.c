@@ -13,6 +13,7 @@
 #include "coordinator/net/descriptors.h"
 #include "coordinator/net/server.h"
 #include "coordinator/store/store.h"
+#include "coordinator/store/store_backup.h"
 #include "protocol/address.h"
 #include "protocol/key.h"
 
@@ -73,6 +74,24 @@ static int fail(const struct error *err)
     return status_exit_code(err->code);
 }
 
+/* The commands `backup` and `restore`. */
+static int copy_store(const char *command, const char *dir, const char *folder)
+{
+    int restores = strcmp(command, "restore") == 0;
+    char text[RETENTION_BYTES_SIZE];
+    struct copied sum;
+    struct error err = {0};
+    status s;
+
+    log_setup("azulejo-coordinator", LOG_LEVEL_WARN);
+    s = restores ? store_restore(dir, folder, &sum, &err) : store_backup(folder, dir, &sum, &err);
+    if (s != STATUS_OK)
+        return fail(&err);
+    printf("%s: %llu files, %s\n", restores ? folder : dir, (unsigned long long)sum.files,
+           retention_bytes(text, sum.bytes));
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
@@ -123,9 +142,11 @@ int main(int argc, char **argv)
     file_hold_standard();
     s = options_parse(table, argc, argv, &rest, &help, &err);
     if (s == STATUS_OK && help) {
-        options_print_help("azulejo-coordinator --key FILE [options]",
+        options_print_help("azulejo-coordinator --key FILE [options]\n"
+                           "       azulejo-coordinator backup|restore DIR --store DIR",
                            "Own the queue of a render farm: lend work to workers, merge what they "
-                           "send, write the pictures.",
+                           "send, write the pictures. With backup, copy a store to a new folder, also while its "
+                           "coordinator runs; with restore, make a store of such a copy.",
                            table);
         return 0;
     }
@@ -133,8 +154,12 @@ int main(int argc, char **argv)
         printf("azulejo-coordinator " AZULEJO_VERSION "\n");
         return 0;
     }
+    if (s == STATUS_OK && rest.count == 2 &&
+        (strcmp(rest.items[0], "backup") == 0 || strcmp(rest.items[0], "restore") == 0))
+        return copy_store(rest.items[0], rest.items[1], folder);
     if (s == STATUS_OK && rest.count > 0)
-        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s'", rest.items[0]);
+        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s': only 'backup DIR' and 'restore DIR' are known",
+                      rest.items[0]);
     if (s == STATUS_OK)
         s = address_parse(listen, "", 0, host, sizeof host, &options.port, &err);
     if (s == STATUS_OK)

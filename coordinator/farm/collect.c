@@ -27,6 +27,9 @@ status collect_users(const struct farm *farm, struct blob_user **users, size_t *
     return STATUS_OK;
 }
 
+/* A disk with less is full: the store itself says so, and what to do. */
+enum { ROOM_NONE_BYTES = 1 << 20 };
+
 /* ---- the plan -------------------------------------------------------------------------------- */
 
 /* Its films and pictures are in use. */
@@ -202,6 +205,8 @@ status collect_check_room(const struct farm *farm, const struct retention_policy
     status s = check_owner(farm, policy, job, retention_job_bytes(job, 0), err);
 
     if (s != STATUS_OK || force || footprint_disk(store_folder(farm->store), &disk, &room, &why) != STATUS_OK)
+        return s;
+    if (room < ROOM_NONE_BYTES)
         return s;
     limit = retention_store_limit(policy, disk);
     if (limit > 0 && (limit < used ? 0 : limit - used) < room)

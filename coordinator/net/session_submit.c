@@ -114,13 +114,8 @@ status session_submit(struct session *session, const Azulejo__Wire__Envelope *me
     status s = make_job(session, message->job_submit, &job, err);
 
     (void)now_ns;
-    if (s == STATUS_OK) {
-        s = collector_check_room(session->server, job, message->job_submit->force, err);
-        if (s != STATUS_OK)
-            job_free(job);
-    }
     if (s == STATUS_OK)
-        session_task_submit(session, message->request, job);
+        session_task_submit(session, message->request, job, message->job_submit->force);
     else
         log_info("a job from %s was refused: %s", session->host, err->text);
     return s;

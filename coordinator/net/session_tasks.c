@@ -263,7 +263,7 @@ static void submit_release(struct task *task)
 static const struct task_kind submit_kind = {"a job", sizeof(struct submit_task), submit_run,
                                              submit_end, submit_release};
 
-void session_task_submit(struct session *session, uint64_t request, struct job *job)
+void session_task_submit(struct session *session, uint64_t request, struct job *job, int force)
 {
     struct error err = {0};
     struct submit_task *t = request_new(session, request, &submit_kind, &err);
@@ -276,6 +276,8 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
     }
     /* A repeated submission is answered even when no new job can be accepted. */
     t->refused = farm_prepare(&session->server->farm, job, &t->refusal);
+    if (t->refused == STATUS_OK)
+        t->refused = collector_check_room(session->server, job, force, &t->refusal);
     estimate = farm_find_estimate(&session->server->farm, job);
     t->estimate = estimate ? estimate->id : 0;
     t->job = job;

@@ -179,6 +179,29 @@ status blobs_read(const char *folder, const struct digest *digest, size_t limit_
     return s;
 }
 
+int blobs_check(const char *folder, const struct digest *digest)
+{
+    struct buffer path = BUFFER_INIT;
+    struct digest_stream *stream = digest_stream_new();
+    struct digest found = {0};
+    uint8_t bytes[16384];
+    ssize_t got = -1;
+    int fd, good = stream != NULL, ended = 0;
+
+    blobs_path(folder, digest, &path);
+    fd = buffer_ok(&path) ? open(buffer_text(&path), O_RDONLY | O_CLOEXEC) : -1;
+    while (good && fd >= 0 && (got = read(fd, bytes, sizeof bytes)) > 0)
+        good = digest_stream_add(stream, bytes, (size_t)got) == STATUS_OK;
+    ended = good && got == 0;
+    good = ended && digest_stream_final(stream, &found) == STATUS_OK && digest_equal(&found, digest);
+    if (!ended)
+        digest_stream_free(stream);
+    if (fd >= 0)
+        close(fd);
+    buffer_release(&path);
+    return good;
+}
+
 /* ---- uploads -------------------------------------------------------------------------------- */
 
 status upload_begin(struct upload **out, const char *folder, const struct digest *digest,

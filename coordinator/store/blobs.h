@@ -36,6 +36,9 @@ void blobs_path(const char *folder, const struct digest *digest, struct buffer *
 status blobs_read(const char *folder, const struct digest *digest, size_t limit_bytes,
                   struct buffer *out, struct error *err) MUST_CHECK;
 
+/* Do the file's bytes have that hash? 0: no, or it cannot be read. */
+int blobs_check(const char *folder, const struct digest *digest);
+
 struct upload;
 
 status upload_begin(struct upload **out, const char *folder, const struct digest *digest,
