@@ -75,7 +75,7 @@ const struct command command_gc = {
     .usage = "azulejo gc [OPTION]...",
     .summary = "remove from the coordinator's store what may go",
     .description =
-        "Remove scenes and their files that no job needs, and what the coordinator's limits (--keep, --store-limit,\n"
-        "--owner-limit) no longer allow. The coordinator does the same by itself. Nothing that a job needs is removed.",
+        "Remove scenes and their files that no job needs, and what the coordinator's own limits no longer allow. The\n"
+        "coordinator does the same by itself. Nothing that a job needs is removed.",
     .run = run,
 };

@@ -32,10 +32,11 @@ enum { ROOM_NONE_BYTES = 1 << 20 };
 
 /* ---- the plan -------------------------------------------------------------------------------- */
 
-/* Its films and pictures are in use. */
+/* Its films and pictures are in use, or its end is not on disk: after a crash now it would go on. */
 static int is_busy(const struct farm *farm, const struct job *job, collect_read_fn *is_read, void *user)
 {
-    return job->to_develop || farm->developing == job || job->closing_frames > 0 || is_read(user, job->id);
+    return job->to_develop || farm->developing == job || job->closing_frames > 0 || job->unsaved ||
+           (job_state_ended(job->state) && store_job_unsaved(farm->store, job->id)) || is_read(user, job->id);
 }
 
 static int compare_users(const void *a, const void *b)

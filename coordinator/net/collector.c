@@ -108,9 +108,10 @@ static void note_held(struct collector *c, status s, const struct error *why)
 {
     if (s == STATUS_OK)
         return;
-    if (strncmp(c->held, why->text, sizeof c->held - 1) != 0)
-        log_info("the store keeps what could be removed: %s", why->text);
     snprintf(c->held, sizeof c->held, "%.255s", why->text);
+    if (strcmp(c->held, c->logged) != 0)
+        log_info("the store keeps what could be removed: %s", why->text);
+    memcpy(c->logged, c->held, sizeof c->logged);
 }
 
 static void collect_end(struct task *task);
@@ -261,7 +262,7 @@ void collector_tick(struct server *server, uint64_t now_ns)
     struct collector *c = &server->collector;
     int limited = c->policy.store_limit > 0 || c->policy.store_share > 0 || c->policy.owner_limit > 0;
 
-    if (c->running || trouble_is(&server->farm.trouble))
+    if (c->running)
         return;
     if (c->plan.count > 0) {
         take_steps(server, now_ns);
@@ -281,13 +282,8 @@ status session_store(struct session *session, const Azulejo__Wire__Envelope *mes
                      struct error *err)
 {
     struct collector *c = &session->server->collector;
-    status s = STATUS_OK;
 
     (void)now_ns;
-    if (message->store_query->collect)
-        s = farm_store_usable(&session->server->farm, err);
-    if (s != STATUS_OK)
-        return s;
     if (c->asked_count == COLLECTOR_ASKED_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%d clients wait for this already: try again in a moment",
                          COLLECTOR_ASKED_MAX);

@@ -49,6 +49,7 @@ struct collector {
     /* Since the first of the present questions. */
     uint64_t removed_jobs, removed_films, removed_blobs, removed_bytes, waiting_blobs, waiting_bytes;
     char held[256];
+    char logged[256];            /* the last reason in the log */
 };
 
 /* Begin and continue rounds. A few times a second. */

@@ -11,13 +11,18 @@
 
 static status hold(const char *folder, int how, int *out, struct error *err)
 {
-    char *path = file_join(folder, "hold");
-    int code;
+    char *path = file_join(folder, "hold"), *database = file_join(folder, "queue.sqlite");
+    int code, there = database && file_exists(database);
     status s = STATUS_OK;
 
     *out = -1;
+    mem_free(database);
     if (!path)
         return error_no_memory(err, "a path");
+    if (!there) { /* not made in a mount point whose disk is gone */
+        mem_free(path);
+        return error_set(err, STATUS_ERR_IO, "%s: is no store at present; was it moved or unmounted?", folder);
+    }
     *out = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     do
         code = *out < 0 || flock(*out, how) == 0 ? 0 : errno;

@@ -5,7 +5,7 @@
 
 #include "common/base/status.h"
 
-/* Before a removal: ERR_REFUSED while a backup holds the store. ERR_IO: not known. *hold is for
+/* Before a removal: ERR_REFUSED while a backup holds the store. ERR_IO: not known, or the store's disk is not there. *hold is for
  * store_hold_end, also after a failure. [any thread] */
 status store_hold_exclude(const char *folder, int *hold, struct error *err) MUST_CHECK;
 /* Before a backup: waits until what is being removed is gone. ERR_IO. */

@@ -11,7 +11,8 @@ import threading
 import time
 import zlib
 
-from farm import BIN, PATIENCE, Failure, Farm, Tests, wait_for
+from disk import SmallDisk, fill_up
+from farm import BIN, PATIENCE, Failure, Farm, Skip, Tests, wait_for
 from jobs import Outcome, expect, expect_same
 
 tests = Tests()
@@ -31,7 +32,7 @@ def gc(farm):
 
 def blobs(farm):
     found = set()
-    for folder, _, names in os.walk(farm.path("store", "blobs")):
+    for folder, _, names in os.walk(os.path.join(farm.store, "blobs")):
         if os.path.basename(folder) != "tmp":
             found.update(names)
     return found
@@ -42,12 +43,12 @@ def exists(farm, number):
 
 
 def films(farm, number):
-    folder = farm.path("store", "films", str(number))
+    folder = os.path.join(farm.store, "films", str(number))
     return sorted(os.listdir(folder)) if os.path.exists(folder) else []
 
 
 def pictures(farm, number):
-    folder = farm.path("store", "outputs", str(number))
+    folder = os.path.join(farm.store, "outputs", str(number))
     return sorted(os.listdir(folder)) if os.path.exists(folder) else []
 
 
@@ -402,6 +403,40 @@ def killed():
         for folder in ("films", "outputs"):
             left = [n for n in os.listdir(farm.path("store", folder)) if not exists(farm, n)]
             expect(not left, "%s without a job: %s" % (folder, left))
+
+
+@tests.add
+def full_disk():
+    """On a full disk gc, prune and the limits make room, and what waited goes on"""
+    with Farm() as farm, SmallDisk(farm, 48 << 20) as disk:
+        if disk is None:
+            raise Skip("mounting is not permitted: no full disk here")
+        farm.store = os.path.join(disk, "store")
+        farm.start_coordinator(*COLLECT_ALL)
+        farm.start_worker()
+        scene = farm.scene()
+        old = [farm.submit(scene, "--size", "160x100", "--spp", "1") for _ in range(3)]
+        for job in old:
+            farm.wait_for_job(job)
+        number = farm.submit(scene, "--size", "128x80", "--spp", "768")
+        begun(farm, number)
+        farm.cli("pause", number, expect=0)
+        fill_up(os.path.join(disk, "filler"))
+        farm.cli("prune", old[0], "--films", expect=0)
+        fill_up(os.path.join(disk, "filler-2"))
+        farm.cli("prune", old[0], expect=0)
+        expect(not exists(farm, old[0]), "pruned")
+        fill_up(os.path.join(disk, "filler-3"))
+        gc(farm)
+        farm.coordinator.kill()
+        farm.restart_coordinator("--store-limit", "1", *COLLECT_ALL)
+        wait_for(lambda: not exists(farm, old[1]) and not exists(farm, old[2]), "the limit to make room")
+        expect(films(farm, number), "what a paused job has stays")
+        os.unlink(os.path.join(disk, "filler"))
+        farm.coordinator.stop()
+        farm.restart_coordinator(*COLLECT_ALL)
+        farm.cli("resume", number, expect=0)
+        farm.wait_for_job(number)
 
 
 @tests.add
