@@ -1,59 +1,19 @@
 """What a coordinator removes by itself and by prune and gc; that nothing needed goes, at any step of a job's
-life and through kill -9; what takes the room; jobs that do not fit; back-up and restore."""
-import fcntl
+life and through kill -9; what takes the room; jobs that do not fit."""
 import json
 import os
-import random
 import socket
-import struct
 import subprocess
 import threading
 import time
-import zlib
 
 from disk import SmallDisk, fill_up
-from farm import BIN, PATIENCE, Failure, Farm, Skip, Tests, wait_for
+from farm import Farm, Skip, Tests, wait_for
 from jobs import Outcome, expect, expect_same
+from keeping import (COLLECT_ALL, ENDLESS, LONG, SMALL, begun, blobs, exists, films, gc, log_of, pictures,
+                     scene_with_textures)
 
 tests = Tests()
-SMALL = ("--size", "32x32", "--spp", "16")
-LONG = ("--size", "128x80", "--frames", "1-2", "--spp", "128")
-ENDLESS = ("--size", "320x200", "--spp", "1000000")
-COLLECT_ALL = ("--keep-blobs", "0s")
-
-
-def begun(farm, number):
-    wait_for(lambda: farm.job(number)["samples_done"] > 0, "job %d to begin" % number)
-
-
-def gc(farm):
-    return farm.cli("gc", "--json", expect=0).json()
-
-
-def blobs(farm):
-    found = set()
-    for folder, _, names in os.walk(os.path.join(farm.store, "blobs")):
-        if os.path.basename(folder) != "tmp":
-            found.update(names)
-    return found
-
-
-def exists(farm, number):
-    return farm.cli("show", number).code == 0
-
-
-def films(farm, number):
-    folder = os.path.join(farm.store, "films", str(number))
-    return sorted(os.listdir(folder)) if os.path.exists(folder) else []
-
-
-def pictures(farm, number):
-    folder = os.path.join(farm.store, "outputs", str(number))
-    return sorted(os.listdir(folder)) if os.path.exists(folder) else []
-
-
-def log_of(farm, number):
-    return farm.cli("log", number, expect=0).out
 
 
 @tests.add
@@ -101,36 +61,6 @@ def life():
         gc(farm)
         farm.wait_for_job(second)
         expect(extended.bits, "extended")
-
-
-def scene_with_textures(farm, count):
-    """A scene with many images, each a blob of its own."""
-    noise = random.Random(7)
-
-    def png():
-        def chunk(kind, data):
-            return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 48, 48, 8, 2, 0, 0, 0)) +
-                chunk(b"IDAT", zlib.compress(b"".join(b"\0" + noise.randbytes(3 * 48) for _ in range(48)))) +
-                chunk(b"IEND", b""))
-    path = farm.scene("textures.gltf")
-    with open(path) as source:
-        gltf = json.load(source)
-    gltf["images"], gltf["textures"] = [], []
-    for i in range(count):
-        with open(farm.path("t%d.png" % i), "wb") as out:
-            out.write(png())
-        gltf["images"].append({"uri": "t%d.png" % i})
-        gltf["textures"].append({"source": i})
-        gltf["materials"].append({"name": "m%d" % i, "pbrMetallicRoughness": {"baseColorTexture": {"index": i}}})
-        gltf["meshes"][0]["primitives"].append(dict(gltf["meshes"][0]["primitives"][0],
-                                                    material=len(gltf["materials"]) - 1))
-    gltf["accessors"].append({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC2"})
-    for primitive in gltf["meshes"][0]["primitives"]:
-        primitive["attributes"]["TEXCOORD_0"] = len(gltf["accessors"]) - 1
-    with open(path, "w") as out:
-        json.dump(gltf, out)
-    return path
 
 
 class Tap:
@@ -465,118 +395,6 @@ def room():
         expect(result.code == 3 and "--force" in result.err and "show --farm" in result.err, result)
         forced = farm.submit(farm.scene(), *big, "--force")
         farm.cli("cancel", forced, "--discard", expect=0)
-
-
-def copy_store(command, folder, store):
-    return subprocess.run([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
-                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          timeout=120 * PATIENCE)
-
-
-@tests.add
-def backup():
-    """A store is backed up while it runs, restored into a fresh one, and renders on to the same bits"""
-    with Farm() as farm:
-        farm.start_coordinator(*COLLECT_ALL)
-        farm.start_worker()
-        scene = scene_with_textures(farm, 4)
-        done = farm.submit(scene, *LONG)
-        farm.wait_for_job(done)
-        reference = Outcome(farm, done, "reference")
-        running = farm.submit(scene, *LONG)
-        wait_for(lambda: farm.job(running)["samples_done"] > 0.1 * farm.job(running)["samples_total"], "mid-frame")
-        waiting = farm.submit(scene, *SMALL, "--name", "waiting", "--priority", "-1")
-        first = farm.path("backup-1")
-        result = copy_store("backup", first, farm.store)
-        expect(result.returncode == 0, result)
-        result = copy_store("backup", first, farm.store)
-        expect(result.returncode == 5 and b"not empty" in result.stderr, result)
-        result = copy_store("backup", farm.path("store", "inside"), farm.store)
-        expect(result.returncode == 5, result)
-        farm.wait_for_job(running)
-        farm.cli("remove", done, expect=0)
-        gc(farm)
-        late = farm.submit(scene, *SMALL, "--name", "late")
-        farm.wait_for_job(late)
-        result = copy_store("restore", first, farm.store)
-        expect(result.returncode == 5 and b"has jobs already" in result.stderr, result)
-
-        farm.coordinator.kill()
-        farm.store = farm.path("fresh")
-        result = copy_store("restore", farm.path("nothing"), farm.store)
-        expect(result.returncode == 8 and not os.path.exists(farm.store), result)
-        result = copy_store("restore", first, farm.store)
-        expect(result.returncode == 0, result)
-        for folder, folders, names in os.walk(farm.store):
-            for name in folders + names:
-                expect(os.stat(os.path.join(folder, name)).st_mode & 0o77 == 0, os.path.join(folder, name))
-        farm.restart_coordinator(*COLLECT_ALL)
-        expect(farm.job(done)["state"] == "done" and not exists(farm, late), "as it was")
-        expect_same(farm, Outcome(farm, done, "restored"), reference, "restored", counts=False)
-        expect(farm.job(running)["samples_done"] > 0, "films of frames in work are there")
-        gc(farm)
-        farm.wait_for_job(running)
-        expect_same(farm, Outcome(farm, running, "rendered-on"), reference, "rendered on", counts=False)
-        farm.wait_for_job(waiting)
-        farm.cli("extend", done, "--spp", "160", expect=0)
-        farm.wait_for_job(done)
-
-
-@tests.add
-def backup_disturbed():
-    """Killed at any moment, a backup or a restore is no half one; what is removed meanwhile is in the backup"""
-    with Farm() as farm:
-        farm.start_coordinator(*COLLECT_ALL)
-        farm.start_worker()
-        scene = scene_with_textures(farm, 24)
-        number = farm.submit(scene, *LONG)
-        farm.wait_for_job(number)
-        reference = Outcome(farm, number, "reference")
-
-        def run(command, folder, store):
-            return subprocess.Popen([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
-                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        for turn, delay_s in enumerate((0.0, 0.002, 0.005, 0.01, 0.03)):
-            folder, fresh = farm.path("killed-%d" % turn), farm.path("fresh-%d" % turn)
-            program = run("backup", folder, farm.store)
-            time.sleep(delay_s)  # a sweep over moments, not a wait
-            program.kill()
-            program.wait()
-            if not os.path.exists(os.path.join(folder, "backup")):
-                expect(copy_store("restore", folder, fresh).returncode == 8, "half a backup")
-        whole = farm.path("whole")
-        # A reader that holds the store as a backup does.
-        holder = open(os.path.join(farm.store, "hold"), "w")
-        fcntl.flock(holder, fcntl.LOCK_SH)
-        before = blobs(farm)
-        farm.cli("remove", number, expect=0)
-        told = gc(farm)
-        expect("backup" in told["held"] and blobs(farm) == before, told)
-        expect(pictures(farm, number) and films(farm, number), "its files stay for the backup")
-        holder.close()
-        gc(farm)
-        expect(not pictures(farm, number) and not films(farm, number) and not blobs(farm), "and go after it")
-        number = farm.submit(scene, *LONG)
-        farm.wait_for_job(number)
-        expect(copy_store("backup", whole, farm.store).returncode == 0, "a whole one")
-        farm.coordinator.kill()
-        for turn, delay_s in enumerate((0.0, 0.003, 0.01)):
-            farm.store = farm.path("again-%d" % turn)
-            program = run("restore", whole, farm.store)
-            time.sleep(delay_s)  # a sweep over moments, not a wait
-            program.kill()
-            program.wait()
-            if os.path.exists(os.path.join(farm.store, "restoring")):
-                try:
-                    farm.restart_coordinator()
-                    raise AssertionError("a coordinator started on half a store")
-                except Failure as failure:
-                    expect("not finished" in str(failure), failure)
-            if not os.path.exists(os.path.join(farm.store, "queue.sqlite")):
-                expect(copy_store("restore", whole, farm.store).returncode == 0, "it is repeated")
-            farm.restart_coordinator()
-            expect_same(farm, Outcome(farm, number, "again-%d" % turn), reference, "restored", counts=False)
-            farm.coordinator.kill()
 
 
 tests.run()
