@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "common/base/clock.h"
+#include "common/base/duration.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/options.h"
@@ -12,6 +13,7 @@
 #include "coordinator/net/descriptors.h"
 #include "coordinator/net/server.h"
 #include "coordinator/store/store.h"
+#include "coordinator/store/store_backup.h"
 #include "protocol/address.h"
 #include "protocol/key.h"
 
@@ -33,16 +35,69 @@ static status load_key(const char *path, struct farm_key *key, struct error *err
     return s;
 }
 
+/* A size, or a share of the disk. */
+static status parse_limit(const char *text, struct retention_policy *policy, struct error *err)
+{
+    char *end;
+    double percent = strtod(text, &end);
+
+    if (end != text && strcmp(end, "%") == 0 && percent > 0 && percent <= 100) {
+        policy->store_share = percent / 100;
+        return STATUS_OK;
+    }
+    if (options_size_parse(text, &policy->store_limit) == STATUS_OK && policy->store_limit > 0)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_USAGE,
+                     "--store-limit: '%s' is neither a size (a number with K, M, G or T) nor a share (1%% to 100%%)",
+                     text);
+}
+
+static status retention_options(const char *keep, const char *keep_failed, const char *keep_blobs,
+                                const char *store_limit, struct retention_policy *policy, struct error *err)
+{
+    status s = STATUS_OK;
+
+    if (keep)
+        s = duration_parse("--keep", keep, &policy->keep_s, err);
+    if (s == STATUS_OK && keep_failed)
+        s = duration_parse("--keep-failed", keep_failed, &policy->keep_failed_s, err);
+    if (s == STATUS_OK && keep_blobs)
+        s = duration_parse("--keep-blobs", keep_blobs, &policy->keep_blobs_s, err);
+    if (s == STATUS_OK && store_limit)
+        s = parse_limit(store_limit, policy, err);
+    return s;
+}
+
 static int fail(const struct error *err)
 {
     fprintf(stderr, "azulejo-coordinator: %s\n", err->text);
     return status_exit_code(err->code);
 }
 
+/* The commands `backup` and `restore`. */
+static int copy_store(const char *command, const char *dir, const char *folder)
+{
+    int restores = strcmp(command, "restore") == 0;
+    char text[RETENTION_BYTES_SIZE];
+    struct copied sum;
+    struct error err = {0};
+    status s;
+
+    log_setup("azulejo-coordinator", LOG_LEVEL_WARN);
+    s = restores ? store_restore(dir, folder, &sum, &err) : store_backup(folder, dir, &sum, &err);
+    if (s != STATUS_OK)
+        return fail(&err);
+    printf("%s: %llu files, %s\n", restores ? folder : dir, (unsigned long long)sum.files,
+           retention_bytes(text, sum.bytes));
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
+    const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *store_limit = NULL;
     const char *level = "info", *ready_file = NULL, *precision = "float";
+    struct server_options options = {.policy = RETENTION_POLICY_DEFAULT};
     double lease_seconds = 60;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
@@ -54,6 +109,17 @@ int main(int argc, char **argv)
          "where jobs, blobs and pictures are kept (azulejo-store)", 0, 0, NULL},
         {"lease-seconds", 0, OPTION_REAL, &lease_seconds, "S",
          "after this long without a result, a worker's lease goes to other workers (60)", 1, 86400, NULL},
+        {"keep", 0, OPTION_STRING, &keep, "TIME",
+         "remove jobs, with their films and pictures, so long after their end, as in 30d (default: never)", 0, 0, NULL},
+        {"keep-failed", 0, OPTION_STRING, &keep_failed, "TIME",
+         "the same for jobs that failed or were cancelled (default: as --keep)", 0, 0, NULL},
+        {"keep-blobs", 0, OPTION_STRING, &keep_blobs, "TIME",
+         "remove scenes and their files that no job needs, so long after a client named them last (1d)", 0, 0, NULL},
+        {"store-limit", 0, OPTION_STRING, &store_limit, "SIZE",
+         "above this (500G, or 80% of the disk) remove films, then pictures, of the jobs that ended first (default: no limit)",
+         0, 0, NULL},
+        {"owner-limit", 0, OPTION_SIZE, &options.policy.owner_limit, "SIZE",
+         "the same for the films and pictures of each owner's jobs (default: no limit)", 0, 0, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -66,7 +132,6 @@ int main(int argc, char **argv)
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
         {0},
     };
-    struct server_options options = {0};
     struct positionals rest;
     struct farm_key key = {0};
     struct store *store = NULL;
@@ -77,9 +142,11 @@ int main(int argc, char **argv)
     file_hold_standard();
     s = options_parse(table, argc, argv, &rest, &help, &err);
     if (s == STATUS_OK && help) {
-        options_print_help("azulejo-coordinator --key FILE [options]",
+        options_print_help("azulejo-coordinator --key FILE [options]\n"
+                           "       azulejo-coordinator backup|restore DIR --store DIR",
                            "Own the queue of a render farm: lend work to workers, merge what they "
-                           "send, write the pictures.",
+                           "send, write the pictures. With backup, copy a store to a new folder, also while its "
+                           "coordinator runs; with restore, make a store of such a copy.",
                            table);
         return 0;
     }
@@ -87,10 +154,16 @@ int main(int argc, char **argv)
         printf("azulejo-coordinator " AZULEJO_VERSION "\n");
         return 0;
     }
+    if (s == STATUS_OK && rest.count == 2 &&
+        (strcmp(rest.items[0], "backup") == 0 || strcmp(rest.items[0], "restore") == 0))
+        return copy_store(rest.items[0], rest.items[1], folder);
     if (s == STATUS_OK && rest.count > 0)
-        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s'", rest.items[0]);
+        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s': only 'backup DIR' and 'restore DIR' are known",
+                      rest.items[0]);
     if (s == STATUS_OK)
         s = address_parse(listen, "", 0, host, sizeof host, &options.port, &err);
+    if (s == STATUS_OK)
+        s = retention_options(keep, keep_failed, keep_blobs, store_limit, &options.policy, &err);
     if (s == STATUS_OK)
         s = load_key(key_path, &key, &err);
     if (s != STATUS_OK)

@@ -10,6 +10,7 @@
 #include "client/terminal/format.h"
 #include "client/farm/job_info.h"
 #include "client/farm/output.h"
+#include "client/farm/store_view.h"
 #include "client/terminal/parse.h"
 #include "common/scene/settings.h"
 #include "protocol/message.h"
@@ -207,7 +208,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int json = 0, effects = 0, history = 0, done;
+    int json = 0, effects = 0, history = 0, farm = 0, done;
     int64_t frame = -1;
     const struct option table[] = {
         {"effects", 0, OPTION_FLAG, &effects, NULL,
@@ -221,6 +222,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "one in work, "
          "or the last one done)",
          0, INT32_MAX, NULL},
+        {"farm", 0, OPTION_FLAG, &farm, NULL,
+         "show instead, without a JOB, what takes the room in the coordinator's store", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
@@ -229,11 +232,17 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection *connection = NULL;
     Azulejo__Wire__Envelope *answer = NULL;
     uint64_t job;
-    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    status result = command_parse(command, table, argc, argv, 0, 1, &rest, &done, err);
 
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
+    if (farm != (rest.count == 0) || (farm && (effects || history || frame >= 0)))
+        return error_set(err, STATUS_ERR_USAGE,
+                         farm ? "--farm shows the store: give neither a JOB nor another view with it"
+                              : "which job? Give its number, or --farm");
+    if (farm)
+        return store_show(&where, json, err);
     if (frame >= 0 && !effects && !history && !json)
         return error_set(err, STATUS_ERR_USAGE,
                          "--frame says whose --effects, --history or --json to show: give both");
@@ -260,10 +269,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
 const struct command command_show = {
     .name = "show",
     .group = COMMAND_JOBS,
-    .usage = "azulejo show JOB [OPTION]...",
-    .summary = "show everything about a job",
+    .usage = "azulejo show JOB | --farm [OPTION]...",
+    .summary = "show everything about a job, or what takes the room",
     .description =
         "Tell a job's settings, how far it is, what it has cost so far, and its estimated error. With\n"
-        "--effects, tell of a finished frame which effects ran, who called for them, and where the time went.",
+        "--effects, tell of a finished frame which effects ran, who called for them, and where the time went. With --farm,\n"
+        "tell what takes the room in the coordinator's store, by kind, by owner and by job.",
     .run = run,
 };

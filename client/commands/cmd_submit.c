@@ -95,7 +95,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const char *name = NULL;
     const char *token = NULL;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
-    int watch = 0, done;
+    int watch = 0, force = 0, done;
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
         JOB_ENDS_ROW(options),
@@ -107,6 +107,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "a name for this submission, up to 64 bytes: submitting again with it creates no second "
          "job, but prints the first one's number (default: a random one)",
          0, 0, NULL},
+        {"force", 0, OPTION_FLAG, &force, NULL,
+         "submit it also if it seems not to fit the coordinator's disk: it then waits whenever the disk is full", 0, 0,
+         NULL},
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "no progress and no warnings", 0, 0, NULL},
@@ -128,6 +131,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result != STATUS_OK || done)
         return result;
     result = job_options_check(&options, &request, err);
+    request.force = force;
     if (result == STATUS_OK)
         result = effects_auto_check(&effects, options.stop.target, err);
     if (result == STATUS_OK)

@@ -149,7 +149,10 @@ status steer_run(const struct command *command, const struct steer_verb *verb,
     result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done, err);
     if (result != STATUS_OK || done)
         return result;
-    result = job_choice_check(&choice, &rest, err);
+    if (verb->choose)
+        result = verb->choose(options, &choice, err);
+    if (result == STATUS_OK)
+        result = job_choice_check(&choice, &rest, err);
     if (result == STATUS_OK && verb->check)
         result = verb->check(options, err);
     if (result == STATUS_OK)

@@ -25,6 +25,8 @@ struct steer_verb {
      * frees with message_free. Errors: job_ask's. */
     status (*ask)(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err);
+    /* Complete the choice from the verb's own options. NULL: nothing to add. */
+    status (*choose)(const void *options, struct job_choice *choice, struct error *err);
     const char *outcome;         /* printed after "job 3: "; NULL: its state */
     /* The rest of what is printed about one job; NULL: nothing. */
     void (*print)(const Azulejo__Wire__JobInfo *info);

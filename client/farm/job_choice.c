@@ -69,7 +69,7 @@ status job_choice_check(const struct job_choice *choice, const struct positional
 {
     unsigned states;
 
-    if (rest->count == 0 && !choice->states && !choice->mine)
+    if (rest->count == 0 && !choice->states && !choice->mine && !choice->ended_before)
         return error_set(err, STATUS_ERR_USAGE,
                          "which job? Give numbers, names (with wildcards in quotes), --state or --mine");
     for (size_t i = 0; i < rest->count; i++) {
@@ -111,6 +111,7 @@ struct filter {
     unsigned states;             /* of jobs that are not named by number */
     unsigned always;             /* --state, for all; else every state */
     const char *owner;           /* NULL: anybody's */
+    int64_t ended_before;        /* 0: at any time, or not yet */
     unsigned char seen[OPTIONS_POSITIONAL_MAX]; /* such a job exists, whatever its state and owner */
 };
 
@@ -131,6 +132,8 @@ static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
     if (f->owner && strcmp(info->owner, f->owner) != 0)
         return 0;
     if (!(f->always >> info->state & 1))
+        return 0;
+    if (f->ended_before && (info->finished_at == 0 || info->finished_at >= f->ended_before))
         return 0;
     return named || (matched && (f->states >> info->state & 1));
 }
@@ -196,12 +199,14 @@ status job_choice_find(struct connection *c, const struct job_choice *choice,
                        struct error *err)
 {
     char owner[CONNECTION_WHO_MAX];
-    struct filter filter = {.rest = rest, .states = states, .always = ~0u};
+    struct filter filter = {.rest = rest, .states = states, .always = ~0u,
+                            .ended_before = choice->ended_before};
     status result = STATUS_OK;
     size_t kept = 0;
 
     out->several = 1;
-    if (rest->count == 1 && is_number(rest->items[0]) && !choice->states && !choice->mine) {
+    if (rest->count == 1 && is_number(rest->items[0]) && !choice->states && !choice->mine &&
+        !choice->ended_before) {
         out->several = 0;
         return add(out, strtoull(rest->items[0], NULL, 10), NULL, err);
     }

@@ -10,6 +10,7 @@ struct job_choice {
     const char *states;          /* "queued,failed"; NULL: not given */
     int mine;
     int yes;                     /* do not ask */
+    int64_t ended_before;        /* seconds since 1970: only jobs that ended before; 0: not given */
 };
 /* The help of --yes, as in JOB_CHOICE_YES_HELP("paused"). */
 #define JOB_CHOICE_YES_HELP(past) "do not ask before several jobs are " past
@@ -33,7 +34,7 @@ struct chosen_jobs {
     int several;                 /* more than one number was given, or anything else: to be confirmed */
 };
 
-/* Check the command line before a connection is opened. ERR_USAGE: it names no job, or an unknown
+/* Check the command line before a connection is opened. ERR_USAGE: it names no job by any of these, or an unknown
  * state, or a number that is too large. */
 status job_choice_check(const struct job_choice *choice, const struct positionals *rest,
                         struct error *err) MUST_CHECK;

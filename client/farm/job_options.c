@@ -215,6 +215,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     submit.n_frames = request->frames.count;
     submit.estimate = (uint32_t)request->estimate;
     submit.priority = request->priority;
+    submit.force = request->force;
     submit.token = (char *)request->token;
     submit.source = (char *)buffer_text(&request->source);
     submit.owner = (char *)connection_who(owner);

@@ -145,6 +145,7 @@ struct job_request {
     int estimate;                /* to predict the job's cost; the job continues it when submitted
                                     */
     int32_t priority;
+    int force;                   /* also if it does not fit the coordinator's disk */
     /* The submission's own name, so that it can be sent twice and is one job; "": none. */
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };

@@ -19,7 +19,7 @@ static int choice_is_valid(const char *choices, const char *value)
     return 0;
 }
 
-static status parse_size(const char *text, uint64_t *out)
+status options_size_parse(const char *text, uint64_t *out)
 {
     char *end;
     double value;
@@ -77,7 +77,7 @@ static status option_store(const struct option *o, const char *value, struct err
         return STATUS_OK;
     }
     case OPTION_SIZE:
-        if (parse_size(value, o->target) != STATUS_OK)
+        if (options_size_parse(value, o->target) != STATUS_OK)
             return error_set(err, STATUS_ERR_USAGE,
                              "--%s: '%s' is not a size (a number with K, M, G or T)", o->name,
                              value);

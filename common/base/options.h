@@ -51,6 +51,9 @@ struct positionals {
 status options_parse(const struct option *table, int argc, char *const *argv,
                      struct positionals *rest, int *help_wanted, struct error *err) MUST_CHECK;
 
+/* A number of bytes, with or without K, M, G or T, as OPTION_SIZE takes it. ERR_USAGE, without a text. */
+status options_size_parse(const char *text, uint64_t *out) MUST_CHECK;
+
 /* Print "usage: ..." , the description and the table to standard output. */
 void options_print_help(const char *usage, const char *description, const struct option *table);
 

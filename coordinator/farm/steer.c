@@ -225,12 +225,12 @@ status steer_remove(struct farm *farm, struct job *job, const char *who, struct 
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %" PRIu64 " is %s and cannot be removed: 'cancel' it first", job->id,
                          job_state_word(job->state));
-    s = farm_store_usable(farm, err);
-    if (s == STATUS_OK && farm->store)
+    if (farm->store)
         s = store_job_remove(farm->store, job->id, err);
     if (s != STATUS_OK)
         return s;
-    log_info("job %" PRIu64 " (%s) is removed by %s", job->id, job->name, who);
+    log_info("job %" PRIu64 " (%s) of %s is removed by %s", job->id, job->name,
+             job->owner[0] ? job->owner : "nobody known", who);
     farm_pictures_unwanted(farm, job);
     queue_remove(&farm->queue, job);
     job->removed = 1;

@@ -154,6 +154,8 @@ static void on_tick(uv_timer_t *timer)
     server->ticked_ns = now_ns;
     server->farm.wall_s = clock_wall_s();
     farm_tick(&server->farm, now_ns);
+    if (server->state == SERVER_LISTENING)
+        collector_tick(server, now_ns);
     for (struct session *s = server->sessions, *next; s; s = next) {
         next = s->next;
         session_tick(s, now_ns);
@@ -258,6 +260,7 @@ status server_run(const struct server_options *options, struct error *err)
         return error_no_memory(err, "the server");
     server->key = options->key;
     server->store = options->store;
+    server->collector.policy = options->policy;
     server->precision = options->precision ? options->precision : "float";
     server->fingerprint = elementary_fingerprint_of(server->precision);
     if (uv_loop_init(&server->loop) != 0) {
@@ -283,6 +286,7 @@ status server_run(const struct server_options *options, struct error *err)
         }
         uv_run(&server->loop, UV_RUN_DEFAULT);
         render_requests_release(server);
+        collector_release(&server->collector);
         farm_release(&server->farm, clock_monotonic_ns());
     } else {
         uv_close((uv_handle_t *)&server->listener, NULL);

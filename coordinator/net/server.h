@@ -14,6 +14,7 @@
 #include "coordinator/net/descriptors.h"
 #include "coordinator/net/door.h"
 #include "coordinator/farm/farm.h"
+#include "coordinator/net/collector.h"
 #include "coordinator/net/render_requests.h"
 #include "coordinator/net/session.h"
 #include "protocol/key.h"
@@ -37,6 +38,7 @@ struct server_options {
     struct descriptors descriptors;
     int discards_films;        /* its jobs will not be extended */
     const char *precision;     /* of its workers: "float" or "double"; NULL: float */
+    struct retention_policy policy;
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
@@ -64,6 +66,9 @@ struct server {
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */
     uint32_t previews;
+    struct collector collector;
+    uint32_t submits;          /* jobs being stored, that are in no queue yet, */
+    int64_t submits_since_ns;  /* by blobs_now(), since there was the first of them */
     int acks_due, watches_due; /* some session has something to send */
 };
 

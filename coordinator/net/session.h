@@ -64,6 +64,8 @@ struct session {
     uint32_t watch_count;
     struct upload *uploads[SESSION_UPLOADS_MAX];
     uint32_t storing;
+    int64_t blobs_since_ns;       /* blobs_now() when it first named a blob; 0: it has not */
+    uint64_t reads_job;           /* whose pictures it asked for last; 0: none */
     struct transfers transfers;
 
     /* Acknowledgements that are about to be sent, all of one frame. */

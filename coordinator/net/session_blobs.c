@@ -6,11 +6,19 @@
 #include "coordinator/net/session_tasks.h"
 #include "protocol/message.h"
 
+int session_blob_hold(struct session *session, const struct digest *digest, uint64_t *size_bytes)
+{
+    if (session->role == FARM_ROLE_WORKER) /* what workers ask for is some job's */
+        return blobs_find(store_folder(session->server->store), digest, size_bytes);
+    if (!session->blobs_since_ns)
+        session->blobs_since_ns = blobs_now();
+    return blobs_hold(store_folder(session->server->store), digest, size_bytes);
+}
+
 status session_blob_query(struct session *session, const Azulejo__Wire__Envelope *message,
                           uint64_t now_ns, struct error *err)
 {
     const Azulejo__Wire__BlobQuery *query = message->blob_query;
-    const char *folder = store_folder(session->server->store);
     Azulejo__Wire__BlobMissing missing = AZULEJO__WIRE__BLOB_MISSING__INIT;
     Azulejo__Wire__Envelope envelope = MESSAGE(BLOB_MISSING, blob_missing, &missing);
     status s = STATUS_OK;
@@ -26,7 +34,7 @@ status session_blob_query(struct session *session, const Azulejo__Wire__Envelope
         struct digest digest;
         uint64_t size;
         s = wire_digest_get(&digest, &query->digest[i], "a blob", err);
-        if (s == STATUS_OK && !blobs_find(folder, &digest, &size))
+        if (s == STATUS_OK && !session_blob_hold(session, &digest, &size))
             missing.digest[missing.n_digest++] = query->digest[i];
     }
     if (s == STATUS_OK)
@@ -93,7 +101,7 @@ status session_blob_put(struct session *session, const Azulejo__Wire__Envelope *
         /* A later piece of a blob that exists already, or failed: the first piece was answered. */
         if (!slot && piece.offset > 0)
             return STATUS_OK;
-        if (!slot && blobs_find(store_folder(session->server->store), &piece.digest, &size) == 1) {
+        if (!slot && session_blob_hold(session, &piece.digest, &size) == 1) {
             session_stored(session, message->request, &piece.digest);
             return STATUS_OK;
         }

@@ -27,9 +27,12 @@ session_handler session_priority;
 session_handler session_retry;
 session_handler session_remove;
 session_handler session_log;
+session_handler session_store;          /* collector.c */
 session_handler session_blob_query;     /* session_blobs.c */
 session_handler session_blob_get;
 session_handler session_blob_put;
+/* session_blobs.c: blobs_find, and the blob stays until the session ends, if it is a client's. */
+int session_blob_hold(struct session *session, const struct digest *digest, uint64_t *size_bytes);
 /* session_submit.c: is the blob of the tone mapping's file there? */
 status session_check_tonemap(struct session *session, const struct output_settings *output,
                              struct error *err) MUST_CHECK;

@@ -100,6 +100,7 @@ static status send_output(struct session *session, const struct job *job,
 
     if (s != STATUS_OK)
         return s;
+    session->reads_job = job->id;
     switch (message->kind) {
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG:

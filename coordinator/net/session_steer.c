@@ -80,9 +80,14 @@ status session_remove(struct session *session, const Azulejo__Wire__Envelope *me
     info.job = job->id;
     info.name = name;
     info.state = (Azulejo__Wire__JobState)job->state;
+    if (message->job_remove->unless_read && collector_is_read(session->server, job->id))
+        return error_set(err, STATUS_ERR_REFUSED,
+                         "job %llu stays: somebody fetches its pictures just now ('remove' does not wait for that)",
+                         (unsigned long long)job->id);
     s = steer_remove(farm, job, session->who, err);
     if (s != STATUS_OK)
         return s;
+    collector_wake(session->server);
     list.n_jobs = 1;
     list.jobs = infos;
     session_reply(session, message->request, &envelope);

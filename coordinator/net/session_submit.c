@@ -16,7 +16,7 @@
 enum { MISSING_NAMED_MAX = 4 }; /* digests named in a failure */
 
 /* Are all blobs of the scene in the store, with the sizes in its description? */
-static status check_blobs(const char *folder, const struct scene *scene, struct error *err)
+static status check_blobs(struct session *session, const struct scene *scene, struct error *err)
 {
     struct scene_blob *blobs = NULL;
     char named[MISSING_NAMED_MAX * 20] = "";
@@ -26,7 +26,7 @@ static status check_blobs(const char *folder, const struct scene *scene, struct 
     for (size_t i = 0; s == STATUS_OK && i < count; i++) {
         char hex[DIGEST_HEX_SIZE];
         uint64_t size;
-        int found = blobs_find(folder, &blobs[i].digest, &size);
+        int found = session_blob_hold(session, &blobs[i].digest, &size);
         if (found < 0) {
             s = error_set(err, STATUS_ERR_IO,
                           "the coordinator cannot look for the scene's blobs: %s", strerror(errno));
@@ -59,7 +59,7 @@ status session_check_tonemap(struct session *session, const struct output_settin
     uint64_t size;
 
     if (!output->tonemap.has_file ||
-        blobs_find(store_folder(session->server->store), &output->tonemap.file, &size))
+        session_blob_hold(session, &output->tonemap.file, &size))
         return STATUS_OK;
     return error_set(err, STATUS_ERR_NOT_FOUND,
                      "the file %s of the tone mapping is not on the coordinator; send it first",
@@ -73,10 +73,12 @@ static status make_job(struct session *session, const Azulejo__Wire__JobSubmit *
     struct buffer packed = BUFFER_INIT;
     struct digest digest;
     struct scene scene;
+    uint64_t size;
     status s = wire_digest_get(&digest, &message->scene, "the scene", err);
 
     scene_init(&scene);
     if (s == STATUS_OK) {
+        (void)session_blob_hold(session, &digest, &size);
         s = blobs_read(folder, &digest, SCENE_BYTES_MAX, &packed, err);
         if (s != STATUS_OK)
             error_prefix(err, "the scene");
@@ -84,7 +86,7 @@ static status make_job(struct session *session, const Azulejo__Wire__JobSubmit *
     if (s == STATUS_OK)
         s = scene_unpack(&scene, packed.data, packed.size, err);
     if (s == STATUS_OK)
-        s = check_blobs(folder, &scene, err);
+        s = check_blobs(session, &scene, err);
     if (s == STATUS_OK)
         s = wire_job_get(out, message, scene.camera_count, err);
     if (s == STATUS_OK) {
@@ -113,7 +115,7 @@ status session_submit(struct session *session, const Azulejo__Wire__Envelope *me
 
     (void)now_ns;
     if (s == STATUS_OK)
-        session_task_submit(session, message->request, job);
+        session_task_submit(session, message->request, job, message->job_submit->force);
     else
         log_info("a job from %s was refused: %s", session->host, err->text);
     return s;

@@ -10,6 +10,7 @@
 #include "coordinator/net/session.h"
 #include "coordinator/net/session_table.h"
 #include "coordinator/net/task.h"
+#include "coordinator/store/blobs.h"
 
 /* A task that answers a request; its session may have ended by then. */
 struct request_task {
@@ -244,6 +245,7 @@ static void submit_end(struct task *task)
 
     if (task->result == STATUS_OK)
         task->result = submit_take(t, &number, &spp);
+    task->server->submits--;
     session = session_find(task->server, t->r.session);
     if (!session)
         return;
@@ -261,7 +263,7 @@ static void submit_release(struct task *task)
 static const struct task_kind submit_kind = {"a job", sizeof(struct submit_task), submit_run,
                                              submit_end, submit_release};
 
-void session_task_submit(struct session *session, uint64_t request, struct job *job)
+void session_task_submit(struct session *session, uint64_t request, struct job *job, int force)
 {
     struct error err = {0};
     struct submit_task *t = request_new(session, request, &submit_kind, &err);
@@ -274,8 +276,13 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
     }
     /* A repeated submission is answered even when no new job can be accepted. */
     t->refused = farm_prepare(&session->server->farm, job, &t->refusal);
+    if (t->refused == STATUS_OK)
+        t->refused = collector_check_room(session->server, job, force, &t->refusal);
     estimate = farm_find_estimate(&session->server->farm, job);
     t->estimate = estimate ? estimate->id : 0;
     t->job = job;
+    /* Its blobs were held while it was checked, a moment ago; the session holds them no longer than it lives. */
+    if (session->server->submits++ == 0)
+        session->server->submits_since_ns = session->blobs_since_ns ? session->blobs_since_ns : blobs_now();
     task_start(&t->r.task);
 }

@@ -15,7 +15,7 @@ void session_task_preview(struct session *session, uint64_t request, const struc
                           int linear);
 /* Store a complete upload. Takes it. */
 void session_task_upload(struct session *session, uint64_t request, struct upload *upload);
-/* Store a job and put it in the queue. Takes it. */
-void session_task_submit(struct session *session, uint64_t request, struct job *job);
+/* Store a job and put it in the queue. Takes it. `force`: also if it does not fit the disk. */
+void session_task_submit(struct session *session, uint64_t request, struct job *job, int force);
 
 #endif

@@ -3,10 +3,12 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "common/base/file.h"
@@ -75,6 +77,82 @@ int blobs_find(const char *folder, const struct digest *digest, uint64_t *size_b
     return found;
 }
 
+/* ---- ages ----------------------------------------------------------------------------------- */
+
+/* A blob's age is its file's time of modification. Of looking at it and acting upon it. */
+static pthread_mutex_t age_lock = PTHREAD_MUTEX_INITIALIZER;
+static int64_t last_now;
+
+static int64_t now_locked(void)
+{
+    struct timespec now;
+    int64_t ns;
+
+    clock_gettime(CLOCK_REALTIME, &now);
+    ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    if (ns > last_now)
+        last_now = ns;
+    return last_now;
+}
+
+int64_t blobs_now(void)
+{
+    int64_t now;
+
+    pthread_mutex_lock(&age_lock);
+    now = now_locked();
+    pthread_mutex_unlock(&age_lock);
+    return now;
+}
+
+static void times_now(struct timespec times[2])
+{
+    int64_t now = now_locked();
+
+    times[0] = (struct timespec){.tv_nsec = UTIME_OMIT};
+    times[1] = (struct timespec){.tv_sec = now / 1000000000, .tv_nsec = now % 1000000000};
+}
+
+int blobs_hold(const char *folder, const struct digest *digest, uint64_t *size_bytes)
+{
+    struct buffer path = BUFFER_INIT;
+    struct timespec times[2];
+    int found, code;
+
+    pthread_mutex_lock(&age_lock);
+    found = blobs_find(folder, digest, size_bytes);
+    code = errno;
+    if (found == 1) {
+        blobs_path(folder, digest, &path);
+        times_now(times);
+        if (!buffer_ok(&path) || utimensat(AT_FDCWD, buffer_text(&path), times, 0) != 0)
+            log_debug("a blob's age cannot be noted: %s", strerror(errno));
+        buffer_release(&path);
+    }
+    pthread_mutex_unlock(&age_lock);
+    errno = code;
+    return found;
+}
+
+int blobs_remove_older(const char *folder, const struct digest *digest, int64_t cutoff_ns, uint64_t *bytes)
+{
+    struct buffer path = BUFFER_INIT;
+    struct stat info;
+    int gone = 0;
+
+    *bytes = 0;
+    blobs_path(folder, digest, &path);
+    pthread_mutex_lock(&age_lock);
+    if (buffer_ok(&path) && stat(buffer_text(&path), &info) == 0) {
+        *bytes = (uint64_t)info.st_blocks * 512;
+        gone = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec < cutoff_ns &&
+               unlink(buffer_text(&path)) == 0;
+    }
+    pthread_mutex_unlock(&age_lock);
+    buffer_release(&path);
+    return gone;
+}
+
 status blobs_read(const char *folder, const struct digest *digest, size_t limit_bytes,
                   struct buffer *out, struct error *err)
 {
@@ -99,6 +177,29 @@ status blobs_read(const char *folder, const struct digest *digest, size_t limit_
     }
     buffer_release(&path);
     return s;
+}
+
+int blobs_check(const char *folder, const struct digest *digest)
+{
+    struct buffer path = BUFFER_INIT;
+    struct digest_stream *stream = digest_stream_new();
+    struct digest found = {0};
+    uint8_t bytes[16384];
+    ssize_t got = -1;
+    int fd, good = stream != NULL, ended = 0;
+
+    blobs_path(folder, digest, &path);
+    fd = buffer_ok(&path) ? open(buffer_text(&path), O_RDONLY | O_CLOEXEC) : -1;
+    while (good && fd >= 0 && (got = read(fd, bytes, sizeof bytes)) > 0)
+        good = digest_stream_add(stream, bytes, (size_t)got) == STATUS_OK;
+    ended = good && got == 0;
+    good = ended && digest_stream_final(stream, &found) == STATUS_OK && digest_equal(&found, digest);
+    if (!ended)
+        digest_stream_free(stream);
+    if (fd >= 0)
+        close(fd);
+    buffer_release(&path);
+    return good;
 }
 
 /* ---- uploads -------------------------------------------------------------------------------- */
@@ -183,6 +284,7 @@ status upload_add(struct upload *upload, const void *data, size_t size_bytes, st
 status upload_finish(struct upload *upload, struct error *err)
 {
     struct digest found;
+    struct timespec times[2];
     char *folder;
     status s = digest_stream_final(upload->stream, &found);
 
@@ -196,6 +298,11 @@ status upload_finish(struct upload *upload, struct error *err)
     if (!folder)
         return error_no_memory(err, "a path");
     s = file_make_private_folder(folder, err);
+    pthread_mutex_lock(&age_lock);
+    times_now(times);
+    pthread_mutex_unlock(&age_lock);
+    if (futimens(upload->fd, times) != 0) /* else it has the time of its last bytes, by a coarser clock */
+        log_debug("a blob's age cannot be noted: %s", strerror(errno));
     if (s == STATUS_OK && (fsync(upload->fd) != 0 || rename(buffer_text(&upload->temporary),
                                                             buffer_text(&upload->final)) != 0))
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", buffer_text(&upload->final),

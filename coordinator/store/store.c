@@ -14,6 +14,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/store/reserve.h"
+#include "coordinator/store/store_backup.h"
 #include "coordinator/store/store_parts.h"
 
 /* The space that must be free beside the reserve for the store to be usable. */
@@ -125,6 +126,8 @@ status store_open(struct store **out, const char *folder, struct error *err)
     s = store->folder ? file_make_private_folder(folder, err) : error_no_memory(err, "the store");
     if (s == STATUS_OK)
         s = take_lock(store, err);
+    if (s == STATUS_OK && store_restoring(folder))
+        s = error_set(err, STATUS_ERR_CORRUPT, "%s: a restore of it was not finished: run it again", folder);
     if (s == STATUS_OK)
         s = database_open(store, err);
     if (s == STATUS_OK)

@@ -1,6 +1,7 @@
 /* store: what survives a restart. The only SQL is here.
  *
  * STORE/lock              held (flock) while a coordinator uses the store
+ * STORE/hold              held (flock) while a backup is made, or something is removed (store_hold.h)
  * STORE/reserve           space kept back for queue.sqlite (reserve.h)
  * STORE/queue.sqlite      jobs, frames that are done or cut short, the history of their errors, the
  *                         workers that delivered results, the lease epoch (WAL, full sync)
@@ -91,10 +92,12 @@ status store_jobs_load(struct store *store,
  * restart before that does it. ERR_IO, ERR_NO_MEMORY: nothing changed. */
 status store_job_remove(struct store *store, uint64_t id, struct error *err) MUST_CHECK;
 /* Remove the films and pictures of a job that store_job_remove removed. Failure is logged; the next
- * start tries again. */
+ * start tries again. While a backup is being made (store_hold.h) they stay. */
 void store_job_clear(struct store *store, uint64_t id);
-/* Clear the jobs that were removed before the last run ended. */
+/* Clear the jobs that were removed before the last run ended, or during a backup. */
 void store_clear_removed(struct store *store);
+/* Clear those that a backup held. */
+void store_clear_held(struct store *store);
 
 enum { JOB_EVENTS_MAX = 1000, JOB_WORKER_LINES_MAX = 64 }; /* kept of a job, the newest */
 /* A line of a job's log. */
@@ -173,6 +176,8 @@ int store_film_exists(const struct store *store, uint64_t job, uint32_t frame);
 void store_film_remove(struct store *store, uint64_t job, uint32_t frame);
 /* [any thread] */
 void store_films_remove(struct store *store, uint64_t job);
+/* Remove only the kept film of a done frame. 0: there is none. */
+int store_film_kept_remove(struct store *store, uint64_t job, uint32_t frame);
 /* Call visit for each job that has a folder of films. */
 void store_films_list(const struct store *store, void (*visit)(void *user, uint64_t job),
                       void *user);

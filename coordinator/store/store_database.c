@@ -185,7 +185,7 @@ static int found_no_room(const struct store *store)
            (sqlite3_errcode(store->db) == SQLITE_IOERR && (number == 0 || number == ENOSPC || number == EDQUOT));
 }
 
-static int give_reserve(struct store *store)
+int sql_give_reserve(struct store *store)
 {
     if (!found_no_room(store) || !reserve_release(store->folder))
         return 0;
@@ -203,7 +203,7 @@ static status change(struct store *store, const char *sql, const struct sql_valu
     if (s != STATUS_OK)
         return s;
     code = sqlite3_step(statement);
-    if (code != SQLITE_DONE && reserved && give_reserve(store)) {
+    if (code != SQLITE_DONE && reserved && sql_give_reserve(store)) {
         sqlite3_reset(statement);
         code = sqlite3_step(statement);
     }
@@ -368,7 +368,7 @@ static status open_as_possible(struct store *store, const char *path, struct err
     struct error why = {0};
     status s = open_to_write(store, path, err);
 
-    if (status_is_environment(s) && store->db && give_reserve(store)) {
+    if (status_is_environment(s) && store->db && sql_give_reserve(store)) {
         sqlite3_close(store->db);
         store->db = NULL;
         s = open_to_write(store, path, err);

@@ -119,6 +119,17 @@ void store_film_remove(struct store *store, uint64_t job, uint32_t frame)
     buffer_release(&path);
 }
 
+int store_film_kept_remove(struct store *store, uint64_t job, uint32_t frame)
+{
+    struct buffer path = BUFFER_INIT;
+    int gone;
+
+    kept_path(store, job, frame, &path);
+    gone = buffer_ok(&path) && unlink(buffer_text(&path)) == 0;
+    buffer_release(&path);
+    return gone;
+}
+
 void store_films_remove(struct store *store, uint64_t job)
 {
     struct buffer path = BUFFER_INIT;

@@ -31,6 +31,7 @@ struct store {
     int read_only;                 /* `db` was opened for reading; store_check opens it again */
     uint64_t epoch_limit;          /* to be stored; 0: it is */
     atomic_int suspect;
+    int clear_held;                /* files of removed jobs are still there: a backup was being made */
 
     /* Saves that wait for the writer thread. `order` is held by a thread that writes to the
      * database: from a row's leaving the list until it is written, so that an older row never
@@ -89,6 +90,8 @@ status sql_change(struct store *store, const char *sql, const struct sql_value *
 /* The same for what must not wait for others to free space: on a full disk it gets the reserve. */
 status sql_change_reserved(struct store *store, const char *sql, const struct sql_value *values,
                            size_t count, const char *what, struct error *err) MUST_CHECK;
+/* Did the last statement fail for lack of space, and is the reserve free for it now? Then it may be repeated. */
+int sql_give_reserve(struct store *store);
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size);
 uint64_t column_number(sqlite3_stmt *statement, int at);
 

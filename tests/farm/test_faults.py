@@ -550,7 +550,7 @@ def full_disk_of_the_coordinator():
         farm.start_worker()
         Normal.check(farm, "before the disk is full")
         # Its film has 12 MiB and more: it fits no such disk.
-        number = farm.submit(farm.scene(), "--size", "512x512", "--spp", "1")
+        number = farm.submit(farm.scene(), "--size", "512x512", "--spp", "1", "--force")
 
         def stuck():
             job = farm.job(number)

@@ -1,0 +1,81 @@
+/* azulejo gc: remove from the store what may go. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "client/commands/command.h"
+#include "client/farm/store_view.h"
+#include "client/terminal/format.h"
+#include "protocol/message.h"
+
+static void print_collected(const Azulejo__Wire__StoreInfo *info)
+{
+    char bytes[FORMAT_SIZE], text[256];
+
+    printf("removed  %" PRIu64 " blobs, %s\n", info->removed_blobs, format_bytes(bytes, info->removed_bytes));
+    if (info->removed_jobs > 0)
+        printf("         %" PRIu64 " jobs, by the coordinator's limits\n", info->removed_jobs);
+    if (info->removed_films > 0)
+        printf("         the films of %" PRIu64 " jobs, by the coordinator's limits\n", info->removed_films);
+    if (info->waiting_blobs > 0)
+        printf("kept     %" PRIu64 " blobs, %s, that no job needs but a client named lately (--keep-blobs)\n",
+               info->waiting_blobs, format_bytes(bytes, info->waiting_bytes));
+    if (info->held[0])
+        printf("held     %s\n", message_text(text, sizeof text, info->held));
+    printf("free     %s of the disk\n", format_bytes(bytes, info->free));
+}
+
+static json_t *collected_json(const Azulejo__Wire__StoreInfo *i)
+{
+    json_t *root = store_json(i);
+
+    json_object_set_new(root, "removed",
+                        json_pack("{s:I, s:I, s:I, s:I}", "jobs", (json_int_t)i->removed_jobs, "films",
+                                  (json_int_t)i->removed_films, "blobs", (json_int_t)i->removed_blobs,
+                                  "blob_bytes", (json_int_t)i->removed_bytes));
+    json_object_set_new(root, "waiting",
+                        json_pack("{s:I, s:I}", "blobs", (json_int_t)i->waiting_blobs, "blob_bytes",
+                                  (json_int_t)i->waiting_bytes));
+    json_object_set_new(root, "held", i->held[0] ? json_text(i->held) : json_null());
+    return root;
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                  struct error *err)
+{
+    struct connection_options where = CONNECTION_OPTIONS_INIT;
+    int json = 0, done;
+    const struct option table[] = {
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        CONNECTION_OPTION_ROWS(where),
+        {0},
+    };
+    struct positionals rest;
+    struct connection *c = NULL;
+    Azulejo__Wire__Envelope *answer = NULL;
+    status result = command_parse(command, table, argc, argv, 0, 0, &rest, &done, err);
+
+    (void)exit_code;
+    if (result != STATUS_OK || done)
+        return result;
+    result = connection_open(&c, &where, err);
+    if (result == STATUS_OK)
+        result = store_ask(c, 1, &answer, err);
+    if (result == STATUS_OK && json)
+        result = json_print(collected_json(answer->store_info), err);
+    else if (result == STATUS_OK)
+        print_collected(answer->store_info);
+    message_free(answer);
+    connection_close(c);
+    return result;
+}
+
+const struct command command_gc = {
+    .name = "gc",
+    .group = COMMAND_FARM,
+    .usage = "azulejo gc [OPTION]...",
+    .summary = "remove from the coordinator's store what may go",
+    .description =
+        "Remove scenes and their files that no job needs, and what the coordinator's own limits no longer allow. The\n"
+        "coordinator does the same by itself. Nothing that a job needs is removed.",
+    .run = run,
+};

@@ -1,0 +1,19 @@
+/* duration: lengths of time as people write them. */
+#ifndef AZULEJO_BASE_DURATION_H
+#define AZULEJO_BASE_DURATION_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+enum { DURATION_TEXT_SIZE = 32 };
+#define DURATION_S_MAX ((int64_t)100 * 366 * 86400)
+
+/* "90s", "10m", "12h", "30d", "8w", also with a fraction; 0 of any unit is 0. `option` is what the error names.
+ * ERR_USAGE: something else, negative, or above DURATION_S_MAX. */
+status duration_parse(const char *option, const char *text, int64_t *seconds,
+                      struct error *err) MUST_CHECK;
+/* In the largest unit of which it is a multiple, as "30d"; fills `out` and returns it. */
+const char *duration_text(char out[DURATION_TEXT_SIZE], int64_t seconds);
+
+#endif

@@ -1,0 +1,12 @@
+/* store_report: the StoreInfo message. */
+#ifndef AZULEJO_COORDINATOR_STORE_REPORT_H
+#define AZULEJO_COORDINATOR_STORE_REPORT_H
+
+#include <stdint.h>
+
+struct session;
+
+/* Answer with what the collector has measured and removed, or with a Failure without memory. */
+void store_report_send(struct session *session, uint64_t request);
+
+#endif

@@ -1,0 +1,126 @@
+"""A store that is backed up while it runs, and restored."""
+import fcntl
+import os
+import subprocess
+import time
+
+from farm import BIN, PATIENCE, Failure, Farm, Tests, wait_for
+from jobs import Outcome, expect, expect_same
+from keeping import COLLECT_ALL, LONG, SMALL, blobs, exists, films, gc, pictures, scene_with_textures
+
+tests = Tests()
+
+
+def copy_store(command, folder, store):
+    return subprocess.run([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
+                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          timeout=120 * PATIENCE)
+
+
+@tests.add
+def backup():
+    """A store is backed up while it runs, restored into a fresh one, and renders on to the same bits"""
+    with Farm() as farm:
+        farm.start_coordinator(*COLLECT_ALL)
+        farm.start_worker()
+        scene = scene_with_textures(farm, 4)
+        done = farm.submit(scene, *LONG)
+        farm.wait_for_job(done)
+        reference = Outcome(farm, done, "reference")
+        running = farm.submit(scene, *LONG)
+        wait_for(lambda: farm.job(running)["samples_done"] > 0.1 * farm.job(running)["samples_total"], "mid-frame")
+        waiting = farm.submit(scene, *SMALL, "--name", "waiting", "--priority", "-1")
+        first = farm.path("backup-1")
+        result = copy_store("backup", first, farm.store)
+        expect(result.returncode == 0, result)
+        result = copy_store("backup", first, farm.store)
+        expect(result.returncode == 5 and b"not empty" in result.stderr, result)
+        result = copy_store("backup", farm.path("store", "inside"), farm.store)
+        expect(result.returncode == 5, result)
+        farm.wait_for_job(running)
+        farm.cli("remove", done, expect=0)
+        gc(farm)
+        late = farm.submit(scene, *SMALL, "--name", "late")
+        farm.wait_for_job(late)
+        result = copy_store("restore", first, farm.store)
+        expect(result.returncode == 5 and b"has jobs already" in result.stderr, result)
+
+        farm.coordinator.kill()
+        farm.store = farm.path("fresh")
+        result = copy_store("restore", farm.path("nothing"), farm.store)
+        expect(result.returncode == 8 and not os.path.exists(farm.store), result)
+        result = copy_store("restore", first, farm.store)
+        expect(result.returncode == 0, result)
+        for folder, folders, names in os.walk(farm.store):
+            for name in folders + names:
+                expect(os.stat(os.path.join(folder, name)).st_mode & 0o77 == 0, os.path.join(folder, name))
+        farm.restart_coordinator(*COLLECT_ALL)
+        expect(farm.job(done)["state"] == "done" and not exists(farm, late), "as it was")
+        expect_same(farm, Outcome(farm, done, "restored"), reference, "restored", counts=False)
+        expect(farm.job(running)["samples_done"] > 0, "films of frames in work are there")
+        gc(farm)
+        farm.wait_for_job(running)
+        expect_same(farm, Outcome(farm, running, "rendered-on"), reference, "rendered on", counts=False)
+        farm.wait_for_job(waiting)
+        farm.cli("extend", done, "--spp", "160", expect=0)
+        farm.wait_for_job(done)
+
+
+@tests.add
+def backup_disturbed():
+    """Killed at any moment, a backup or a restore is no half one; what is removed meanwhile is in the backup"""
+    with Farm() as farm:
+        farm.start_coordinator(*COLLECT_ALL)
+        farm.start_worker()
+        scene = scene_with_textures(farm, 24)
+        number = farm.submit(scene, *LONG)
+        farm.wait_for_job(number)
+        reference = Outcome(farm, number, "reference")
+
+        def run(command, folder, store):
+            return subprocess.Popen([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
+                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for turn, delay_s in enumerate((0.0, 0.002, 0.005, 0.01, 0.03)):
+            folder, fresh = farm.path("killed-%d" % turn), farm.path("fresh-%d" % turn)
+            program = run("backup", folder, farm.store)
+            time.sleep(delay_s)  # a sweep over moments, not a wait
+            program.kill()
+            program.wait()
+            if not os.path.exists(os.path.join(folder, "backup")):
+                expect(copy_store("restore", folder, fresh).returncode == 8, "half a backup")
+        whole = farm.path("whole")
+        # A reader that holds the store as a backup does.
+        holder = open(os.path.join(farm.store, "hold"), "w")
+        fcntl.flock(holder, fcntl.LOCK_SH)
+        before = blobs(farm)
+        farm.cli("remove", number, expect=0)
+        told = gc(farm)
+        expect("backup" in told["held"] and blobs(farm) == before, told)
+        expect(pictures(farm, number) and films(farm, number), "its files stay for the backup")
+        holder.close()
+        gc(farm)
+        expect(not pictures(farm, number) and not films(farm, number) and not blobs(farm), "and go after it")
+        number = farm.submit(scene, *LONG)
+        farm.wait_for_job(number)
+        expect(copy_store("backup", whole, farm.store).returncode == 0, "a whole one")
+        farm.coordinator.kill()
+        for turn, delay_s in enumerate((0.0, 0.003, 0.01)):
+            farm.store = farm.path("again-%d" % turn)
+            program = run("restore", whole, farm.store)
+            time.sleep(delay_s)  # a sweep over moments, not a wait
+            program.kill()
+            program.wait()
+            if os.path.exists(os.path.join(farm.store, "restoring")):
+                try:
+                    farm.restart_coordinator()
+                    raise AssertionError("a coordinator started on half a store")
+                except Failure as failure:
+                    expect("not finished" in str(failure), failure)
+            if not os.path.exists(os.path.join(farm.store, "queue.sqlite")):
+                expect(copy_store("restore", whole, farm.store).returncode == 0, "it is repeated")
+            farm.restart_coordinator()
+            expect_same(farm, Outcome(farm, number, "again-%d" % turn), reference, "restored", counts=False)
+            farm.coordinator.kill()
+
+
+tests.run()
