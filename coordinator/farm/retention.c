@@ -84,9 +84,17 @@ static status plan_ages(struct planning *p, const struct retention_policy *polic
 
     for (size_t i = 0; i < p->count && s == STATUS_OK; i++) {
         const struct retention_job *job = p->candidates[i].job;
-        int64_t keep_s = job->failed && policy->keep_failed_s >= 0 ? policy->keep_failed_s : policy->keep_s;
-        if (job->ended && !job->busy && keep_s >= 0 && now_s - job->ended_at >= keep_s)
-            s = add_step(p, &p->candidates[i], 1, RETENTION_AGE, freed);
+        int failed = job->failed && policy->keep_failed_s >= 0;
+        int64_t keep_s = failed ? policy->keep_failed_s : policy->keep_s, age_s = now_s - job->ended_at;
+        if (!job->ended || job->busy || keep_s < 0 || age_s < keep_s)
+            continue;
+        s = add_step(p, &p->candidates[i], 1, RETENTION_AGE, freed);
+        if (s == STATUS_OK) {
+            struct retention_step *step = &p->plan->steps[p->plan->count - 1];
+            step->age_s = age_s;
+            step->keep_s = keep_s;
+            step->failed = failed;
+        }
     }
     return s;
 }
@@ -189,14 +197,26 @@ const char *retention_bytes(char out[RETENTION_BYTES_SIZE], uint64_t bytes)
     return out;
 }
 
+/* "31 days", "5 hours", "40 s". */
+static const char *age_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
+{
+    int64_t unit = seconds >= 2 * 86400 ? 86400 : seconds >= 2 * 3600 ? 3600 : 1;
+
+    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 " %s", seconds / unit,
+             unit == 86400 ? "days" : unit == 3600 ? "hours" : "s");
+    return out;
+}
+
 void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy)
 {
     char used[RETENTION_BYTES_SIZE], limit[RETENTION_BYTES_SIZE];
+    char age[DURATION_TEXT_SIZE], keep[DURATION_TEXT_SIZE];
 
     switch (step->reason) {
     case RETENTION_AGE:
-        snprintf(out, RETENTION_TEXT_MAX + 1, "it ended long enough ago (--keep, --keep-failed)");
+        snprintf(out, RETENTION_TEXT_MAX + 1, "it ended %s ago (--keep%s %s)", age_text(age, step->age_s),
+                 step->failed ? "-failed" : "", duration_text(keep, step->keep_s));
         return;
     case RETENTION_OWNER:
         snprintf(out, RETENTION_TEXT_MAX + 1, "its owner has more than %s in the store (--owner-limit)",

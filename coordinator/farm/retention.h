@@ -54,6 +54,8 @@ struct retention_step {
     int whole;                   /* the job with all it has; else its films */
     enum retention_reason reason;
     uint64_t bytes;              /* that this frees */
+    int64_t age_s, keep_s;       /* of RETENTION_AGE: since its end, and how long it may be */
+    int failed;                  /* by --keep-failed */
 };
 /* Zero-initialise. */
 struct retention_plan {
@@ -67,7 +69,7 @@ void retention_plan_release(struct retention_plan *plan);
 status retention_make(struct retention_plan *plan, const struct retention_policy *policy,
                       const struct retention_job *jobs, size_t count, uint64_t used, uint64_t limit,
                       int64_t now_s, struct error *err) MUST_CHECK;
-/* Why, for the job's log: "it ended 31d ago (--keep 30d)". */
+/* Why, for the job's log: "it ended 31 days ago (--keep 30d)". */
 void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy);
 

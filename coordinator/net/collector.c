@@ -268,8 +268,8 @@ void collector_tick(struct server *server, uint64_t now_ns)
         take_steps(server, now_ns);
         return;
     }
-    if (limited && frames_done(&server->farm) != c->frames_done &&
-        now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS)
+    if (limited && now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS &&
+        frames_done(&server->farm) != c->frames_done)
         c->next_ns = 0;
     if (now_ns >= c->next_ns || c->asked_count > 0 ||
         (c->sweep_wanted && now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS))

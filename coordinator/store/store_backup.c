@@ -39,7 +39,7 @@ static int is_there(const char *folder, const char *name)
     return there;
 }
 
-/* ERR_REFUSED: the folder has something in it. */
+/* ERR_REFUSED: the folder has something in it, other than a lock. */
 static status check_empty(const char *path, struct error *err)
 {
     DIR *folder = opendir(path);
@@ -50,8 +50,9 @@ static status check_empty(const char *path, struct error *err)
         return errno == ENOENT ? STATUS_OK
                                : error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", path, strerror(errno));
     while (s == STATUS_OK && (entry = readdir(folder)))
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            s = error_set(err, STATUS_ERR_REFUSED, "%s: is not empty: name a new folder for the backup", path);
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 &&
+            strcmp(entry->d_name, "lock") != 0)
+            s = error_set(err, STATUS_ERR_REFUSED, "%s: is not empty: name a new folder", path);
     closedir(folder);
     return s;
 }
@@ -373,7 +374,7 @@ static status restore_files(const char *dir, const char *store, struct copied *s
 status store_restore(const char *dir, const char *store, struct copied *sum, struct error *err)
 {
     int lock = -1;
-    status s;
+    status s = STATUS_OK;
 
     *sum = (struct copied){0};
     if (!is_there(dir, "backup") || !is_there(dir, "queue.sqlite"))
@@ -382,7 +383,10 @@ status store_restore(const char *dir, const char *store, struct copied *sum, str
     if (is_there(store, "queue.sqlite"))
         return error_set(err, STATUS_ERR_REFUSED,
                          "%s: has jobs already: name an empty folder with --store, or move this one away", store);
-    s = file_make_private_folder(store, err);
+    if (!store_restoring(store)) /* films that lie there could be taken for a job's */
+        s = check_empty(store, err);
+    if (s == STATUS_OK)
+        s = file_make_private_folder(store, err);
     if (s == STATUS_OK)
         s = lock_store(store, &lock, err);
     if (s == STATUS_OK)

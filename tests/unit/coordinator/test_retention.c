@@ -81,6 +81,28 @@ static void jobs_go_by_age_and_state(void **state)
     expect_plan(make(&policy, jobs, 7, 0, 0), "1j 2j 3j 4j 5j");
 }
 
+static void the_reason_is_told(void **state)
+{
+    struct retention_policy policy = RETENTION_POLICY_DEFAULT;
+    struct retention_job jobs[] = {ended(1, 31), ended(2, 8), ended(3, 1)};
+    char text[RETENTION_TEXT_MAX + 1];
+    struct retention_plan plan;
+
+    (void)state;
+    jobs[1].failed = 1;
+    policy.keep_s = 30 * DAY;
+    policy.keep_failed_s = 7 * DAY;
+    plan = make(&policy, jobs, 3, 1000 * MIB, 970 * MIB);
+    assert_int_equal(plan.count, 3);
+    retention_text(text, &plan, &plan.steps[0], &policy);
+    assert_string_equal(text, "it ended 31 days ago (--keep 30d)");
+    retention_text(text, &plan, &plan.steps[1], &policy);
+    assert_string_equal(text, "it ended 8 days ago (--keep-failed 7d)");
+    retention_text(text, &plan, &plan.steps[2], &policy);
+    assert_string_equal(text, "the store takes 1000.0 MiB, and 970.0 MiB are allowed (--store-limit)");
+    retention_plan_release(&plan);
+}
+
 static void films_go_before_pictures(void **state)
 {
     const struct retention_policy policy = RETENTION_POLICY_DEFAULT;
@@ -172,6 +194,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_a_policy_nothing_goes),
         cmocka_unit_test(jobs_go_by_age_and_state),
+        cmocka_unit_test(the_reason_is_told),
         cmocka_unit_test(films_go_before_pictures),
         cmocka_unit_test(blobs_count_where_a_job_alone_has_them),
         cmocka_unit_test(each_owner_has_a_limit),
