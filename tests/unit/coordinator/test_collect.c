@@ -39,7 +39,8 @@ static size_t collect(struct sim_stored *f, const struct retention_policy *polic
 
     assert_int_equal(store_await_saves(f->store, &err), STATUS_OK);
     assert_int_equal(footprint_measure(&footprint, f->folder, &err), STATUS_OK);
-    assert_int_equal(collect_plan(&plan, farm, policy, &footprint, NULL, 0, is_read, NULL, &err), STATUS_OK);
+    assert_int_equal(collect_plan(&plan, farm, policy, &footprint, NULL, 0, is_read, NULL, &err),
+                     STATUS_OK);
     for (size_t i = 0; i < plan.count; i++) {
         enum collect_result result;
         status s = collect_step(farm, &plan, &plan.steps[i], policy, is_read, NULL, &result, &err);
@@ -109,7 +110,8 @@ static struct job *make(struct sim_stored *f, enum job_state state)
     case JOB_STATE_PARKED:
         for (uint64_t i = 1; i < SUSPICION_DEATHS; i++)
             suspicion_add(&job->suspicion, i, now_ns, now_ns);
-        closing_note_death(farm, job, &sim_connect(f->sim, f->workers++, 1)->worker, now_ns, now_ns);
+        closing_note_death(farm, job, &sim_connect(f->sim, f->workers++, 1)->worker, now_ns,
+                           now_ns);
         break;
     case JOB_STATE_FINISHING:
         assert_int_equal(steer_finish(farm, job, "ana@desk", now_ns, NULL), STATUS_OK);
@@ -139,7 +141,8 @@ static void go_on(struct sim_stored *f, enum job_state from, const struct retent
     struct job *job = f->sim->farm.queue.all[0];
 
     if (job->state == JOB_STATE_PAUSED || job->state == JOB_STATE_PARKED)
-        assert_int_equal(steer_resume(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+        assert_int_equal(steer_resume(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL),
+                         STATUS_OK);
     for (int i = 0; i < 20 && f->sim->farm.queue.active_count > 0; i++) {
         collect(f, policy);
         render(f, 1);
@@ -207,7 +210,8 @@ static void done_frames_of_a_running_job(void **state)
         sim_develop(f->sim);
     }
     assert_int_equal(job->frames_done_count, 1);
-    snprintf(path, sizeof path, "%s/films/1/frame-%04d.kept", f->folder, job_frame_is_done(job, 1) ? 1 : 2);
+    snprintf(path, sizeof path, "%s/films/1/frame-%04d.kept", f->folder,
+             job_frame_is_done(job, 1) ? 1 : 2);
     fclose(fopen(path, "wb")); /* only its name matters */
     assert_int_equal(collect(f, &policy), 1);
     assert_int_not_equal(access(path, F_OK), 0);
@@ -234,7 +238,8 @@ static void what_is_read_or_copied_stays(void **state)
     assert_int_equal(collect(f, &policy), 0);
     assert_int_equal(f->sim->farm.queue.count, 1);
     /* A person may remove it: its files wait for the end of the back-up, over a restart, too. */
-    assert_int_equal(steer_remove(&f->sim->farm, f->sim->farm.queue.all[0], "ana@desk", &err), STATUS_OK);
+    assert_int_equal(steer_remove(&f->sim->farm, f->sim->farm.queue.all[0], "ana@desk", &err),
+                     STATUS_OK);
     assert_true(has_folder(f, "outputs"));
     sim_stored_restart(f);
     assert_true(has_folder(f, "outputs"));
@@ -259,11 +264,13 @@ static void jobs_that_do_not_fit(void **state)
     policy.store_limit = retention_job_bytes(job, 0);
     assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 0, &err), STATUS_OK);
     policy.store_limit--;
-    assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 0, &err), STATUS_ERR_LIMIT);
+    assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 0, &err),
+                     STATUS_ERR_LIMIT);
     assert_non_null(strstr(err.text, "--force"));
     assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 1, &err), STATUS_OK);
     policy.owner_limit = retention_job_bytes(job, 0) - 1;
-    assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 1, &err), STATUS_ERR_LIMIT);
+    assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 1, &err),
+                     STATUS_ERR_LIMIT);
     assert_non_null(strstr(err.text, "--owner-limit"));
     job_free(job);
 }
@@ -272,9 +279,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(in_every_state, sim_stored_set_up, sim_stored_tear_down),
-        cmocka_unit_test_setup_teardown(done_frames_of_a_running_job, sim_stored_set_up, sim_stored_tear_down),
-        cmocka_unit_test_setup_teardown(what_is_read_or_copied_stays, sim_stored_set_up, sim_stored_tear_down),
-        cmocka_unit_test_setup_teardown(jobs_that_do_not_fit, sim_stored_set_up, sim_stored_tear_down),
+        cmocka_unit_test_setup_teardown(done_frames_of_a_running_job, sim_stored_set_up,
+                                        sim_stored_tear_down),
+        cmocka_unit_test_setup_teardown(what_is_read_or_copied_stays, sim_stored_set_up,
+                                        sim_stored_tear_down),
+        cmocka_unit_test_setup_teardown(jobs_that_do_not_fit, sim_stored_set_up,
+                                        sim_stored_tear_down),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -30,8 +30,9 @@ static struct retention_job active(uint64_t number)
         .job = number, .owner = "anna@studio", .films = 10 * MIB, .pictures = 2 * MIB};
 }
 
-static struct retention_plan make(const struct retention_policy *policy, const struct retention_job *jobs,
-                                  size_t count, uint64_t used, uint64_t limit)
+static struct retention_plan make(const struct retention_policy *policy,
+                                  const struct retention_job *jobs, size_t count, uint64_t used,
+                                  uint64_t limit)
 {
     struct retention_plan plan = {0};
     struct error err = {0};
@@ -64,8 +65,8 @@ static void without_a_policy_nothing_goes(void **state)
 static void jobs_go_by_age_and_state(void **state)
 {
     struct retention_policy policy = RETENTION_POLICY_DEFAULT;
-    struct retention_job jobs[] = {ended(1, 31), ended(2, 30), ended(3, 29), ended(4, 8), ended(5, 6), active(6),
-                                   ended(7, 99)};
+    struct retention_job jobs[] = {ended(1, 31), ended(2, 30), ended(3, 29), ended(4, 8),
+                                   ended(5, 6),  active(6),    ended(7, 99)};
 
     (void)state;
     jobs[3].failed = jobs[4].failed = 1;
@@ -99,7 +100,8 @@ static void the_reason_is_told(void **state)
     retention_text(text, &plan, &plan.steps[1], &policy);
     assert_string_equal(text, "it ended 8 days ago (--keep-failed 7d)");
     retention_text(text, &plan, &plan.steps[2], &policy);
-    assert_string_equal(text, "the store takes 1000.0 MiB, and 970.0 MiB are allowed (--store-limit)");
+    assert_string_equal(text,
+                        "the store takes 1000.0 MiB, and 970.0 MiB are allowed (--store-limit)");
     retention_plan_release(&plan);
 }
 
@@ -114,7 +116,8 @@ static void films_go_before_pictures(void **state)
     expect_plan(make(&policy, jobs, 4, used, used - 1), "2f");
     expect_plan(make(&policy, jobs, 4, used, used - 10 * MIB), "2f");
     expect_plan(make(&policy, jobs, 4, used, used - 30 * MIB), "2f 3f 9f");
-    expect_plan(make(&policy, jobs, 4, used, used - 31 * MIB), "2f 3f 9f 1f"); /* of its done frames */
+    expect_plan(make(&policy, jobs, 4, used, used - 31 * MIB),
+                "2f 3f 9f 1f"); /* of its done frames */
     expect_plan(make(&policy, jobs, 4, used, used - 41 * MIB), "2f 3f 9f 1f 2j");
     expect_plan(make(&policy, jobs, 4, used, 1), "2f 3f 9f 1f 2j 3j 9j");
     jobs[1].busy = 1;
@@ -184,7 +187,8 @@ static void a_plan_needs_memory(void **state)
         mem_fault_arm(fault, 1);
         s = retention_make(&plan, &policy, jobs, 3, 100 * MIB, 1, NOW, &err);
         mem_fault_arm(-1, 0);
-        assert_true(s == STATUS_OK ? plan.count == 3 : s == STATUS_ERR_NO_MEMORY && plan.count == 0);
+        assert_true(s == STATUS_OK ? plan.count == 3
+                                   : s == STATUS_ERR_NO_MEMORY && plan.count == 0);
         retention_plan_release(&plan);
     }
 }
