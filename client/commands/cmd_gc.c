@@ -11,13 +11,16 @@ static void print_collected(const Azulejo__Wire__StoreInfo *info)
 {
     char bytes[FORMAT_SIZE], text[256];
 
-    printf("removed  %" PRIu64 " blobs, %s\n", info->removed_blobs, format_bytes(bytes, info->removed_bytes));
+    printf("removed  %" PRIu64 " blobs, %s\n", info->removed_blobs,
+           format_bytes(bytes, info->removed_bytes));
     if (info->removed_jobs > 0)
         printf("         %" PRIu64 " jobs, by the coordinator's limits\n", info->removed_jobs);
     if (info->removed_films > 0)
-        printf("         the films of %" PRIu64 " jobs, by the coordinator's limits\n", info->removed_films);
+        printf("         the films of %" PRIu64 " jobs, by the coordinator's limits\n",
+               info->removed_films);
     if (info->waiting_blobs > 0)
-        printf("kept     %" PRIu64 " blobs, %s, that no job needs but a client named lately (--keep-blobs)\n",
+        printf("kept     %" PRIu64
+               " blobs, %s, that no job needs but a client named lately (--keep-blobs)\n",
                info->waiting_blobs, format_bytes(bytes, info->waiting_bytes));
     if (info->held[0])
         printf("held     %s\n", message_text(text, sizeof text, info->held));
@@ -29,9 +32,10 @@ static json_t *collected_json(const Azulejo__Wire__StoreInfo *i)
     json_t *root = store_json(i);
 
     json_object_set_new(root, "removed",
-                        json_pack("{s:I, s:I, s:I, s:I}", "jobs", (json_int_t)i->removed_jobs, "films",
-                                  (json_int_t)i->removed_films, "blobs", (json_int_t)i->removed_blobs,
-                                  "blob_bytes", (json_int_t)i->removed_bytes));
+                        json_pack("{s:I, s:I, s:I, s:I}", "jobs", (json_int_t)i->removed_jobs,
+                                  "films", (json_int_t)i->removed_films, "blobs",
+                                  (json_int_t)i->removed_blobs, "blob_bytes",
+                                  (json_int_t)i->removed_bytes));
     json_object_set_new(root, "waiting",
                         json_pack("{s:I, s:I}", "blobs", (json_int_t)i->waiting_blobs, "blob_bytes",
                                   (json_int_t)i->waiting_bytes));
@@ -74,8 +78,8 @@ const struct command command_gc = {
     .group = COMMAND_FARM,
     .usage = "azulejo gc [OPTION]...",
     .summary = "remove from the coordinator's store what may go",
-    .description =
-        "Remove scenes and their files that no job needs, and what the coordinator's own limits no longer allow. The\n"
-        "coordinator does the same by itself. Nothing that a job needs is removed.",
+    .description = "Remove scenes and their files that no job needs, and what the coordinator's "
+                   "own limits no longer allow. The\n"
+                   "coordinator does the same by itself. Nothing that a job needs is removed.",
     .run = run,
 };

@@ -53,7 +53,8 @@ static status ask_films(struct connection *c, uint64_t job, Azulejo__Wire__Envel
     message_free(*answer);
     *answer = NULL;
     if (!job_state_is_final(state)) /* it would be cancelled */
-        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only films of jobs that have ended are removed",
+        return error_set(err, STATUS_ERR_REFUSED,
+                         "job %llu is %s: only films of jobs that have ended are removed",
                          (unsigned long long)job, job_state_name(state));
     body.job = job;
     body.discard = 1;
@@ -63,7 +64,8 @@ static status ask_films(struct connection *c, uint64_t job, Azulejo__Wire__Envel
 static status ask(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err)
 {
-    return (((const struct prune_options *)options)->films ? ask_films : ask_remove)(c, job, answer, err);
+    return (((const struct prune_options *)options)->films ? ask_films : ask_remove)(c, job, answer,
+                                                                                     err);
 }
 
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
@@ -78,9 +80,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct prune_options options = {0};
     const struct option own[] = {
         {"older-than", 0, OPTION_STRING, &options.older_than, "TIME",
-         "only jobs that ended so long ago, as in 12h or 30d (without a JOB: all of them)", 0, 0, NULL},
+         "only jobs that ended so long ago, as in 12h or 30d (without a JOB: all of them)", 0, 0,
+         NULL},
         {"films", 0, OPTION_FLAG, &options.films, NULL,
-         "remove only the films: the pictures stay, but extend and retry cannot go on from them", 0, 0, NULL},
+         "remove only the films: the pictures stay, but extend and retry cannot go on from them", 0,
+         0, NULL},
         {0},
     };
 
@@ -92,8 +96,8 @@ const struct command command_prune = {
     .group = COMMAND_JOBS,
     .usage = "azulejo prune [JOB]... [OPTION]...",
     .summary = "remove old jobs that have ended, or their films",
-    .description =
-        "Remove jobs that have ended from the coordinator, as 'remove' does, by their age. A job whose pictures somebody\n"
-        "fetches just now stays.",
+    .description = "Remove jobs that have ended from the coordinator, as 'remove' does, by their "
+                   "age. A job whose pictures somebody\n"
+                   "fetches just now stays.",
     .run = run,
 };

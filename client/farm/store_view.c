@@ -9,9 +9,10 @@
 #include "common/base/duration.h"
 #include "protocol/message.h"
 
-enum { SHOWN_MAX = 20 };         /* jobs and owners in the text */
+enum { SHOWN_MAX = 20 }; /* jobs and owners in the text */
 
-status store_ask(struct connection *c, int collect, Azulejo__Wire__Envelope **answer, struct error *err)
+status store_ask(struct connection *c, int collect, Azulejo__Wire__Envelope **answer,
+                 struct error *err)
 {
     Azulejo__Wire__StoreQuery body = AZULEJO__WIRE__STORE_QUERY__INIT;
     Azulejo__Wire__Envelope question = MESSAGE(STORE_QUERY, store_query, &body);
@@ -27,16 +28,10 @@ static uint64_t total(const Azulejo__Wire__StoreInfo *i)
 
 /* ---- for programs ---------------------------------------------------------------------------- */
 
-static json_t *number(uint64_t value)
-{
-    return json_integer((json_int_t)value);
-}
+static json_t *number(uint64_t value) { return json_integer((json_int_t)value); }
 
 /* null: there is none. */
-static json_t *limit_json(uint64_t limit)
-{
-    return limit ? number(limit) : json_null();
-}
+static json_t *limit_json(uint64_t limit) { return limit ? number(limit) : json_null(); }
 
 static json_t *age_json(int64_t seconds)
 {
@@ -49,10 +44,11 @@ static json_t *jobs_json(const Azulejo__Wire__StoreInfo *info)
 
     for (size_t i = 0; i < info->n_jobs; i++) {
         const Azulejo__Wire__StoreJob *j = info->jobs[i];
-        json_array_append_new(jobs, json_pack("{s:o, s:o, s:o, s:s, s:o, s:o}", "job", number(j->job), "name",
-                                              json_text(j->name), "owner", json_text(j->owner), "state",
-                                              job_state_name(j->state), "films", number(j->films), "pictures",
-                                              number(j->pictures)));
+        json_array_append_new(jobs,
+                              json_pack("{s:o, s:o, s:o, s:s, s:o, s:o}", "job", number(j->job),
+                                        "name", json_text(j->name), "owner", json_text(j->owner),
+                                        "state", job_state_name(j->state), "films",
+                                        number(j->films), "pictures", number(j->pictures)));
     }
     return jobs;
 }
@@ -63,22 +59,24 @@ static json_t *owners_json(const Azulejo__Wire__StoreInfo *info)
 
     for (size_t i = 0; i < info->n_owners; i++) {
         const Azulejo__Wire__StoreOwner *o = info->owners[i];
-        json_array_append_new(owners, json_pack("{s:o, s:o, s:o, s:o}", "owner", json_text(o->owner), "jobs",
-                                                number(o->jobs), "films", number(o->films), "pictures",
-                                                number(o->pictures)));
+        json_array_append_new(owners,
+                              json_pack("{s:o, s:o, s:o, s:o}", "owner", json_text(o->owner),
+                                        "jobs", number(o->jobs), "films", number(o->films),
+                                        "pictures", number(o->pictures)));
     }
     return owners;
 }
 
 json_t *store_json(const Azulejo__Wire__StoreInfo *i)
 {
-    return json_pack("{s:o, s:o, s:o, s:{s:o, s:o, s:o, s:o, s:o, s:o}, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
-                     "disk", number(i->disk), "free", number(i->free), "total", number(total(i)), "kinds",
-                     "films", number(i->films), "pictures", number(i->pictures), "blobs", number(i->blobs),
-                     "database", number(i->database), "reserve", number(i->reserve), "other", number(i->other),
-                     "store_limit", limit_json(i->store_limit), "owner_limit", limit_json(i->owner_limit), "keep_s",
-                     age_json(i->keep_s), "keep_failed_s", age_json(i->keep_failed_s), "jobs", jobs_json(i),
-                     "more_jobs", number(i->more_jobs), "owners", owners_json(i));
+    return json_pack(
+        "{s:o, s:o, s:o, s:{s:o, s:o, s:o, s:o, s:o, s:o}, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
+        "disk", number(i->disk), "free", number(i->free), "total", number(total(i)), "kinds",
+        "films", number(i->films), "pictures", number(i->pictures), "blobs", number(i->blobs),
+        "database", number(i->database), "reserve", number(i->reserve), "other", number(i->other),
+        "store_limit", limit_json(i->store_limit), "owner_limit", limit_json(i->owner_limit),
+        "keep_s", age_json(i->keep_s), "keep_failed_s", age_json(i->keep_failed_s), "jobs",
+        jobs_json(i), "more_jobs", number(i->more_jobs), "owners", owners_json(i));
 }
 
 /* ---- for people ------------------------------------------------------------------------------ */
@@ -95,13 +93,17 @@ static void print_limits(const Azulejo__Wire__StoreInfo *i)
     char size[FORMAT_SIZE], age[DURATION_TEXT_SIZE];
 
     if (i->keep_s >= 0)
-        printf("  %-10s  jobs are removed %s after their end\n", "keep", duration_text(age, i->keep_s));
+        printf("  %-10s  jobs are removed %s after their end\n", "keep",
+               duration_text(age, i->keep_s));
     if (i->keep_failed_s >= 0)
-        printf("  %-10s  failed and cancelled ones after %s\n", "", duration_text(age, i->keep_failed_s));
+        printf("  %-10s  failed and cancelled ones after %s\n", "",
+               duration_text(age, i->keep_failed_s));
     if (i->store_limit)
-        printf("  %-10s  %s in the store, then what ended first goes\n", "limit", format_bytes(size, i->store_limit));
+        printf("  %-10s  %s in the store, then what ended first goes\n", "limit",
+               format_bytes(size, i->store_limit));
     if (i->owner_limit)
-        printf("  %-10s  %s of films and pictures for each owner\n", "", format_bytes(size, i->owner_limit));
+        printf("  %-10s  %s of films and pictures for each owner\n", "",
+               format_bytes(size, i->owner_limit));
     if (i->keep_s < 0 && i->keep_failed_s < 0 && !i->store_limit && !i->owner_limit)
         printf("  %-10s  no limit: jobs stay until 'azulejo prune' or 'remove'\n", "keep");
 }

@@ -34,6 +34,7 @@ const char *duration_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
     for (int i = 0; i < 4 && unit == 3 && seconds != 0; i++)
         if (seconds % units[i].seconds == 0)
             unit = i;
-    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 "%s", seconds / units[unit].seconds, units[unit].unit);
+    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 "%s", seconds / units[unit].seconds,
+             units[unit].unit);
     return out;
 }

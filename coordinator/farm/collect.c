@@ -9,7 +9,8 @@
 #include "coordinator/farm/steer.h"
 #include "coordinator/store/store_hold.h"
 
-status collect_users(const struct farm *farm, struct blob_user **users, size_t *count, struct error *err)
+status collect_users(const struct farm *farm, struct blob_user **users, size_t *count,
+                     struct error *err)
 {
     const struct queue *queue = &farm->queue;
 
@@ -33,10 +34,12 @@ enum { ROOM_NONE_BYTES = 1 << 20 };
 /* ---- the plan -------------------------------------------------------------------------------- */
 
 /* Its films and pictures are in use, or its end is not on disk: after a crash now it would go on. */
-static int is_busy(const struct farm *farm, const struct job *job, collect_read_fn *is_read, void *user)
+static int is_busy(const struct farm *farm, const struct job *job, collect_read_fn *is_read,
+                   void *user)
 {
     return job->to_develop || farm->developing == job || job->closing_frames > 0 || job->unsaved ||
-           (job_state_ended(job->state) && store_job_unsaved(farm->store, job->id)) || is_read(user, job->id);
+           (job_state_ended(job->state) && store_job_unsaved(farm->store, job->id)) ||
+           is_read(user, job->id);
 }
 
 static int compare_users(const void *a, const void *b)
@@ -53,14 +56,15 @@ static uint64_t done_share(const struct job *job, uint64_t films)
 
     for (const struct job_frame *f = job->frames; f; f = f->next)
         open++;
-    return job->frames_done_count
-               ? (uint64_t)((double)films * job->frames_done_count / (job->frames_done_count + 2.0 * open))
-               : 0;
+    return job->frames_done_count ? (uint64_t)((double)films * job->frames_done_count /
+                                               (job->frames_done_count + 2.0 * open))
+                                  : 0;
 }
 
-status collect_plan(struct retention_plan *plan, const struct farm *farm, const struct retention_policy *policy,
-                    const struct footprint *footprint, const struct blob_user *users, size_t user_count,
-                    collect_read_fn *is_read, void *user, struct error *err)
+status collect_plan(struct retention_plan *plan, const struct farm *farm,
+                    const struct retention_policy *policy, const struct footprint *footprint,
+                    const struct blob_user *users, size_t user_count, collect_read_fn *is_read,
+                    void *user, struct error *err)
 {
     const struct queue *queue = &farm->queue;
     struct retention_job *jobs = mem_calloc(queue->count ? queue->count : 1, sizeof *jobs);
@@ -123,7 +127,8 @@ static void remove_films(struct farm *farm, const struct job *job, const char *w
     farm_note(farm, job, NULL, "its kept films are removed: %s", why);
 }
 
-static status take_step(struct farm *farm, struct job *job, int whole, const char *why, struct error *err)
+static status take_step(struct farm *farm, struct job *job, int whole, const char *why,
+                        struct error *err)
 {
     uint64_t id = job->id;
     status s;
@@ -138,9 +143,10 @@ static status take_step(struct farm *farm, struct job *job, int whole, const cha
     return s;
 }
 
-status collect_step(struct farm *farm, const struct retention_plan *plan, const struct retention_step *step,
-                    const struct retention_policy *policy, collect_read_fn *is_read, void *user,
-                    enum collect_result *result, struct error *err)
+status collect_step(struct farm *farm, const struct retention_plan *plan,
+                    const struct retention_step *step, const struct retention_policy *policy,
+                    collect_read_fn *is_read, void *user, enum collect_result *result,
+                    struct error *err)
 {
     struct job *job = queue_find(&farm->queue, step->job);
     char why[RETENTION_TEXT_MAX + 1];
@@ -163,8 +169,8 @@ status collect_step(struct farm *farm, const struct retention_plan *plan, const 
 
 /* ---- before a job is taken -------------------------------------------------------------------- */
 
-static status check_owner(const struct farm *farm, const struct retention_policy *policy, const struct job *job,
-                          uint64_t needed, struct error *err)
+static status check_owner(const struct farm *farm, const struct retention_policy *policy,
+                          const struct job *job, uint64_t needed, struct error *err)
 {
     char need[RETENTION_BYTES_SIZE], limit[RETENTION_BYTES_SIZE], others[RETENTION_BYTES_SIZE];
     uint64_t promised = 0;
@@ -174,11 +180,12 @@ static status check_owner(const struct farm *farm, const struct retention_policy
             promised += retention_job_bytes(farm->queue.active[i], 0);
     if (policy->owner_limit == 0 || needed + promised <= policy->owner_limit)
         return STATUS_OK;
-    return error_set(err, STATUS_ERR_LIMIT,
-                     "the job needs about %s, %s has jobs that have not ended for %s, and %s are allowed "
-                     "(--owner-limit): submit fewer or smaller frames, or wait until a job has ended",
-                     retention_bytes(need, needed), job->owner[0] ? job->owner : "this owner",
-                     retention_bytes(others, promised), retention_bytes(limit, policy->owner_limit));
+    return error_set(
+        err, STATUS_ERR_LIMIT,
+        "the job needs about %s, %s has jobs that have not ended for %s, and %s are allowed "
+        "(--owner-limit): submit fewer or smaller frames, or wait until a job has ended",
+        retention_bytes(need, needed), job->owner[0] ? job->owner : "this owner",
+        retention_bytes(others, promised), retention_bytes(limit, policy->owner_limit));
 }
 
 /* What may be removed to make room. */
@@ -201,11 +208,13 @@ status collect_check_room(const struct farm *farm, const struct retention_policy
 {
     char need[RETENTION_BYTES_SIZE], there[RETENTION_BYTES_SIZE];
     int films_stay = !retention_makes_room(policy) && !farm->discards_films;
-    uint64_t needed = retention_job_bytes(job, films_stay), disk, room, limit, used = footprint_total(footprint);
+    uint64_t needed = retention_job_bytes(job, films_stay), disk, room, limit,
+             used = footprint_total(footprint);
     struct error why = {0};
     status s = check_owner(farm, policy, job, retention_job_bytes(job, 0), err);
 
-    if (s != STATUS_OK || force || footprint_disk(store_folder(farm->store), &disk, &room, &why) != STATUS_OK)
+    if (s != STATUS_OK || force ||
+        footprint_disk(store_folder(farm->store), &disk, &room, &why) != STATUS_OK)
         return s;
     if (room < ROOM_NONE_BYTES)
         return s;
@@ -216,9 +225,12 @@ status collect_check_room(const struct farm *farm, const struct retention_policy
     if (needed <= room)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_LIMIT,
-                     "the job needs about %s on the coordinator's disk (%u frames of %u x %u pixels%s), and %s are "
-                     "there: submit fewer or smaller frames, remove jobs ('azulejo show --farm' says what takes the "
+                     "the job needs about %s on the coordinator's disk (%u frames of %u x %u "
+                     "pixels%s), and %s are "
+                     "there: submit fewer or smaller frames, remove jobs ('azulejo show --farm' "
+                     "says what takes the "
                      "room), or give --force: it then waits whenever the disk is full",
                      retention_bytes(need, needed), job_frames_wanted(job), job->settings.width,
-                     job->settings.height, films_stay ? ", with their films" : "", retention_bytes(there, room));
+                     job->settings.height, films_stay ? ", with their films" : "",
+                     retention_bytes(there, room));
 }

@@ -17,17 +17,19 @@ typedef int collect_read_fn(void *user, uint64_t job);
 
 /* Plan what to remove, by what was measured. `users`: with the bytes of their blobs, in any order; NULL: not
  * known. ERR_NO_MEMORY. */
-status collect_plan(struct retention_plan *plan, const struct farm *farm, const struct retention_policy *policy,
-                    const struct footprint *footprint, const struct blob_user *users, size_t user_count,
-                    collect_read_fn *is_read, void *user, struct error *err) MUST_CHECK;
+status collect_plan(struct retention_plan *plan, const struct farm *farm,
+                    const struct retention_policy *policy, const struct footprint *footprint,
+                    const struct blob_user *users, size_t user_count, collect_read_fn *is_read,
+                    void *user, struct error *err) MUST_CHECK;
 
 /* What became of a step. */
 enum collect_result { COLLECT_NOTHING, COLLECT_FILMS, COLLECT_JOB };
 /* Do it, unless the job is no longer what the plan took it for. ERR_IO, ERR_REFUSED (a backup): nothing was
  * removed. */
-status collect_step(struct farm *farm, const struct retention_plan *plan, const struct retention_step *step,
-                    const struct retention_policy *policy, collect_read_fn *is_read, void *user,
-                    enum collect_result *result, struct error *err) MUST_CHECK;
+status collect_step(struct farm *farm, const struct retention_plan *plan,
+                    const struct retention_step *step, const struct retention_policy *policy,
+                    collect_read_fn *is_read, void *user, enum collect_result *result,
+                    struct error *err) MUST_CHECK;
 
 /* Does the job fit the disk and its owner's quota? `force`: only the quota counts. ERR_LIMIT: no; the text
  * says what it needs, what there is, and what to do. `footprint` is the last one, zeroed if there is none. */

@@ -11,7 +11,8 @@
 
 uint64_t retention_store_limit(const struct retention_policy *policy, uint64_t disk_bytes)
 {
-    uint64_t share = policy->store_share > 0 ? (uint64_t)(policy->store_share * (double)disk_bytes) : 0;
+    uint64_t share =
+        policy->store_share > 0 ? (uint64_t)(policy->store_share * (double)disk_bytes) : 0;
 
     if (share == 0 || (policy->store_limit > 0 && policy->store_limit < share))
         return policy->store_limit;
@@ -61,8 +62,8 @@ static uint64_t bytes_of(const struct candidate *c)
     return c->gone ? 0 : (c->films_gone ? 0 : c->job->films) + c->job->pictures;
 }
 
-static status add_step(struct planning *p, struct candidate *c, int whole, enum retention_reason reason,
-                       uint64_t *freed)
+static status add_step(struct planning *p, struct candidate *c, int whole,
+                       enum retention_reason reason, uint64_t *freed)
 {
     struct retention_plan *plan = p->plan;
     uint64_t bytes = whole ? bytes_of(c) + c->job->blobs : c->job->films;
@@ -84,9 +85,18 @@ static status plan_ages(struct planning *p, const struct retention_policy *polic
 
     for (size_t i = 0; i < p->count && s == STATUS_OK; i++) {
         const struct retention_job *job = p->candidates[i].job;
-        int64_t keep_s = job->failed && policy->keep_failed_s >= 0 ? policy->keep_failed_s : policy->keep_s;
-        if (job->ended && !job->busy && keep_s >= 0 && now_s - job->ended_at >= keep_s)
-            s = add_step(p, &p->candidates[i], 1, RETENTION_AGE, freed);
+        int failed = job->failed && policy->keep_failed_s >= 0;
+        int64_t keep_s = failed ? policy->keep_failed_s : policy->keep_s,
+                age_s = now_s - job->ended_at;
+        if (!job->ended || job->busy || keep_s < 0 || age_s < keep_s)
+            continue;
+        s = add_step(p, &p->candidates[i], 1, RETENTION_AGE, freed);
+        if (s == STATUS_OK) {
+            struct retention_step *step = &p->plan->steps[p->plan->count - 1];
+            step->age_s = age_s;
+            step->keep_s = keep_s;
+            step->failed = failed;
+        }
     }
     return s;
 }
@@ -103,8 +113,8 @@ static int has_turn(const struct candidate *c, enum turn turn)
 }
 
 /* Free `excess` bytes, of one owner's jobs or with NULL of all. */
-static status plan_excess(struct planning *p, const char *owner, uint64_t excess, enum retention_reason reason,
-                          uint64_t *freed)
+static status plan_excess(struct planning *p, const char *owner, uint64_t excess,
+                          enum retention_reason reason, uint64_t *freed)
 {
     uint64_t done = 0;
     status s = STATUS_OK;
@@ -138,7 +148,8 @@ static status plan_owners(struct planning *p, uint64_t limit, uint64_t *freed)
         qsort(by_owner, p->count, sizeof *by_owner, compare_owners);
     for (size_t begin = 0, end; begin < p->count && s == STATUS_OK; begin = end) {
         uint64_t used = 0;
-        for (end = begin; end < p->count && compare_owners(&by_owner[begin], &by_owner[end]) == 0; end++)
+        for (end = begin; end < p->count && compare_owners(&by_owner[begin], &by_owner[end]) == 0;
+             end++)
             used += bytes_of(by_owner[end]);
         if (used > limit)
             s = plan_excess(p, by_owner[begin]->job->owner, used - limit, RETENTION_OWNER, freed);
@@ -151,7 +162,9 @@ status retention_make(struct retention_plan *plan, const struct retention_policy
                       const struct retention_job *jobs, size_t count, uint64_t used, uint64_t limit,
                       int64_t now_s, struct error *err)
 {
-    struct planning p = {.plan = plan, .count = count, .err = err,
+    struct planning p = {.plan = plan,
+                         .count = count,
+                         .err = err,
                          .candidates = mem_calloc(count ? count : 1, sizeof *p.candidates)};
     uint64_t freed = 0;
     status s = p.candidates ? STATUS_OK : error_no_memory(err, "a plan of what to remove");
@@ -189,21 +202,38 @@ const char *retention_bytes(char out[RETENTION_BYTES_SIZE], uint64_t bytes)
     return out;
 }
 
+/* "31 days", "5 hours", "40 s". */
+static const char *age_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
+{
+    int64_t unit = seconds >= 2 * 86400 ? 86400 : seconds >= 2 * 3600 ? 3600 : 1;
+
+    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 " %s", seconds / unit,
+             unit == 86400  ? "days"
+             : unit == 3600 ? "hours"
+                            : "s");
+    return out;
+}
+
 void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy)
 {
     char used[RETENTION_BYTES_SIZE], limit[RETENTION_BYTES_SIZE];
+    char age[DURATION_TEXT_SIZE], keep[DURATION_TEXT_SIZE];
 
     switch (step->reason) {
     case RETENTION_AGE:
-        snprintf(out, RETENTION_TEXT_MAX + 1, "it ended long enough ago (--keep, --keep-failed)");
+        snprintf(out, RETENTION_TEXT_MAX + 1, "it ended %s ago (--keep%s %s)",
+                 age_text(age, step->age_s), step->failed ? "-failed" : "",
+                 duration_text(keep, step->keep_s));
         return;
     case RETENTION_OWNER:
-        snprintf(out, RETENTION_TEXT_MAX + 1, "its owner has more than %s in the store (--owner-limit)",
+        snprintf(out, RETENTION_TEXT_MAX + 1,
+                 "its owner has more than %s in the store (--owner-limit)",
                  retention_bytes(limit, policy->owner_limit));
         return;
     default:
-        snprintf(out, RETENTION_TEXT_MAX + 1, "the store takes %s, and %s are allowed (--store-limit)",
+        snprintf(out, RETENTION_TEXT_MAX + 1,
+                 "the store takes %s, and %s are allowed (--store-limit)",
                  retention_bytes(used, plan->used), retention_bytes(limit, plan->limit));
     }
 }
@@ -219,7 +249,8 @@ uint64_t retention_job_bytes(const struct job *job, int films_stay)
 {
     const struct output_settings *o = &job->output;
     double pixels = (double)job->settings.width * job->settings.height;
-    double film = (double)farm_film_bytes(job->settings.width, job->settings.height, job->settings.aovs);
+    double film =
+        (double)farm_film_bytes(job->settings.width, job->settings.height, job->settings.aovs);
     uint32_t frames = job_frames_wanted(job);
     uint32_t open = frames < FRAMES_OPEN_PER_JOB ? frames : FRAMES_OPEN_PER_JOB;
     double layers = 1 + (double)aov_floats(job->settings.aovs) / 3;
@@ -232,6 +263,7 @@ uint64_t retention_job_bytes(const struct job *job, int films_stay)
         picture += png_bytes * (o->picture.bits == 16 ? 3 : 1);
     if (o->jpg)
         picture += jpeg_bytes;
-    return (uint64_t)((double)frames * pixels * picture + (double)open * film * work_films +
-                      (films_stay && frames > open ? (double)(frames - open) * film * kept_films : 0));
+    return (
+        uint64_t)((double)frames * pixels * picture + (double)open * film * work_films +
+                  (films_stay && frames > open ? (double)(frames - open) * film * kept_films : 0));
 }

@@ -23,13 +23,16 @@ enum { RETENTION_TEXT_MAX = 255 };
 
 struct retention_policy {
     int64_t keep_s, keep_failed_s; /* negative: for ever */
-    uint64_t store_limit;        /* bytes; 0: none */
-    double store_share;          /* of the disk's bytes; 0: none */
-    uint64_t owner_limit;        /* bytes of films and pictures; 0: none */
-    int64_t keep_blobs_s;        /* of blobs that no job needs, since a client last named them */
+    uint64_t store_limit;          /* bytes; 0: none */
+    double store_share;            /* of the disk's bytes; 0: none */
+    uint64_t owner_limit;          /* bytes of films and pictures; 0: none */
+    int64_t keep_blobs_s;          /* of blobs that no job needs, since a client last named them */
 };
 /* Nothing is removed but blobs that no job has needed for a day. */
-#define RETENTION_POLICY_DEFAULT {.keep_s = -1, .keep_failed_s = -1, .keep_blobs_s = 86400}
+#define RETENTION_POLICY_DEFAULT \
+    { \
+        .keep_s = -1, .keep_failed_s = -1, .keep_blobs_s = 86400 \
+    }
 
 /* Of the two limits of the store the smaller one; 0: none. */
 uint64_t retention_store_limit(const struct retention_policy *policy, uint64_t disk_bytes);
@@ -40,26 +43,28 @@ int retention_makes_room(const struct retention_policy *policy);
 struct retention_job {
     uint64_t job;
     const char *owner;
-    int ended, failed;           /* failed: or cancelled */
-    int busy;                    /* somebody fetches its pictures, or they are being made */
-    int64_t ended_at;            /* seconds since 1970 */
-    uint64_t films;              /* bytes; of a job that has not ended: of its done frames */
+    int ended, failed; /* failed: or cancelled */
+    int busy;          /* somebody fetches its pictures, or they are being made */
+    int64_t ended_at;  /* seconds since 1970 */
+    uint64_t films;    /* bytes; of a job that has not ended: of its done frames */
     uint64_t pictures;
-    uint64_t blobs;              /* bytes that no other job needs; 0: not known */
+    uint64_t blobs; /* bytes that no other job needs; 0: not known */
 };
 
 enum retention_reason { RETENTION_AGE, RETENTION_OWNER, RETENTION_STORE };
 struct retention_step {
     uint64_t job;
-    int whole;                   /* the job with all it has; else its films */
+    int whole; /* the job with all it has; else its films */
     enum retention_reason reason;
-    uint64_t bytes;              /* that this frees */
+    uint64_t bytes;        /* that this frees */
+    int64_t age_s, keep_s; /* of RETENTION_AGE: since its end, and how long it may be */
+    int failed;            /* by --keep-failed */
 };
 /* Zero-initialise. */
 struct retention_plan {
     struct retention_step *steps;
     size_t count, capacity;
-    uint64_t used, limit;        /* of the store, for the text */
+    uint64_t used, limit; /* of the store, for the text */
 };
 void retention_plan_release(struct retention_plan *plan);
 
@@ -67,7 +72,7 @@ void retention_plan_release(struct retention_plan *plan);
 status retention_make(struct retention_plan *plan, const struct retention_policy *policy,
                       const struct retention_job *jobs, size_t count, uint64_t used, uint64_t limit,
                       int64_t now_s, struct error *err) MUST_CHECK;
-/* Why, for the job's log: "it ended 31d ago (--keep 30d)". */
+/* Why, for the job's log: "it ended 31 days ago (--keep 30d)". */
 void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy);
 

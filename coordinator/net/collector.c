@@ -27,16 +27,14 @@ int collector_is_read(void *user, uint64_t job)
     return 0;
 }
 
-status collector_check_room(struct server *server, const struct job *job, int force, struct error *err)
+status collector_check_room(struct server *server, const struct job *job, int force,
+                            struct error *err)
 {
-    return collect_check_room(&server->farm, &server->collector.policy, &server->collector.footprint, job, force,
-                              err);
+    return collect_check_room(&server->farm, &server->collector.policy,
+                              &server->collector.footprint, job, force, err);
 }
 
-void collector_wake(struct server *server)
-{
-    server->collector.sweep_wanted = 1;
-}
+void collector_wake(struct server *server) { server->collector.sweep_wanted = 1; }
 
 void collector_release(struct collector *collector)
 {
@@ -50,7 +48,7 @@ struct collect_task {
     struct task task;
     struct footprint footprint;
     struct sweep sweep;
-    int sweeps;                  /* in any case, */
+    int sweeps;                     /* in any case, */
     struct retention_policy policy; /* or above its limit */
     status swept;
     struct error why;
@@ -70,8 +68,8 @@ static void collect_run(struct task *task)
     if (!t->sweeps)
         return;
     t->swept = sweep_run(&t->sweep, folder, &t->why);
-    t->footprint.blobs -= t->sweep.removed_bytes < t->footprint.blobs ? t->sweep.removed_bytes
-                                                                     : t->footprint.blobs;
+    t->footprint.blobs -=
+        t->sweep.removed_bytes < t->footprint.blobs ? t->sweep.removed_bytes : t->footprint.blobs;
 }
 
 static void collect_release(struct task *task)
@@ -115,8 +113,9 @@ static void note_held(struct collector *c, status s, const struct error *why)
 }
 
 static void collect_end(struct task *task);
-static const struct task_kind collect_kind = {"what takes the store's room", sizeof(struct collect_task),
-                                              collect_run, collect_end, collect_release};
+static const struct task_kind collect_kind = {"what takes the store's room",
+                                              sizeof(struct collect_task), collect_run, collect_end,
+                                              collect_release};
 
 static void begin_round(struct server *server, uint64_t now_ns)
 {
@@ -129,7 +128,8 @@ static void begin_round(struct server *server, uint64_t now_ns)
     c->serving = c->asked_count;
     c->next_ns = now_ns + COLLECTOR_BUSY_MS * NS_PER_MS; /* if it fails */
     t = task_new(server, &collect_kind, &err);
-    s = t ? collect_users(&server->farm, &t->sweep.users, &t->sweep.count, &err) : STATUS_ERR_NO_MEMORY;
+    s = t ? collect_users(&server->farm, &t->sweep.users, &t->sweep.count, &err)
+          : STATUS_ERR_NO_MEMORY;
     if (s != STATUS_OK) {
         log_warn("%s", err.text);
         task_drop(t ? &t->task : NULL);
@@ -137,7 +137,8 @@ static void begin_round(struct server *server, uint64_t now_ns)
     }
     t->policy = c->policy;
     t->sweep.cutoff_ns = blobs_cutoff(server);
-    t->sweeps = c->sweep_wanted || now_ns - c->swept_ns >= COLLECTOR_IDLE_MS * NS_PER_MS || !c->swept_ns;
+    t->sweeps =
+        c->sweep_wanted || now_ns - c->swept_ns >= COLLECTOR_IDLE_MS * NS_PER_MS || !c->swept_ns;
     c->sweep_wanted = 0;
     c->frames_done = frames_done(&server->farm);
     c->running = 1;
@@ -178,7 +179,8 @@ static int may_remove(const struct collector *c)
 static void end_round(struct server *server, uint64_t now_ns)
 {
     struct collector *c = &server->collector;
-    int limited = c->policy.store_limit > 0 || c->policy.store_share > 0 || c->policy.owner_limit > 0;
+    int limited =
+        c->policy.store_limit > 0 || c->policy.store_share > 0 || c->policy.owner_limit > 0;
     int policy = limited || c->policy.keep_s >= 0 || c->policy.keep_failed_s >= 0;
     const struct error none = {0};
 
@@ -227,7 +229,8 @@ static void collect_end(struct task *task)
     if (may_remove(c) && server->state == SERVER_LISTENING)
         s = collect_plan(&c->plan, &server->farm, &c->policy, &c->footprint,
                          t->sweeps && t->swept == STATUS_OK ? t->sweep.users : NULL,
-                         t->sweeps && t->swept == STATUS_OK ? t->sweep.count : 0, collector_is_read, server, &err);
+                         t->sweeps && t->swept == STATUS_OK ? t->sweep.count : 0, collector_is_read,
+                         server, &err);
     note_held(c, s, &err);
     c->plan_at = 0;
     if (c->plan.count == 0)
@@ -244,8 +247,8 @@ static void take_steps(struct server *server, uint64_t now_ns)
     for (int i = 0; i < COLLECTOR_STEPS && c->plan_at < c->plan.count && s == STATUS_OK; i++) {
         enum collect_result result;
         struct error err = {0};
-        s = collect_step(&server->farm, &c->plan, &c->plan.steps[c->plan_at++], &c->policy, collector_is_read,
-                         server, &result, &err);
+        s = collect_step(&server->farm, &c->plan, &c->plan.steps[c->plan_at++], &c->policy,
+                         collector_is_read, server, &result, &err);
         c->removed_jobs += result == COLLECT_JOB;
         c->removed_films += result == COLLECT_FILMS;
         c->round_removed |= result == COLLECT_JOB;
@@ -260,7 +263,8 @@ static void take_steps(struct server *server, uint64_t now_ns)
 void collector_tick(struct server *server, uint64_t now_ns)
 {
     struct collector *c = &server->collector;
-    int limited = c->policy.store_limit > 0 || c->policy.store_share > 0 || c->policy.owner_limit > 0;
+    int limited =
+        c->policy.store_limit > 0 || c->policy.store_share > 0 || c->policy.owner_limit > 0;
 
     if (c->running)
         return;
@@ -268,8 +272,8 @@ void collector_tick(struct server *server, uint64_t now_ns)
         take_steps(server, now_ns);
         return;
     }
-    if (limited && frames_done(&server->farm) != c->frames_done &&
-        now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS)
+    if (limited && now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS &&
+        frames_done(&server->farm) != c->frames_done)
         c->next_ns = 0;
     if (now_ns >= c->next_ns || c->asked_count > 0 ||
         (c->sweep_wanted && now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS))
@@ -278,17 +282,19 @@ void collector_tick(struct server *server, uint64_t now_ns)
 
 /* ---- questions ------------------------------------------------------------------------------- */
 
-status session_store(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
-                     struct error *err)
+status session_store(struct session *session, const Azulejo__Wire__Envelope *message,
+                     uint64_t now_ns, struct error *err)
 {
     struct collector *c = &session->server->collector;
 
     (void)now_ns;
     if (c->asked_count == COLLECTOR_ASKED_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%d clients wait for this already: try again in a moment",
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "%d clients wait for this already: try again in a moment",
                          COLLECTOR_ASKED_MAX);
-    c->asked[c->asked_count++] = (struct store_asked){
-        .session = session->id, .request = message->request, .collect = message->store_query->collect};
+    c->asked[c->asked_count++] = (struct store_asked){.session = session->id,
+                                                      .request = message->request,
+                                                      .collect = message->store_query->collect};
     if (message->store_query->collect)
         c->sweep_wanted = 1;
     return STATUS_OK;

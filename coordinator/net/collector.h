@@ -17,10 +17,10 @@
 struct server;
 
 enum {
-    COLLECTOR_PERIOD_MS = 60000, /* between rounds, if there is a policy; */
+    COLLECTOR_PERIOD_MS = 60000,  /* between rounds, if there is a policy; */
     COLLECTOR_IDLE_MS = 86400000, /* otherwise, for blobs */
-    COLLECTOR_BUSY_MS = 10000,   /* after a frame was done, if the room is limited */
-    COLLECTOR_STEPS = 8,         /* jobs a tick */
+    COLLECTOR_BUSY_MS = 10000,    /* after a frame was done, if the room is limited */
+    COLLECTOR_STEPS = 8,          /* jobs a tick */
     COLLECTOR_ASKED_MAX = 64,
     COLLECTOR_ROUNDS_MAX = 1000, /* in a row */
     STORE_ROWS_MAX = 1000,
@@ -28,17 +28,17 @@ enum {
 
 struct collector {
     struct retention_policy policy;
-    struct footprint footprint;  /* as it was measured last */
-    uint64_t measured_ns;        /* monotonic; 0: not yet */
-    uint64_t next_ns;            /* the next round; 0: at once */
-    uint64_t swept_ns;           /* the last sweep */
+    struct footprint footprint; /* as it was measured last */
+    uint64_t measured_ns;       /* monotonic; 0: not yet */
+    uint64_t next_ns;           /* the next round; 0: at once */
+    uint64_t swept_ns;          /* the last sweep */
     int sweep_wanted;
-    int running;                 /* a task measures, */
-    struct retention_plan plan;  /* or a plan is carried out, */
-    size_t plan_at;              /* from this step on */
-    uint32_t rounds;             /* in a row */
-    int round_removed;           /* a job, so another round follows */
-    uint64_t frames_done;        /* when it was measured, of the jobs that had not ended */
+    int running;                /* a task measures, */
+    struct retention_plan plan; /* or a plan is carried out, */
+    size_t plan_at;             /* from this step on */
+    uint32_t rounds;            /* in a row */
+    int round_removed;          /* a job, so another round follows */
+    uint64_t frames_done;       /* when it was measured, of the jobs that had not ended */
     /* Who asked; those of this round first. */
     struct store_asked {
         uint32_t session;
@@ -47,9 +47,10 @@ struct collector {
     } asked[COLLECTOR_ASKED_MAX];
     uint32_t asked_count, serving;
     /* Since the first of the present questions. */
-    uint64_t removed_jobs, removed_films, removed_blobs, removed_bytes, waiting_blobs, waiting_bytes;
+    uint64_t removed_jobs, removed_films, removed_blobs, removed_bytes, waiting_blobs,
+        waiting_bytes;
     char held[256];
-    char logged[256];            /* the last reason in the log */
+    char logged[256]; /* the last reason in the log */
 };
 
 /* Begin and continue rounds. A few times a second. */

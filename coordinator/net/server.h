@@ -68,7 +68,7 @@ struct server {
     uint32_t previews;
     struct collector collector;
     uint32_t submits;          /* jobs being stored, that are in no queue yet, */
-    int64_t submits_since_ns;  /* by blobs_now(), since there was the first of them */
+    int64_t submits_since_ns;  /* by blobs_now(): their blobs are held since then */
     int acks_due, watches_due; /* some session has something to send */
 };
 

@@ -12,7 +12,8 @@ int session_blob_hold(struct session *session, const struct digest *digest, uint
         return blobs_find(store_folder(session->server->store), digest, size_bytes);
     if (!session->blobs_since_ns)
         session->blobs_since_ns = blobs_now();
-    return blobs_hold(store_folder(session->server->store), digest, size_bytes);
+    return blobs_hold(store_folder(session->server->store), digest, session->blobs_since_ns,
+                      size_bytes);
 }
 
 status session_blob_query(struct session *session, const Azulejo__Wire__Envelope *message,

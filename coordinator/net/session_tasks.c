@@ -268,6 +268,7 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
     struct error err = {0};
     struct submit_task *t = request_new(session, request, &submit_kind, &err);
     const struct job *estimate;
+    int64_t since_ns;
 
     if (!t) {
         session_fail(session, request, &err);
@@ -281,8 +282,9 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
     estimate = farm_find_estimate(&session->server->farm, job);
     t->estimate = estimate ? estimate->id : 0;
     t->job = job;
-    /* Its blobs were held while it was checked, a moment ago; the session holds them no longer than it lives. */
-    if (session->server->submits++ == 0)
-        session->server->submits_since_ns = session->blobs_since_ns ? session->blobs_since_ns : blobs_now();
+    /* Its blobs are held since then, until it is in the queue: the session may end before. */
+    since_ns = session->blobs_since_ns ? session->blobs_since_ns : blobs_now();
+    if (session->server->submits++ == 0 || since_ns < session->server->submits_since_ns)
+        session->server->submits_since_ns = since_ns;
     task_start(&t->r.task);
 }

@@ -13,10 +13,7 @@ struct row {
     uint64_t jobs, films, pictures;
 };
 
-static uint64_t row_bytes(const struct row *row)
-{
-    return row->films + row->pictures;
-}
+static uint64_t row_bytes(const struct row *row) { return row->films + row->pictures; }
 
 static int compare_bytes(const void *a, const void *b)
 {
@@ -39,8 +36,10 @@ static size_t make_rows(const struct server *server, struct row *rows)
     size_t count = 0;
 
     for (size_t i = 0; i < queue->count; i++) {
-        const struct job_footprint *room = footprint_find(&server->collector.footprint, queue->all[i]->id);
-        rows[count++] = (struct row){queue->all[i], 1, room ? room->films : 0, room ? room->pictures : 0};
+        const struct job_footprint *room =
+            footprint_find(&server->collector.footprint, queue->all[i]->id);
+        rows[count++] =
+            (struct row){queue->all[i], 1, room ? room->films : 0, room ? room->pictures : 0};
     }
     return count;
 }

@@ -105,6 +105,15 @@ int64_t blobs_now(void)
     return now;
 }
 
+/* Nanoseconds since 1970; 0: not known. */
+static int64_t age_of(const char *path)
+{
+    struct stat info;
+
+    return stat(path, &info) == 0 ? (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec
+                                  : 0;
+}
+
 static void times_now(struct timespec times[2])
 {
     int64_t now = now_locked();
@@ -113,7 +122,8 @@ static void times_now(struct timespec times[2])
     times[1] = (struct timespec){.tv_sec = now / 1000000000, .tv_nsec = now % 1000000000};
 }
 
-int blobs_hold(const char *folder, const struct digest *digest, uint64_t *size_bytes)
+int blobs_hold(const char *folder, const struct digest *digest, int64_t since_ns,
+               uint64_t *size_bytes)
 {
     struct buffer path = BUFFER_INIT;
     struct timespec times[2];
@@ -122,13 +132,13 @@ int blobs_hold(const char *folder, const struct digest *digest, uint64_t *size_b
     pthread_mutex_lock(&age_lock);
     found = blobs_find(folder, digest, size_bytes);
     code = errno;
-    if (found == 1) {
-        blobs_path(folder, digest, &path);
+    blobs_path(folder, digest, &path);
+    if (found == 1 && buffer_ok(&path) && age_of(buffer_text(&path)) < since_ns) {
         times_now(times);
-        if (!buffer_ok(&path) || utimensat(AT_FDCWD, buffer_text(&path), times, 0) != 0)
+        if (utimensat(AT_FDCWD, buffer_text(&path), times, 0) != 0)
             log_debug("a blob's age cannot be noted: %s", strerror(errno));
-        buffer_release(&path);
     }
+    buffer_release(&path);
     pthread_mutex_unlock(&age_lock);
     errno = code;
     return found;

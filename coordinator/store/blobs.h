@@ -22,9 +22,10 @@ void blobs_clean(const char *folder);
 /* 1: the blob is there, and its size is set; 0: it is not; -1: not known, because the store cannot
  * be read at present (errno says why). */
 int blobs_find(const char *folder, const struct digest *digest, uint64_t *size_bytes);
-/* The same, and keep the blob: until the clock has passed it by, blobs_remove_older does not remove it. A client
- * that was told that a blob is there does not send it. [any thread] */
-int blobs_hold(const char *folder, const struct digest *digest, uint64_t *size_bytes);
+/* The same, and the blob's age is at least `since_ns` afterwards: blobs_remove_older with a cutoff until then leaves
+ * it. A client that was told that a blob is there does not send it. [any thread] */
+int blobs_hold(const char *folder, const struct digest *digest, int64_t since_ns,
+               uint64_t *size_bytes);
 /* The clock of blobs' ages, in nanoseconds since 1970: it never goes back while the program runs. [any thread] */
 int64_t blobs_now(void);
 /* Remove the blob if nobody has sent or held it since then. *bytes: its room on disk; 0: it stays. [any thread] */

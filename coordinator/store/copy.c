@@ -18,8 +18,8 @@ static status failed(const char *path, const char *what, struct error *err)
 }
 
 /* Copy one run of bytes; the source may end early. */
-static status copy_run(int in, int out, off_t at, off_t end, uint8_t *bytes, const char *from, const char *to,
-                       struct copied *sum, struct error *err)
+static status copy_run(int in, int out, off_t at, off_t end, uint8_t *bytes, const char *from,
+                       const char *to, struct copied *sum, struct error *err)
 {
     while (at < end) {
         size_t wanted = end - at < COPY_BUFFER ? (size_t)(end - at) : COPY_BUFFER;
@@ -96,12 +96,15 @@ static int is_copied(const struct stat *from, const char *to)
     struct stat info;
 
     return stat(to, &info) == 0 && info.st_size == from->st_size &&
-           info.st_mtim.tv_sec == from->st_mtim.tv_sec && info.st_mtim.tv_nsec == from->st_mtim.tv_nsec;
+           info.st_mtim.tv_sec == from->st_mtim.tv_sec &&
+           info.st_mtim.tv_nsec == from->st_mtim.tv_nsec;
 }
 
-static status copy_folder(const char *from, const char *to, int depth, struct copied *sum, struct error *err);
+static status copy_folder(const char *from, const char *to, int depth, struct copied *sum,
+                          struct error *err);
 
-static status copy_entry(const char *from, const char *to, int depth, struct copied *sum, struct error *err)
+static status copy_entry(const char *from, const char *to, int depth, struct copied *sum,
+                         struct error *err)
 {
     struct stat info;
     struct error why = {0};
@@ -121,7 +124,8 @@ static status copy_entry(const char *from, const char *to, int depth, struct cop
     return s;
 }
 
-static status copy_folder(const char *from, const char *to, int depth, struct copied *sum, struct error *err)
+static status copy_folder(const char *from, const char *to, int depth, struct copied *sum,
+                          struct error *err)
 {
     DIR *folder = opendir(from);
     const struct dirent *entry;
@@ -136,7 +140,8 @@ static status copy_folder(const char *from, const char *to, int depth, struct co
             continue;
         source = file_join(from, entry->d_name);
         target = file_join(to, entry->d_name);
-        s = source && target ? copy_entry(source, target, depth, sum, err) : error_no_memory(err, "a copy");
+        s = source && target ? copy_entry(source, target, depth, sum, err)
+                             : error_no_memory(err, "a copy");
         mem_free(target);
         mem_free(source);
     }

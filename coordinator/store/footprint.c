@@ -11,12 +11,9 @@
 
 #include "common/base/memory.h"
 
-enum { DEPTH_MAX = 8 };          /* of folders in a store; it has 3 */
+enum { DEPTH_MAX = 8 }; /* of folders in a store; it has 3 */
 
-static uint64_t bytes_of(const struct stat *info)
-{
-    return (uint64_t)info->st_blocks * 512;
-}
+static uint64_t bytes_of(const struct stat *info) { return (uint64_t)info->st_blocks * 512; }
 
 /* The bytes below the folder, its own included. Takes fd. */
 static uint64_t tree_bytes(int fd, int depth)
@@ -37,7 +34,8 @@ static uint64_t tree_bytes(int fd, int depth)
             continue;
         if (S_ISDIR(info.st_mode) && strcmp(entry->d_name, ".") != 0 && depth < DEPTH_MAX)
             sum += tree_bytes(openat(dirfd(folder), entry->d_name,
-                                     O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), depth + 1);
+                                     O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC),
+                              depth + 1);
         else
             sum += bytes_of(&info);
     }
@@ -52,13 +50,15 @@ static uint64_t folder_bytes(int store, const char *name)
 
 static int compare(const void *a, const void *b)
 {
-    uint64_t left = ((const struct job_footprint *)a)->job, right = ((const struct job_footprint *)b)->job;
+    uint64_t left = ((const struct job_footprint *)a)->job,
+             right = ((const struct job_footprint *)b)->job;
 
     return (left > right) - (left < right);
 }
 
 /* Add a row for each of the folder's folders that is named by a number. */
-static status walk_jobs(struct footprint *out, int store, const char *name, int films, struct error *err)
+static status walk_jobs(struct footprint *out, int store, const char *name, int films,
+                        struct error *err)
 {
     int fd = openat(store, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
@@ -68,8 +68,9 @@ static status walk_jobs(struct footprint *out, int store, const char *name, int 
     if (!folder) {
         if (fd >= 0)
             close(fd);
-        return errno == ENOENT ? STATUS_OK
-                               : error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", name, strerror(errno));
+        return errno == ENOENT
+                   ? STATUS_OK
+                   : error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", name, strerror(errno));
     }
     while (s == STATUS_OK && (entry = readdir(folder))) {
         struct job_footprint row = {0};
@@ -79,7 +80,8 @@ static status walk_jobs(struct footprint *out, int store, const char *name, int 
         if (row.job == 0 || *end != 0)
             continue;
         bytes = tree_bytes(openat(dirfd(folder), entry->d_name,
-                                  O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), 0);
+                                  O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC),
+                           0);
         *(films ? &row.films : &row.pictures) = bytes;
         *(films ? &out->films : &out->pictures) += bytes;
         if (MEM_GROW(out->jobs, out->capacity, out->count + 1))
@@ -120,7 +122,8 @@ static void walk_files(struct footprint *out, int store)
         close(fd);
     while (folder && (entry = readdir(folder))) {
         struct stat info;
-        if (fstatat(store, entry->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(info.st_mode))
+        if (fstatat(store, entry->d_name, &info, AT_SYMLINK_NOFOLLOW) != 0 ||
+            !S_ISREG(info.st_mode))
             continue;
         if (strncmp(entry->d_name, "queue.sqlite", strlen("queue.sqlite")) == 0)
             out->database += bytes_of(&info);
@@ -133,13 +136,15 @@ static void walk_files(struct footprint *out, int store)
         closedir(folder);
 }
 
-status footprint_disk(const char *folder, uint64_t *disk_bytes, uint64_t *free_bytes, struct error *err)
+status footprint_disk(const char *folder, uint64_t *disk_bytes, uint64_t *free_bytes,
+                      struct error *err)
 {
     struct statvfs disk;
 
     *disk_bytes = *free_bytes = 0;
     if (statvfs(folder, &disk) != 0)
-        return error_set(err, STATUS_ERR_IO, "%s: cannot be looked at: %s", folder, strerror(errno));
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be looked at: %s", folder,
+                         strerror(errno));
     *disk_bytes = (uint64_t)disk.f_blocks * disk.f_frsize;
     *free_bytes = (uint64_t)disk.f_bavail * disk.f_frsize;
     return STATUS_OK;
@@ -180,5 +185,6 @@ const struct job_footprint *footprint_find(const struct footprint *footprint, ui
 {
     const struct job_footprint key = {.job = job};
 
-    return footprint->count ? bsearch(&key, footprint->jobs, footprint->count, sizeof key, compare) : NULL;
+    return footprint->count ? bsearch(&key, footprint->jobs, footprint->count, sizeof key, compare)
+                            : NULL;
 }

@@ -13,7 +13,7 @@ struct job_footprint {
 };
 /* Zero-initialise. */
 struct footprint {
-    struct job_footprint *jobs;  /* ascending; also of folders whose job is not known */
+    struct job_footprint *jobs; /* ascending; also of folders whose job is not known */
     size_t count, capacity;
     uint64_t films, pictures, blobs, database, reserve, other;
     uint64_t disk_bytes, free_bytes; /* of the file system */

@@ -39,7 +39,7 @@ static int is_there(const char *folder, const char *name)
     return there;
 }
 
-/* ERR_REFUSED: the folder has something in it. */
+/* ERR_REFUSED: the folder has something in it, other than a lock. */
 static status check_empty(const char *path, struct error *err)
 {
     DIR *folder = opendir(path);
@@ -47,11 +47,13 @@ static status check_empty(const char *path, struct error *err)
     status s = STATUS_OK;
 
     if (!folder)
-        return errno == ENOENT ? STATUS_OK
-                               : error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", path, strerror(errno));
+        return errno == ENOENT
+                   ? STATUS_OK
+                   : error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", path, strerror(errno));
     while (s == STATUS_OK && (entry = readdir(folder)))
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            s = error_set(err, STATUS_ERR_REFUSED, "%s: is not empty: name a new folder for the backup", path);
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 &&
+            strcmp(entry->d_name, "lock") != 0)
+            s = error_set(err, STATUS_ERR_REFUSED, "%s: is not empty: name a new folder", path);
     closedir(folder);
     return s;
 }
@@ -63,9 +65,11 @@ static status check_outside(const char *inner, const char *outer, struct error *
     status s = STATUS_OK;
 
     if (!in || !out)
-        s = error_set(err, STATUS_ERR_IO, "%s, %s: cannot be found: %s", inner, outer, strerror(errno));
+        s = error_set(err, STATUS_ERR_IO, "%s, %s: cannot be found: %s", inner, outer,
+                      strerror(errno));
     else if (strncmp(in, out, strlen(out)) == 0 && (in[strlen(out)] == '/' || in[strlen(out)] == 0))
-        s = error_set(err, STATUS_ERR_REFUSED, "%s: lies in %s: name a folder elsewhere, best on another disk", inner,
+        s = error_set(err, STATUS_ERR_REFUSED,
+                      "%s: lies in %s: name a folder elsewhere, best on another disk", inner,
                       outer);
     free(out);
     free(in);
@@ -102,7 +106,8 @@ static status sync_all(const char *path, struct error *err)
 
 static status sqlite_failed(sqlite3 *db, const char *path, const char *what, struct error *err)
 {
-    return error_set(err, STATUS_ERR_IO, "%s: %s: %s", path, what, db ? sqlite3_errmsg(db) : "no memory");
+    return error_set(err, STATUS_ERR_IO, "%s: %s: %s", path, what,
+                     db ? sqlite3_errmsg(db) : "no memory");
 }
 
 static status database_connect(const char *path, int flags, sqlite3 **db, struct error *err)
@@ -115,8 +120,9 @@ static status database_connect(const char *path, int flags, sqlite3 **db, struct
 
 static status execute(sqlite3 *db, const char *path, const char *sql, struct error *err)
 {
-    return sqlite3_exec(db, sql, NULL, NULL, NULL) == SQLITE_OK ? STATUS_OK
-                                                                : sqlite_failed(db, path, "cannot be written", err);
+    return sqlite3_exec(db, sql, NULL, NULL, NULL) == SQLITE_OK
+               ? STATUS_OK
+               : sqlite_failed(db, path, "cannot be written", err);
 }
 
 /* A snapshot of the database as one file, without a log. */
@@ -143,7 +149,8 @@ static status snapshot(sqlite3 *live, const char *path, struct error *err)
 }
 
 /* The first column of the first row; 0 without rows. */
-static status select_number(sqlite3 *db, const char *path, const char *sql, int64_t *out, struct error *err)
+static status select_number(sqlite3 *db, const char *path, const char *sql, int64_t *out,
+                            struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     int code = sqlite3_prepare_v2(db, sql, -1, &statement, NULL);
@@ -154,8 +161,9 @@ static status select_number(sqlite3 *db, const char *path, const char *sql, int6
     if (code == SQLITE_ROW)
         *out = sqlite3_column_int64(statement, 0);
     sqlite3_finalize(statement);
-    return code == SQLITE_ROW || code == SQLITE_DONE ? STATUS_OK
-                                                     : sqlite_failed(db, path, "cannot be read", err);
+    return code == SQLITE_ROW || code == SQLITE_DONE
+               ? STATUS_OK
+               : sqlite_failed(db, path, "cannot be read", err);
 }
 
 /* Has the live database moved on such that files copied after the snapshot may be newer than its rows? New jobs and frames do
@@ -193,12 +201,14 @@ static status check_database(const char *path, struct error *err)
     status s = database_connect(path, SQLITE_OPEN_READWRITE, &db, err);
     int good = 0;
 
-    if (s == STATUS_OK && sqlite3_prepare_v2(db, "PRAGMA integrity_check(1)", -1, &statement, NULL) == SQLITE_OK &&
+    if (s == STATUS_OK &&
+        sqlite3_prepare_v2(db, "PRAGMA integrity_check(1)", -1, &statement, NULL) == SQLITE_OK &&
         sqlite3_step(statement) == SQLITE_ROW)
         good = strcmp((const char *)sqlite3_column_text(statement, 0), "ok") == 0;
     sqlite3_finalize(statement);
     if (s == STATUS_OK && !good)
-        s = error_set(err, STATUS_ERR_CORRUPT, "%s: the backup's database is damaged: use another backup", path);
+        s = error_set(err, STATUS_ERR_CORRUPT,
+                      "%s: the backup's database is damaged: use another backup", path);
     sqlite3_close(db);
     return s;
 }
@@ -211,7 +221,9 @@ static status raise_epoch(const char *path, struct error *err)
     status s = database_connect(path, SQLITE_OPEN_READWRITE, &db, err);
 
     if (s == STATUS_OK &&
-        (sqlite3_prepare_v2(db, "UPDATE meta SET value = max(value, ?) + " EPOCHS_BEYOND " WHERE name='epoch_limit'",
+        (sqlite3_prepare_v2(db,
+                            "UPDATE meta SET value = max(value, ?) + " EPOCHS_BEYOND
+                            " WHERE name='epoch_limit'",
                             -1, &statement, NULL) != SQLITE_OK ||
          sqlite3_bind_int64(statement, 1, clock_wall_s() << 24) != SQLITE_OK ||
          sqlite3_step(statement) != SQLITE_DONE))
@@ -238,7 +250,8 @@ static status copy_store(const char *store, const char *dir, const char *databas
             s = has_moved_on(live, database, &moved, err);
     }
     if (s == STATUS_OK && moved)
-        log_warn("jobs were developed or extended all the time: some pictures in the backup may be newer than it says");
+        log_warn("jobs were developed or extended all the time: some pictures in the backup may be "
+                 "newer than it says");
     return s;
 }
 
@@ -272,7 +285,8 @@ status store_backup(const char *store, const char *dir, struct copied *sum, stru
 
     *sum = (struct copied){0};
     if (!is_there(store, "queue.sqlite"))
-        return error_set(err, STATUS_ERR_CORRUPT, "%s: is no store: name the coordinator's --store", store);
+        return error_set(err, STATUS_ERR_CORRUPT, "%s: is no store: name the coordinator's --store",
+                         store);
     s = check_empty(dir, err);
     if (s == STATUS_OK)
         s = file_make_private_folder(dir, err);
@@ -288,10 +302,7 @@ status store_backup(const char *store, const char *dir, struct copied *sum, stru
 
 /* ---- restore --------------------------------------------------------------------------------- */
 
-int store_restoring(const char *store)
-{
-    return is_there(store, "restoring");
-}
+int store_restoring(const char *store) { return is_there(store, "restoring"); }
 
 static status lock_store(const char *store, int *fd, struct error *err)
 {
@@ -304,8 +315,8 @@ static status lock_store(const char *store, int *fd, struct error *err)
     if (*fd < 0)
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
     else if (flock(*fd, LOCK_EX | LOCK_NB) != 0)
-        s = error_set(err, STATUS_ERR_REFUSED, "%s: a coordinator uses this store: end it, or name another --store",
-                      store);
+        s = error_set(err, STATUS_ERR_REFUSED,
+                      "%s: a coordinator uses this store: end it, or name another --store", store);
     mem_free(path);
     return s;
 }
@@ -318,14 +329,18 @@ static void check_blobs(const char *store)
     const struct dirent *entry;
 
     while (blobs && (entry = readdir(blobs))) {
-        char *below = strlen(entry->d_name) == 2 && entry->d_name[0] != '.' ? file_join(path, entry->d_name) : NULL;
+        char *below = strlen(entry->d_name) == 2 && entry->d_name[0] != '.'
+                          ? file_join(path, entry->d_name)
+                          : NULL;
         DIR *folder = below ? opendir(below) : NULL;
         const struct dirent *file;
 
         while (folder && (file = readdir(folder))) {
             struct digest digest;
-            if (digest_from_hex(&digest, file->d_name) == STATUS_OK && !blobs_check(store, &digest)) {
-                log_warn("%s/%s: is damaged in the backup and left out; clients send it again", below, file->d_name);
+            if (digest_from_hex(&digest, file->d_name) == STATUS_OK &&
+                !blobs_check(store, &digest)) {
+                log_warn("%s/%s: is damaged in the backup and left out; clients send it again",
+                         below, file->d_name);
                 unlinkat(dirfd(folder), file->d_name, 0);
             }
         }
@@ -339,7 +354,8 @@ static void check_blobs(const char *store)
 }
 
 /* The database comes last, under its own name: then the store is whole. */
-static status restore_files(const char *dir, const char *store, struct copied *sum, struct error *err)
+static status restore_files(const char *dir, const char *store, struct copied *sum,
+                            struct error *err)
 {
     char *source = file_join(dir, "queue.sqlite"), *fresh = file_join(store, "queue.sqlite.new");
     char *target = file_join(store, "queue.sqlite"), *restoring = file_join(store, "restoring");
@@ -360,7 +376,8 @@ static status restore_files(const char *dir, const char *store, struct copied *s
     if (s == STATUS_OK)
         s = sync_all(store, err);
     if (s == STATUS_OK && (rename(fresh, target) != 0 || unlink(restoring) != 0))
-        s = error_set(err, STATUS_ERR_IO, "%s: cannot be put in place: %s", target, strerror(errno));
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be put in place: %s", target,
+                      strerror(errno));
     if (s == STATUS_OK)
         s = file_sync_folder_of(target, err);
     mem_free(restoring);
@@ -373,16 +390,22 @@ static status restore_files(const char *dir, const char *store, struct copied *s
 status store_restore(const char *dir, const char *store, struct copied *sum, struct error *err)
 {
     int lock = -1;
-    status s;
+    status s = STATUS_OK;
 
     *sum = (struct copied){0};
     if (!is_there(dir, "backup") || !is_there(dir, "queue.sqlite"))
-        return error_set(err, STATUS_ERR_CORRUPT, "%s: is no complete backup: a backup that was interrupted cannot be restored",
-                         dir);
+        return error_set(
+            err, STATUS_ERR_CORRUPT,
+            "%s: is no complete backup: a backup that was interrupted cannot be restored", dir);
     if (is_there(store, "queue.sqlite"))
-        return error_set(err, STATUS_ERR_REFUSED,
-                         "%s: has jobs already: name an empty folder with --store, or move this one away", store);
-    s = file_make_private_folder(store, err);
+        return error_set(
+            err, STATUS_ERR_REFUSED,
+            "%s: has jobs already: name an empty folder with --store, or move this one away",
+            store);
+    if (!store_restoring(store)) /* films that lie there could be taken for a job's */
+        s = check_empty(store, err);
+    if (s == STATUS_OK)
+        s = file_make_private_folder(store, err);
     if (s == STATUS_OK)
         s = lock_store(store, &lock, err);
     if (s == STATUS_OK)

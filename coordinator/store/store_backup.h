@@ -19,12 +19,14 @@
 
 /* Into a folder that is empty or not there. ERR_REFUSED: it is neither, or lies in the store; ERR_IO; ERR_NO_MEMORY;
  * ERR_CORRUPT: the folder is no store. */
-status store_backup(const char *store, const char *dir, struct copied *sum, struct error *err) MUST_CHECK;
+status store_backup(const char *store, const char *dir, struct copied *sum,
+                    struct error *err) MUST_CHECK;
 /* Into a store that is empty or not there. ERR_REFUSED: it is neither, or a coordinator uses it; ERR_CORRUPT: `dir`
  * is no complete backup, or its database is damaged; ERR_IO; ERR_NO_MEMORY. Damaged blobs are left
  * out and logged. A restore that was killed is repeated; until then no coordinator starts on the
  * store (store_restoring). */
-status store_restore(const char *dir, const char *store, struct copied *sum, struct error *err) MUST_CHECK;
+status store_restore(const char *dir, const char *store, struct copied *sum,
+                     struct error *err) MUST_CHECK;
 /* Was a restore begun and not ended? */
 int store_restoring(const char *store);
 

@@ -21,7 +21,8 @@ static status hold(const char *folder, int how, int *out, struct error *err)
         return error_no_memory(err, "a path");
     if (!there) { /* not made in a mount point whose disk is gone */
         mem_free(path);
-        return error_set(err, STATUS_ERR_IO, "%s: is no store at present; was it moved or unmounted?", folder);
+        return error_set(err, STATUS_ERR_IO,
+                         "%s: is no store at present; was it moved or unmounted?", folder);
     }
     *out = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     do
@@ -30,7 +31,8 @@ static status hold(const char *folder, int how, int *out, struct error *err)
     if (*out < 0)
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
     else if (code == EWOULDBLOCK)
-        s = error_set(err, STATUS_ERR_REFUSED, "a backup is being made of the store: nothing is removed until it ends");
+        s = error_set(err, STATUS_ERR_REFUSED,
+                      "a backup is being made of the store: nothing is removed until it ends");
     else if (code != 0)
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be locked: %s", path, strerror(code));
     mem_free(path);

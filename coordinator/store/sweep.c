@@ -22,10 +22,7 @@ struct needed {
     size_t count, capacity;
 };
 
-static int compare(const void *a, const void *b)
-{
-    return memcmp(a, b, sizeof(struct digest));
-}
+static int compare(const void *a, const void *b) { return memcmp(a, b, sizeof(struct digest)); }
 
 static status add(struct needed *n, const struct digest *digest, struct error *err)
 {
@@ -37,8 +34,8 @@ static status add(struct needed *n, const struct digest *digest, struct error *e
 
 /* The scene and its blobs; their bytes. A scene that is not there, or damaged, needs nothing: none of its
  * jobs can be rendered, and a client that sends it again sends its blobs, too. */
-static status add_scene(struct needed *n, const char *folder, const struct digest *digest, uint64_t *bytes,
-                        struct error *err)
+static status add_scene(struct needed *n, const char *folder, const struct digest *digest,
+                        uint64_t *bytes, struct error *err)
 {
     struct buffer packed = BUFFER_INIT;
     struct scene_blob *blobs = NULL;
@@ -74,7 +71,8 @@ static int compare_scenes(const void *a, const void *b)
                   sizeof(struct digest));
 }
 
-static status find_needed(struct sweep *sweep, const char *folder, struct needed *n, struct error *err)
+static status find_needed(struct sweep *sweep, const char *folder, struct needed *n,
+                          struct error *err)
 {
     status s = STATUS_OK;
 
@@ -82,7 +80,8 @@ static status find_needed(struct sweep *sweep, const char *folder, struct needed
         qsort(sweep->users, sweep->count, sizeof *sweep->users, compare_scenes);
     for (size_t i = 0, end; i < sweep->count && s == STATUS_OK; i = end) {
         uint64_t bytes = 0;
-        for (end = i + 1; end < sweep->count && compare_scenes(&sweep->users[i], &sweep->users[end]) == 0;)
+        for (end = i + 1;
+             end < sweep->count && compare_scenes(&sweep->users[i], &sweep->users[end]) == 0;)
             end++;
         s = add_scene(n, folder, &sweep->users[i].scene, &bytes, err);
         for (size_t k = i; k < end && s == STATUS_OK; k++) {
@@ -127,7 +126,8 @@ static void sweep_folder(struct sweep *sweep, const struct needed *n, const char
         closedir(folder);
 }
 
-static status sweep_blobs(struct sweep *sweep, const struct needed *n, const char *store, struct error *err)
+static status sweep_blobs(struct sweep *sweep, const struct needed *n, const char *store,
+                          struct error *err)
 {
     char *path = file_join(store, "blobs");
     DIR *blobs = path ? opendir(path) : NULL;

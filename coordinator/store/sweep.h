@@ -22,13 +22,13 @@ struct blob_user {
     uint64_t job;
     struct digest scene, file;
     int has_file;
-    uint64_t bytes;              /* result: of its scene, if no other job has it; else 0 */
+    uint64_t bytes; /* result: of its scene, if no other job has it; else 0 */
 };
 
 struct sweep {
     struct blob_user *users;
     size_t count;
-    int64_t cutoff_ns;           /* blobs_now's clock */
+    int64_t cutoff_ns; /* blobs_now's clock */
     /* Results. */
     uint64_t removed, removed_bytes;
     uint64_t waiting, waiting_bytes; /* not needed, but named since the cutoff */

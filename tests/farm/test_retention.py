@@ -270,6 +270,19 @@ def limits():
         gc(farm)
         begun(farm, active)
         expect(films(farm, active), "a film in work stays")
+        farm.cli("cancel", active, "--discard", expect=0)
+        farm.coordinator.stop()
+        farm.restart_coordinator()
+        extended = farm.submit(farm.scene(), "--size", "128x80", "--spp", "4", "--frames", "1-2")
+        farm.wait_for_job(extended)
+        expect(films(farm, extended) == ["frame-0001.kept", "frame-0002.kept"], films(farm, extended))
+        farm.cli("extend", extended, "--spp", "1000000", "--frames", "2", expect=0)
+        farm.cli("pause", extended, expect=0)
+        farm.coordinator.kill()
+        farm.restart_coordinator("--store-limit", "1")
+        wait_for(lambda: "frame-0001.kept" not in films(farm, extended), "the done frame's film to go")
+        gc(farm)
+        expect("frame-0002.kept" in films(farm, extended), "the film from which a frame goes on stays")
 
 
 @tests.add

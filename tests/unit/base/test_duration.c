@@ -13,8 +13,10 @@ static void lengths_of_time(void **state)
     static const struct {
         const char *text;
         int64_t seconds;
-    } good[] = {{"90s", 90}, {"10m", 600}, {"1.5h", 5400}, {"30d", 2592000}, {"2w", 1209600}, {"0s", 0}, {"0d", 0}};
-    static const char *const bad[] = {"", "30", "d", "30 d", "-1d", "1y", "1dd", "nan d", "inf", "infd", "1e9w"};
+    } good[] = {{"90s", 90},     {"10m", 600}, {"1.5h", 5400}, {"30d", 2592000},
+                {"2w", 1209600}, {"0s", 0},    {"0d", 0}};
+    static const char *const bad[] = {"",    "30",    "d",   "30 d", "-1d", "1y",
+                                      "1dd", "nan d", "inf", "infd", "1e9w"};
     struct error err = {0};
     int64_t seconds;
 
@@ -42,7 +44,8 @@ static void as_text(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(lengths_of_time), cmocka_unit_test(as_text)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(lengths_of_time),
+                                       cmocka_unit_test(as_text)};
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

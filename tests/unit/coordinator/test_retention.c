@@ -30,8 +30,9 @@ static struct retention_job active(uint64_t number)
         .job = number, .owner = "anna@studio", .films = 10 * MIB, .pictures = 2 * MIB};
 }
 
-static struct retention_plan make(const struct retention_policy *policy, const struct retention_job *jobs,
-                                  size_t count, uint64_t used, uint64_t limit)
+static struct retention_plan make(const struct retention_policy *policy,
+                                  const struct retention_job *jobs, size_t count, uint64_t used,
+                                  uint64_t limit)
 {
     struct retention_plan plan = {0};
     struct error err = {0};
@@ -64,8 +65,8 @@ static void without_a_policy_nothing_goes(void **state)
 static void jobs_go_by_age_and_state(void **state)
 {
     struct retention_policy policy = RETENTION_POLICY_DEFAULT;
-    struct retention_job jobs[] = {ended(1, 31), ended(2, 30), ended(3, 29), ended(4, 8), ended(5, 6), active(6),
-                                   ended(7, 99)};
+    struct retention_job jobs[] = {ended(1, 31), ended(2, 30), ended(3, 29), ended(4, 8),
+                                   ended(5, 6),  active(6),    ended(7, 99)};
 
     (void)state;
     jobs[3].failed = jobs[4].failed = 1;
@@ -81,6 +82,29 @@ static void jobs_go_by_age_and_state(void **state)
     expect_plan(make(&policy, jobs, 7, 0, 0), "1j 2j 3j 4j 5j");
 }
 
+static void the_reason_is_told(void **state)
+{
+    struct retention_policy policy = RETENTION_POLICY_DEFAULT;
+    struct retention_job jobs[] = {ended(1, 31), ended(2, 8), ended(3, 1)};
+    char text[RETENTION_TEXT_MAX + 1];
+    struct retention_plan plan;
+
+    (void)state;
+    jobs[1].failed = 1;
+    policy.keep_s = 30 * DAY;
+    policy.keep_failed_s = 7 * DAY;
+    plan = make(&policy, jobs, 3, 1000 * MIB, 970 * MIB);
+    assert_int_equal(plan.count, 3);
+    retention_text(text, &plan, &plan.steps[0], &policy);
+    assert_string_equal(text, "it ended 31 days ago (--keep 30d)");
+    retention_text(text, &plan, &plan.steps[1], &policy);
+    assert_string_equal(text, "it ended 8 days ago (--keep-failed 7d)");
+    retention_text(text, &plan, &plan.steps[2], &policy);
+    assert_string_equal(text,
+                        "the store takes 1000.0 MiB, and 970.0 MiB are allowed (--store-limit)");
+    retention_plan_release(&plan);
+}
+
 static void films_go_before_pictures(void **state)
 {
     const struct retention_policy policy = RETENTION_POLICY_DEFAULT;
@@ -92,7 +116,8 @@ static void films_go_before_pictures(void **state)
     expect_plan(make(&policy, jobs, 4, used, used - 1), "2f");
     expect_plan(make(&policy, jobs, 4, used, used - 10 * MIB), "2f");
     expect_plan(make(&policy, jobs, 4, used, used - 30 * MIB), "2f 3f 9f");
-    expect_plan(make(&policy, jobs, 4, used, used - 31 * MIB), "2f 3f 9f 1f"); /* of its done frames */
+    expect_plan(make(&policy, jobs, 4, used, used - 31 * MIB),
+                "2f 3f 9f 1f"); /* of its done frames */
     expect_plan(make(&policy, jobs, 4, used, used - 41 * MIB), "2f 3f 9f 1f 2j");
     expect_plan(make(&policy, jobs, 4, used, 1), "2f 3f 9f 1f 2j 3j 9j");
     jobs[1].busy = 1;
@@ -162,7 +187,8 @@ static void a_plan_needs_memory(void **state)
         mem_fault_arm(fault, 1);
         s = retention_make(&plan, &policy, jobs, 3, 100 * MIB, 1, NOW, &err);
         mem_fault_arm(-1, 0);
-        assert_true(s == STATUS_OK ? plan.count == 3 : s == STATUS_ERR_NO_MEMORY && plan.count == 0);
+        assert_true(s == STATUS_OK ? plan.count == 3
+                                   : s == STATUS_ERR_NO_MEMORY && plan.count == 0);
         retention_plan_release(&plan);
     }
 }
@@ -172,6 +198,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_a_policy_nothing_goes),
         cmocka_unit_test(jobs_go_by_age_and_state),
+        cmocka_unit_test(the_reason_is_told),
         cmocka_unit_test(films_go_before_pictures),
         cmocka_unit_test(blobs_count_where_a_job_alone_has_them),
         cmocka_unit_test(each_owner_has_a_limit),
