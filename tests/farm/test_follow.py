@@ -1,0 +1,162 @@
+"""fetch and submit --follow: the pictures of a job as they are finished, whatever happens to the coordinator; the one
+meaning of -o; films (--video)."""
+import json
+import os
+import shutil
+import signal
+import struct
+
+from exr import read_exr
+from farm import Farm, Skip, Tests, read_bytes, wait_for
+from jobs import expect
+
+tests = Tests()
+SMALL = ("--size", "32x32", "--spp", "4")
+# One thread renders a frame in a good part of a second: there is a middle to look at.
+SLOW = ("--size", "160x160", "--spp", "96")
+
+
+def there(folder):
+    return sorted(f for f in os.listdir(folder) if not f.startswith(".")) if os.path.isdir(folder) else []
+
+
+def ends(process, limit_s=120):
+    out, err = process.communicate(timeout=limit_s)
+    return process.returncode, out.decode(), err.decode()
+
+
+@tests.add
+def frames_as_they_finish():
+    """fetch --follow brings each frame when it is done, over a restart of the coordinator, and ends as the job does"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *SLOW, "--frames", "1-6", "--name", "walk")
+        client = farm.start_cli("fetch", number, "-o", "all/", "--follow", "--manifest")
+        wait_for(lambda: "walk-0001.png" in there(farm.path("all")), "the first frame")
+        expect(farm.job(number)["state"] == "running", "a frame came before the job's end")
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        code, out, err = ends(client)
+        expect(code == 0, (code, out, err))
+        expect("is back" in err, err)
+        expect(there(farm.path("all")) == sorted("walk-%04d.%s" % (f, e) for f in range(1, 7)
+                                                 for e in ("exr", "png", "effects.json")), out)
+        expect(out.count("walk-0003.exr") == 1, out)
+        for path in farm.fetch(number, "again"):
+            expect(read_bytes(path) == read_bytes(farm.path("all", os.path.basename(path))), path)
+
+
+@tests.add
+def what_is_there():
+    """what is there and whole is not sent again; what is damaged is"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *SMALL, "--frames", "1-3", "--name", "a")
+        farm.wait_for_job(number)
+        farm.cli("fetch", number, "-o", "out/", expect=0)
+        whole = {f: read_bytes(farm.path("out", f)) for f in there(farm.path("out"))}
+        with open(farm.path("out", "a-0002.exr"), "r+b") as damaged:
+            damaged.truncate(1000)
+        with open(farm.path("out", "a-0003.png"), "r+b") as damaged:
+            damaged.seek(100)
+            damaged.write(b"x")
+        os.unlink(farm.path("out", "a-0001.exr"))
+        stamps = {f: os.stat(farm.path("out", f)).st_mtime_ns for f in there(farm.path("out"))}
+        for options in (("--follow",), ()):
+            result = farm.cli("fetch", number, "-o", "out/", *options, expect=0)
+            expect(result.out.count("unchanged") == (3 if options else 6), result)
+            expect({f: read_bytes(farm.path("out", f)) for f in there(farm.path("out"))} == whole, result)
+        for name in ("a-0001.png", "a-0002.png", "a-0003.exr"):
+            expect(os.stat(farm.path("out", name)).st_mtime_ns == stamps[name], name + " was written again")
+        told = farm.cli("fetch", number, "-o", "out/", "--json", expect=0).json()
+        expect(len(told["files"]) == 6 and told["unchanged"] == 6, told)
+
+
+@tests.add
+def the_end():
+    """fetch --follow ends with the status of the job's end: cancelled, and frames that are missing; ranges"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *SLOW, "--frames", "1-90", "--name", "long")
+        client = farm.start_cli("fetch", number, "-o", "part/", "--follow", "--frames", "1-80x2", "--json")
+        wait_for(lambda: farm.job(number)["frames_done"] > 1, "two frames")
+        farm.cli("cancel", number, expect=0)
+        code, out, err = ends(client)
+        expect(code == 6, (code, out, err))
+        files = json.loads(out)["files"]
+        expect(farm.path("part", "long-0001.exr") in [farm.path(f) for f in files], out)
+        expect(not any("-0002." in f for f in there(farm.path("part"))), there(farm.path("part")))
+        # Ctrl-C leaves the job alone.
+        number = farm.submit(farm.scene(), *SLOW, "--frames", "1-90")
+        client = farm.start_cli("fetch", number, "-o", "two/", "--follow")
+        wait_for(lambda: there(farm.path("two")), "a frame")
+        client.send_signal(signal.SIGINT)
+        code, out, err = ends(client)
+        expect(code == 130 and "continues" in err, (code, err))
+        expect(farm.job(number)["state"] == "running", "the job")
+        farm.cli("cancel", number, "--discard", expect=0)
+        # A job that is done, a file of which was lost.
+        number = farm.submit(farm.scene(), *SMALL, "--frames", "1-2")
+        farm.wait_for_job(number)
+        os.unlink(farm.path("store", "outputs", str(number), "frame-0002.png"))
+        result = farm.cli("fetch", number, "-o", "lost/", "--follow", expect=9)
+        expect("frame 2" in result.err, result)
+        result = farm.cli("fetch", number, "--follow", "--preview", "x.png", expect=2)
+        expect("--follow" in result.err, result)
+        farm.cli("fetch", 999, "--follow", expect=5)
+
+
+@tests.add
+def submitted_and_followed():
+    """submit -o OUT --follow brings the pictures; -o without it still names the job, and says what it will mean"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        result = farm.cli("submit", farm.scene(), *SMALL, "--frames", "1-2", "-o", "new/dir", "--name", "n", "--follow",
+                          expect=0)
+        expect(there(farm.path("new/dir")) == ["n-0001.exr", "n-0001.png", "n-0002.exr", "n-0002.png"], result)
+        result = farm.cli("submit", farm.scene(), *SMALL, "-o", "one.png", "--follow", "--json", expect=0)
+        expect(there(farm.folder).count("one.png") == 1 and result.json()["job"]["state"] == "done", result)
+        expect(result.json()["files"] == ["one.png"] and not os.path.exists(farm.path("one.exr")), result)
+        result = farm.cli("submit", farm.scene(), *SMALL, "-o", "picture", expect=0)
+        expect(farm.job(int(result.out))["name"] == "picture" and "--name" in result.err, result)
+        for out in ("some/where", "x.png", "dir/"):
+            result = farm.cli("submit", farm.scene(), *SMALL, "-o", out, expect=2)
+            expect("--follow" in result.err, result)
+        result = farm.cli("submit", farm.scene(), *SMALL, "-o", "p", "--name", "n", expect=2)
+        expect("--follow" in result.err, result)
+
+
+@tests.add
+def one_meaning():
+    """-o is a folder, or one picture's file, for render, fetch, develop and tonemap"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *SMALL, "--frames", "1-2", "--name", "a")
+        farm.wait_for_job(number)
+        os.mkdir(farm.path("old"))
+        for out in ("new", "new2/", "old", "deep/er/"):
+            farm.cli("fetch", number, "-o", out, expect=0)
+            expect(there(farm.path(out)) == ["a-0001.exr", "a-0001.png", "a-0002.exr", "a-0002.png"], out)
+        farm.cli("fetch", number, "-o", "files/b.png", expect=0)
+        expect(there(farm.path("files")) == ["b-0001.png", "b-0002.png"], there(farm.path("files")))
+        farm.cli("fetch", number, "--frames", 2, "-o", "still.exr", expect=0)
+        expect(read_bytes(farm.path("still.exr")) == read_bytes(farm.path("new", "a-0002.exr")), "still.exr")
+        result = farm.cli("fetch", number, "-o", "x.jpg", expect=5)
+        expect("--format jpg" in result.err, result)
+        farm.cli("develop", number, "--tonemap", "linear", "-o", "lin/", expect=0)
+        expect(there(farm.path("lin")) == ["a-0001.png", "a-0002.png"], there(farm.path("lin")))
+        farm.cli("develop", number, "--tonemap", "linear", "-o", "lin/c.png", expect=0)
+        expect("c-0001.png" in there(farm.path("lin")), there(farm.path("lin")))
+        farm.cli("tonemap", "still.exr", "-o", "far/away/t.png", connect=False, expect=0)
+        farm.cli("tonemap", "still.exr", "-o", "maps/", connect=False, expect=0)
+        expect(there(farm.path("maps")) == ["still.png"], there(farm.path("maps")))
+        result = farm.cli("estimate", farm.scene(), "--size", "32x32", "-o", "est", connect=False)
+        expect(result.code == 2 and "--name" in result.err, result)
+
+
+tests.run()
