@@ -6,6 +6,7 @@
 #include "client/farm/fetch.h"
 #include "client/farm/job_info.h"
 #include "client/farm/output.h"
+#include "client/farm/video.h"
 #include "client/terminal/parse.h"
 #include "common/scene/manifest.h"
 #include "protocol/message.h"
@@ -53,6 +54,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "fetch instead the unfinished frame as it is, tone mapped (.png) or in linear light "
          "(.exr)",
          0, 0, NULL},
+        VIDEO_OPTION_ROW(f.video),
         {"follow", 0, OPTION_FLAG, &follow, NULL,
          "until the job ends: fetch each frame when it is finished; ends with the status of the job's end", 0, 0, NULL},
         {"limit", 0, OPTION_REAL, &how.limit_s, "SECONDS",
@@ -77,10 +79,12 @@ static status run(const struct command *command, int argc, char *const *argv, in
     result = parse_job(rest.items[0], &job, err);
     if (result == STATUS_OK && preview)
         result = preview_kind(preview, &kind, err);
-    if (result == STATUS_OK && preview && follow)
+    if (result == STATUS_OK && preview && (follow || f.video))
         result = error_set(err, STATUS_ERR_USAGE,
-                           "--follow fetches finished frames, --preview an unfinished one: leave out "
-                           "either");
+                           "--%s is for finished frames, --preview for an unfinished one: leave out "
+                           "either", follow ? "follow" : "video");
+    if (result == STATUS_OK && f.video)
+        result = video_check(f.video, err);
     if (result == STATUS_OK && !follow && (how.limit_s > 0 || how.quiet))
         result = error_set(err, STATUS_ERR_USAGE, "--limit and --quiet go with --follow");
     if (result == STATUS_OK)

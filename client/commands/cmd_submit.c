@@ -13,6 +13,7 @@
 #include "client/farm/signals.h"
 #include "client/farm/submission.h"
 #include "client/farm/trial.h"
+#include "client/farm/video.h"
 #include "common/base/memory.h"
 
 /* The number of attempts to send one job: if it crashes the coordinator, that must not go on for
@@ -117,6 +118,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     const char *out = NULL;
     int watch = 0, follow = 0, done;
+    struct job_fetch fetch = {0};
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
         JOB_ENDS_ROW(options),
@@ -129,6 +131,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "(.exr, .png or .jpg) (default: this folder)", 0, 0, NULL},
         {"follow", 0, OPTION_FLAG, &follow, NULL,
          "until the job ends: fetch each frame when it is finished, as 'azulejo fetch --follow' does", 0, 0, NULL},
+        VIDEO_OPTION_ROW(fetch.video),
         {"token", 0, OPTION_STRING, &token, "TEXT",
          "a name for this submission, up to 64 bytes: submitting again with it creates no second "
          "job, but prints the first one's number (default: a random one)",
@@ -147,7 +150,6 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection *connection = NULL;
     char *default_name = NULL;
     struct job_accepted accepted = {0};
-    struct job_fetch fetch = {0};
     const struct frame_choice every = {0};
     status result = command_parse(command, tonemap_options_table(&options.output.tone, table, rows),
                                   argc, argv, 1, 1, &rest, &done, err);
@@ -156,6 +158,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result != STATUS_OK || done)
         return result;
     result = check_output(&out, &name, follow, how.quiet, err);
+    if (result == STATUS_OK && fetch.video && !follow)
+        result = error_set(err, STATUS_ERR_USAGE, "--video: the pictures come with --follow, or later with "
+                                                  "'azulejo fetch JOB --video %s'", fetch.video);
+    if (result == STATUS_OK && fetch.video)
+        result = video_check(fetch.video, err);
     if (result == STATUS_OK && follow)
         result = destination_of_job(&fetch.to, out, OUTPUT_FORMAT_ALL, err);
     if (result == STATUS_OK && follow)

@@ -21,20 +21,47 @@ struct tonemapping {
     enum output_format format;
     const char *extension;   /* of the files in a folder */
     const char *bits;
-    int64_t quality, threads, tile_width; /* 0: not given */
+    int64_t quality, threads, tile_width, temporal; /* 0: not given */
     int no_dither;
     struct picture_options picture;
     struct sweep sweeps[SWEEPS_MAX];
     size_t sweep_count;
 };
 
+/* The states of the last pictures of a sequence. */
+struct states {
+    struct tonemap_state *last; /* of picture i at i mod `size`; NULL: each picture has its own */
+    const struct tonemap_state **pointers;
+    size_t size;
+    struct tonemap_state mean;
+};
+
+/* The mean state of picture i and those before it, as --temporal of a job has it. */
+static status mean_state(struct states *states, size_t i, const struct image *picture,
+                         const struct tonemap_settings *settings, struct tonemap_context *context,
+                         struct error *err)
+{
+    size_t count = i + 1 < states->size ? i + 1 : states->size;
+    status result = tonemap_measure(&states->last[i % states->size], picture, settings, context, err);
+
+    if (result != STATUS_OK)
+        return result;
+    for (size_t k = 0; k < count; k++)
+        states->pointers[k] = &states->last[(i + 1 - count + k) % states->size];
+    tonemap_state_mean(&states->mean, states->pointers, (uint32_t)count, settings);
+    context->state = &states->mean;
+    return STATUS_OK;
+}
+
 static status map_picture(const struct tonemapping *t, const struct tonemap_settings *settings,
-                          const struct tonemap_context *context, const char *from, const char *to,
-                          struct error *err)
+                          struct tonemap_context *context, struct states *states, size_t i,
+                          const char *to, struct error *err)
 {
     struct image picture = {0}, display = {0};
-    status result = picture_read(&picture, from, err);
+    status result = picture_read(&picture, t->from[i], err);
 
+    if (result == STATUS_OK && states->size)
+        result = mean_state(states, i, &picture, settings, context, err);
     if (result == STATUS_OK)
         result = tonemap_apply(&display, &picture, settings, context, err);
     if (result == STATUS_OK)
@@ -66,20 +93,27 @@ static status map_pictures(const struct tonemapping *t, struct error *err)
                                       .linear = t->format == OUTPUT_FORMAT_EXR};
     struct tonemap_settings settings;
     struct buffer file = BUFFER_INIT;
+    struct states states = {.size = t->temporal > 1 ? (size_t)t->temporal : 0};
     status result = tonemap_options_check(&t->tone, &settings, &file, err);
 
     context.file_data = file.data;
     context.file_size = file.size;
+    states.last = mem_alloc_array(states.size + 1, sizeof *states.last);
+    states.pointers = mem_alloc_array(states.size + 1, sizeof *states.pointers);
+    if (result == STATUS_OK && (!states.last || !states.pointers))
+        result = error_no_memory(err, "pictures' statistics");
     for (size_t i = 0; i < t->count && result == STATUS_OK; i++) {
         char *path = t->folder ? name_in_folder(t, t->from[i]) : NULL;
         if (t->folder && !path)
             result = error_no_memory(err, "a path");
         else
-            result = map_picture(t, &settings, &context, t->from[i], path ? path : t->to, err);
+            result = map_picture(t, &settings, &context, &states, i, path ? path : t->to, err);
         if (result == STATUS_OK && t->count > 1)
             printf("%s\n", path);
         mem_free(path);
     }
+    mem_free(states.pointers);
+    mem_free(states.last);
     buffer_release(&file);
     return result;
 }
@@ -154,10 +188,15 @@ static status choose_files(struct tonemapping *t, const struct command *command,
         t->count = 1;
     } else if (!t->out) {
         return error_set(err, STATUS_ERR_USAGE,
-                         "%s: say with -o FOLDER/ where %s go; the name of one picture's file decides "
-                         "its format: end it in .png, .jpg or .exr",
-                         rest->items[rest->count - 1], rest->count > 2 ? "the pictures" : "pictures");
+                         "-o is missing: -o FOLDER/ for %zu pictures, or -o FILE.png for one; the output's "
+                         "name decides its format: .png, .jpg or .exr",
+                         rest->count);
     }
+    if (is_folder && !destination_is_folder(t->out) && (t->count == 1 || *file_extension(t->out)))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "%s: the output's name decides its format: end it in .png, .jpg or .exr, or in / "
+                         "for a folder",
+                         t->out);
     if (is_folder) {
         t->extension = t->bits || !t->quality ? "png" : "jpg";
         t->format = t->extension[0] == 'p' ? OUTPUT_FORMAT_PNG : OUTPUT_FORMAT_JPEG;
@@ -166,8 +205,9 @@ static status choose_files(struct tonemapping *t, const struct command *command,
     }
     if (t->count > 1)
         return error_set(err, STATUS_ERR_USAGE,
-                         "-o %s is one file, for %zu pictures: give a folder, as in -o %s/",
-                         t->to, t->count, "mapped");
+                         "-o %s is one file, and %s is one picture too many for it: give a folder, as in "
+                         "-o mapped/",
+                         t->to, t->from[1]);
     t->format = (enum output_format)output_format_of(t->to);
     return STATUS_OK;
 }
@@ -193,6 +233,9 @@ static status choose_picture(struct tonemapping *t, struct error *err)
     if (t->no_dither && t->format == OUTPUT_FORMAT_EXR)
         return error_set(err, STATUS_ERR_USAGE, "--no-dither: an EXR is never dithered: leave it "
                                                 "out");
+    if (t->temporal && t->count == 1)
+        return error_set(err, STATUS_ERR_USAGE, "--temporal is for several pictures, an animation's in "
+                                                "their order");
     if (t->tile_width && t->sweep_count == 0)
         return error_set(err, STATUS_ERR_USAGE, "--tile-width is for a --sweep's sheet");
     t->picture.bits = t->bits ? (int)strtol(t->bits, NULL, 10) : 0;
@@ -233,6 +276,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"quality", 0, OPTION_INT, &t.quality, "N", "quality of a JPEG, 1 to 100 (default 92)", 1,
          100, NULL},
         {"no-dither", 0, OPTION_FLAG, &t.no_dither, NULL, "round instead of dithering", 0, 0, NULL},
+        {"temporal", 0, OPTION_INT, &t.temporal, "N",
+         "average the operator's measurements over the last N of the pictures, so that an animation does not "
+         "flicker (default 1: each picture by itself)", 1, TONEMAP_TEMPORAL_MAX, NULL},
         {"threads", 'j', OPTION_INT, &t.threads, "N", "threads to use (default: all)", 1, 256,
          NULL},
         {"sweep", 0, OPTION_LIST, &sweeps, "NAME=VALUE,...",
@@ -284,7 +330,7 @@ const struct command command_tonemap = {
     .usage = "azulejo tonemap PICTURE... -o OUT [--tonemap OPERATOR] [--PARAMETER VALUE]... [OPTION]...",
     .summary = "turn an EXR or HDR picture into one for the screen",
     .description =
-        "Tone map an EXR or Radiance HDR picture just as the farm does, into a PNG, a JPEG, or an EXR of linear\n"
-        "display light; or, with --sweep, draw a labelled sheet that compares operators or their parameters.",
+        "Tone map EXR or Radiance HDR pictures just as the farm does, into a PNG, a JPEG, or an EXR of linear\n"
+        "display light, or several into a folder; or, with --sweep, draw a labelled sheet that compares operators or their parameters.",
     .run = run,
 };

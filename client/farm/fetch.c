@@ -408,11 +408,38 @@ status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only, st
         wanted++;
         result = fetch_frame(f, frame, err);
     }
-    return result == STATUS_OK ? verdict(f, wanted, err) : result;
+    if (result == STATUS_OK)
+        result = verdict(f, wanted, err);
+    if (f->video && (result == STATUS_OK || result == STATUS_ERR_INCOMPLETE)) {
+        status filmed = job_fetch_video(f, only, result == STATUS_OK ? err : NULL);
+        result = result == STATUS_OK ? filmed : result;
+    }
+    return result;
+}
+
+status job_fetch_picture(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         struct buffer *data, struct error *err)
+{
+    const struct buffer *base = f->claim.base.size ? &f->claim.base : &f->found;
+    unsigned format = kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG ? OUTPUT_FORMAT_PNG
+                                                                     : OUTPUT_FORMAT_JPEG;
+    char *path = f->to.base || base->size ? path_of(f, buffer_text(base), frame, kind) : NULL;
+    int brought = path && job_fetch_kinds(f) & format &&
+                  file_read(path, FETCH_BYTES_MAX, data, NULL) == STATUS_OK;
+
+    mem_free(path);
+    return brought ? STATUS_OK
+                   : fetch_output(f->connection, f->job->job, frame, kind, data, err);
 }
 
 json_t *job_fetch_json(const struct job_fetch *f)
 {
-    return json_pack("{s:o, s:I, s:o}", "files", f->files ? json_incref(f->files) : json_array(),
-                     "unchanged", (json_int_t)f->unchanged, "missing", f->missing ? json_incref(f->missing) : json_array());
+    json_t *out = json_pack("{s:o, s:I, s:o}", "files",
+                            f->files ? json_incref(f->files) : json_array(), "unchanged",
+                            (json_int_t)f->unchanged, "missing",
+                            f->missing ? json_incref(f->missing) : json_array());
+
+    if (f->video)
+        json_object_set_new(out, "video", json_text(f->video));
+    return out;
 }

@@ -159,4 +159,111 @@ def one_meaning():
         expect(result.code == 2 and "--name" in result.err, result)
 
 
+def probe(path):
+    """Width, height, frames a second and frames of a film."""
+    import subprocess
+    out = subprocess.run(["ffprobe", "-v", "error", "-count_frames", "-select_streams", "v", "-show_entries",
+                          "stream=width,height,r_frame_rate,nb_read_frames,codec_name", "-of", "json", path],
+                         stdout=subprocess.PIPE, check=True).stdout
+    stream = json.loads(out)["streams"][0]
+    return stream["width"], stream["height"], stream["r_frame_rate"], int(stream["nb_read_frames"])
+
+
+FAKE = """#!/bin/sh
+echo "$@" > "$FAKE_LOG"
+for last; do :; done
+cat > "$last"
+"""
+
+
+@tests.add
+def films():
+    """--video hands ffmpeg the pictures in their order at the job's rate; it says what to install; nothing is left behind"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), "--size", "33x31", "--spp", "4", "--frames", "1-5", "--fps", "12.5", "--name", "f")
+        farm.wait_for_job(number)
+        os.mkdir(farm.path("bin"))
+        bare = {"PATH": farm.path("bin"), "FAKE_LOG": farm.path("words")}
+        result = farm.cli("fetch", number, "-o", "p/", "--video", "x.mp4", env=bare, expect=3)
+        expect("apt-get install ffmpeg" in result.err and not os.path.exists(farm.path("p")), result)
+        fake = farm.path("bin", "ffmpeg")
+        with open(fake, "w") as out:
+            out.write(FAKE)
+        os.chmod(fake, 0o755)
+        os.symlink(shutil.which("cat"), farm.path("bin", "cat"))
+        for name, options in (("all.mp4", ()), ("two.mkv", ("--frames", "2,5")), ("exr.mp4", ("-o", "e.exr"))):
+            farm.cli("fetch", number, "-o", "p/", *options, "--video", name, env=bare, expect=0)
+            frames = (2, 5) if name == "two.mkv" else range(1, 6)
+            wanted = b"".join(read_bytes(farm.path("p", "f-%04d.png" % f)) for f in frames)
+            expect(read_bytes(farm.path(name)) == wanted, name)
+            expect("-framerate 12.5 " in read_bytes(farm.path("words")).decode(), name)
+        result = farm.cli("fetch", number, "-o", "p/", "--video", "x.avi", env=bare, expect=2)
+        expect(".mp4" in result.err, result)
+        with open(fake, "w") as out:
+            out.write("#!/bin/sh\necho no such codec >&2\nexit 3\n")
+        result = farm.cli("fetch", number, "-o", "p/", "--video", "x.mp4", env=bare, expect=8)
+        expect("no such codec" in result.err and "exit status 3" in result.err, result)
+        expect(not [f for f in os.listdir(farm.folder) if "x.mp4" in f or "ffmpeg" in f], os.listdir(farm.folder))
+        one = farm.submit(farm.scene(), *SMALL)
+        farm.wait_for_job(one)
+        result = farm.cli("fetch", one, "--video", "x.mp4", env=bare, expect=2)
+        expect("one frame" in result.err, result)
+        result = farm.cli("submit", farm.scene(), *SMALL, "--video", "x.mp4", env=bare, expect=2)
+        expect("--follow" in result.err, result)
+
+
+@tests.add
+def real_films():
+    """with ffmpeg: a film of the size (made even), rate and length that it should have, from fetch, submit and render"""
+    if not shutil.which("ffmpeg") or not shutil.which("ffprobe"):
+        raise Skip("ffmpeg is not installed")
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        options = ("--size", "33x31", "--spp", "4", "--frames", "1-5", "--fps", "12.5")
+        result = farm.cli("submit", farm.scene(), *options, "-o", "s/", "--follow", "--video", "s/film.mp4", expect=0)
+        expect(probe(farm.path("s", "film.mp4")) == (34, 32, "25/2", 5), result)
+        result = farm.cli("fetch", 1, "-o", "s/", "--video", "again.webm", "--json", expect=0)
+        expect(result.json()["video"] == "again.webm" and result.json()["unchanged"] == 10, result)
+        expect(probe(farm.path("again.webm"))[3] == 5, "webm")
+        result = farm.cli("render", farm.scene(), *options, "--format", "exr", "-o", "r/", "--video", "r/film.mp4",
+                          connect=False, expect=0)
+        expect(probe(farm.path("r", "film.mp4")) == (34, 32, "25/2", 5), result)
+        expect(len(there(farm.path("r"))) == 6, there(farm.path("r")))
+        result = farm.cli("render", farm.scene(), *SMALL, "-o", "r/", "--video", "r/film.mp4", connect=False, expect=2)
+        expect("--frames" in result.err, result)
+
+
+@tests.add
+def several_pictures():
+    """tonemap maps several pictures into a folder under their names, as each by itself, and as a job's --temporal does"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        scene = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "scenes",
+                             "features", "motion.gltf")
+        look = ("--tonemap", "reinhard02", "--auto-exposure", "key")
+        number = farm.submit(scene, *SMALL, "--frames", "0-3", *look, "--temporal", "3", "--name", "m")
+        farm.wait_for_job(number)
+        farm.cli("fetch", number, "-o", "job/", expect=0)
+        exrs = ["job/m-%04d.exr" % f for f in range(4)]
+        result = farm.cli("tonemap", *exrs, "-o", "maps/", *look, connect=False, expect=0)
+        expect(there(farm.path("maps")) == ["m-%04d.png" % f for f in range(4)] and result.out.count("\n") == 4, result)
+        farm.cli("tonemap", exrs[2], "-o", "one.png", *look, connect=False, expect=0)
+        expect(read_bytes(farm.path("one.png")) == read_bytes(farm.path("maps", "m-0002.png")), "each by itself")
+        farm.cli("tonemap", *exrs, "-o", "calm", *look, "--temporal", 3, connect=False, expect=0)
+        for f in range(4):
+            name = "m-%04d.png" % f
+            expect(read_bytes(farm.path("calm", name)) == read_bytes(farm.path("job", name)), name)
+        expect(any(read_bytes(farm.path("calm", f)) != read_bytes(farm.path("maps", f)) for f in there(farm.path("maps"))),
+               "--temporal changes nothing")
+        for words, told in ((exrs[:2] + ["-o", "x.png"], "folder"), ([exrs[0], exrs[0], "-o", "x/"], "both"),
+                            (exrs[:1] + ["-o", "x.png", "--temporal", "3"], "several"),
+                            (exrs[:3], "-o"), (exrs[:2] + ["-o", "x/", "--sweep", "key=1,2"], "one sheet")):
+            result = farm.cli("tonemap", *words, connect=False, expect=2)
+            expect(told in result.err, result)
+
+
 tests.run()
