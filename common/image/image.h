@@ -124,7 +124,13 @@ struct exr_channels {
 };
 enum { EXR_CHANNELS_MAX = 64, EXR_LINES = 16 };
 
+/* Where a picture lies in a larger one, which is the display window. */
+struct exr_window {
+    uint32_t width, height, x, y;
+};
+
 struct exr_options {
+    const struct exr_window *window; /* NULL: the picture is all of it */
     int half;                 /* HALF channels: values are clamped to +-65504 and counted */
     const struct exr_attribute *attributes;
     size_t attribute_count;

@@ -59,7 +59,7 @@ static void add_work(struct attributes *a, const struct development *d,
     add_number(a, "azulejo:leakedRays", (double)w->leaked_rays);
     for (int k = 0; k < HEALTH_KINDS; k++) {
         add_number(a, health_rows[k].attribute, (double)w->health.count[k]);
-        health_first_text(first[k], w->health.first[k], d->settings.width, d->settings.height);
+        health_first_text(first[k], w->health.first[k], settings_rect(&d->settings));
         if (first[k][0])
             add_text(a, health_rows[k].attribute_first, first[k]);
     }
@@ -217,6 +217,8 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     char first[HEALTH_KINDS][HEALTH_TEXT_SIZE];
     struct buffer measured = BUFFER_INIT, command = BUFFER_INIT;
     uint64_t clamped = 0;
+    const struct exr_window window = {d->settings.whole_width, d->settings.whole_height,
+                                      d->settings.region_x, d->settings.region_y};
     struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
     status s;
 
@@ -254,6 +256,8 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
         return error_no_memory(err, "the picture's header");
     }
     add_text(&a, MEASURED_ATTRIBUTE, buffer_text(&measured));
+    if (d->settings.whole_width)
+        options.window = &window;
     options.attributes = a.items;
     options.attribute_count = a.count;
     more.count = d->film ? list_channels(d->settings.aovs, channels) : 0;
