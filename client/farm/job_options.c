@@ -108,6 +108,8 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
         result = parse_effects(o->without.items[i], &s->without, err);
     for (size_t i = 0; i < o->aovs.count && result == STATUS_OK; i++)
         result = parse_aovs(o->aovs.items[i], &s->aovs, err);
+    if (o->alpha)
+        s->aovs |= 1u << AOV_ALPHA;
     if (result == STATUS_OK)
         result = rules_check(o, out, err);
     if (result == STATUS_OK)

@@ -20,6 +20,7 @@ struct job_options {
     struct frame_choice frames;
     struct option_list without, aovs;
     struct output_options output;
+    int alpha;
     double env_rotate_deg, env_strength;
     double fps, shutter, lens_radius, focus_distance;
     struct stop_options stop;
@@ -71,6 +72,9 @@ struct job_options {
     {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
      "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
      NULL},                                                                                     \
+    {"alpha", 0, OPTION_FLAG, &(o).alpha, NULL,                                                   \
+     "a channel A: what camera rays meet; what is seen behind everything, as the environment, is "  \
+     "left out of the picture", 0, 0, NULL},                                                        \
     {"region", 0, OPTION_STRING, &(o).region, "X,Y,W,H",                                        \
      "render only this rectangle of the picture, in pixels from its upper left corner: the same "   \
      "bits as in the whole picture (default: all)", 0, 0, NULL},                                    \

@@ -156,6 +156,7 @@ struct picture_options {
 };
 enum { JPEG_QUALITY_DEFAULT = 92 };
 
+/* A fourth channel becomes the file's alpha (straight). */
 status png_encode_as(struct buffer *out, const struct image *image,
                      const struct picture_options *how, struct error *err) MUST_CHECK;
 /* A texture of 1 to 4 channels of values 0..1, already encoded, rounded to 8 or 16 bits. The file

@@ -140,7 +140,7 @@ const char *settings_aovs_text(uint32_t set, char out[SETTINGS_TEXT_SIZE])
 
 int aov_is_point(enum aov aov)
 {
-    return aov != AOV_NORMAL && aov != AOV_ALBEDO;
+    return aov != AOV_NORMAL && aov != AOV_ALBEDO && aov != AOV_ALPHA;
 }
 
 void render_settings_default(struct render_settings *s)

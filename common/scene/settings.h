@@ -81,7 +81,9 @@ SETTINGS_CHOICE_MAP(SETTINGS_CHOICE_DECLARE)
     X(MATERIAL_ID, "material-id", 1) /* material + 1; point */                             \
     X(MOTION, "motion", 2)      /* pixels from shutter opening to closing, x right, y down; point */ \
     X(SAMPLES, "samples", 0)    /* samples a pixel; made by the coordinator */             \
-    X(ERROR, "error", 0)        /* standard error of the mean, RGB; made by the coordinator */
+    X(ERROR, "error", 0)        /* standard error of the mean, RGB; made by the coordinator */ \
+    X(ALPHA, "alpha", 1)        /* 1 less what a camera ray lets through; mean. The picture is then \
+                                   without what is seen behind everything */
 
 enum aov {
 #define AOV_ENUM(name, text, channels) AOV_##name,
@@ -89,7 +91,7 @@ enum aov {
 #undef AOV_ENUM
         AOV_COUNT
 };
-enum { AOV_FLOATS_MAX = 16 /* of one pixel, all that workers send */ };
+enum { AOV_FLOATS_MAX = 17 /* of one pixel, all that workers send */ };
 const char *aov_name(enum aov aov);
 int aov_parse(const char *name);                 /* -1: unknown */
 /* Floats that a worker sends for one pixel; `mask` has bit 1 << enum aov. */

@@ -66,11 +66,14 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
                                     record->b2, motion);
                 memcpy(sample, motion, sizeof motion);
                 break;
+            case AOV_ALPHA:
             case AOV_SAMPLES:
             case AOV_ERROR:
             case AOV_COUNT:
                 break;
             }
+        if (aov == AOV_ALPHA)
+            sample[0] = 1 - record->passed;
         for (uint32_t c = 0; c < channels; c++, at++) {
             int good = isfinite(sample[c]) || !SAFEGUARD(FINITE_VARIABLE);
             real value = good ? sample[c] : 0;
