@@ -6,6 +6,7 @@
 #include "client/farm/fetch.h"
 #include "client/farm/job_info.h"
 #include "client/farm/output.h"
+#include "client/farm/signals.h"
 #include "client/farm/video.h"
 #include "client/terminal/parse.h"
 #include "common/scene/manifest.h"
@@ -26,6 +27,13 @@ static status preview_kind(const char *path, Azulejo__Wire__OutputKind *kind, st
                          "linear light",
                          path);
     }
+}
+
+static status interrupted(void *user, struct error *err)
+{
+    (void)user;
+    return signals_stop() ? error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; no video is written")
+                          : STATUS_OK;
 }
 
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
@@ -93,6 +101,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = fetch_check_folder(f.to.folder, err);
     if (result == STATUS_OK)
         result = frame_choice_check(&choice, err);
+    if (result == STATUS_OK && f.video)
+        result = signals_catch(err); /* so that ffmpeg's unfinished file goes */
+    if (result == STATUS_OK && f.video)
+        where.watch = interrupted;
     if (result == STATUS_OK)
         result = connection_open(&f.connection, &where, err);
     if (result == STATUS_OK && follow) {

@@ -43,7 +43,7 @@ struct render {
     Azulejo__Wire__Envelope *last;       /* the job's last JobList */
     int cut;                             /* interrupted: only existing pictures are fetched */
     json_t *files;
-    const char *film;                    /* --video; NULL: none */
+    const char *video_path;               /* --video; NULL: none */
     struct video *video;
 };
 
@@ -65,8 +65,8 @@ static status fetch_file(struct render *r, uint32_t frame, Azulejo__Wire__Output
     return result;
 }
 
-/* The film's next picture: PNG, or JPEG where there is no PNG. */
-static status film_frame(struct render *r, uint32_t frame, struct error *err)
+/* The video's next picture: PNG, or JPEG where there is no PNG. */
+static status video_frame(struct render *r, uint32_t frame, struct error *err)
 {
     int png = r->formats & OUTPUT_FORMAT_PNG ? 1 : 0;
     struct buffer data = BUFFER_INIT;
@@ -76,7 +76,7 @@ static status film_frame(struct render *r, uint32_t frame, struct error *err)
                                  &data, err);
 
     if (result == STATUS_OK && !r->video)
-        result = video_begin(&r->video, r->film, (double)r->request.settings.fps,
+        result = video_begin(&r->video, r->video_path, (double)r->request.settings.fps,
                              png ? OUTPUT_FORMAT_PNG : OUTPUT_FORMAT_JPEG, err);
     if (result == STATUS_OK)
         result = video_add(r->video, r->connection, &data, err);
@@ -97,8 +97,8 @@ static status fetch_frame(struct render *r, uint32_t frame, struct error *err)
     if (result == STATUS_OK && r->manifest)
         result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
                             MANIFEST_EXTENSION, err);
-    if (result == STATUS_OK && r->film)
-        result = film_frame(r, frame, err);
+    if (result == STATUS_OK && r->video_path)
+        result = video_frame(r, frame, err);
     return result;
 }
 
@@ -119,7 +119,7 @@ static status fetch_pictures(struct render *r, struct error *err)
     if (result == STATUS_OK && r->video)
         result = video_end(r->video, r->connection, err);
     if (result == STATUS_OK && r->video)
-        json_array_append_new(r->files, json_text(r->film));
+        json_array_append_new(r->files, json_text(r->video_path));
     video_free(r->video);
     r->video = NULL;
     return result;
@@ -139,7 +139,7 @@ static void rescue_pictures(struct render *r, struct error *err)
     if (buffer_ok(&folder) && mkdtemp((char *)folder.data)) {
         const char *how_many = "the";
         r->destination.folder = (char *)folder.data;
-        r->film = NULL; /* it can be made of them */
+        r->video_path = NULL; /* it can be made of them */
         if (fetch_pictures(r, &again) != STATUS_OK)
             how_many = rmdir(r->destination.folder) == 0 ? NULL : "some of the";
         if (how_many)
@@ -224,6 +224,7 @@ static status cut_short(struct render *r, struct error *err)
     if (result == STATUS_OK)
         result = await_cut(r, err);
     r->cut = 1;
+    r->video_path = NULL; /* it would wait for ffmpeg */
     if (result == STATUS_OK)
         result = fetch_or_rescue(r, err);
     return result == STATUS_OK ? explain_cut(r, err) : result;
@@ -271,17 +272,17 @@ static status report(struct render *r, struct error *err)
     return STATUS_OK;
 }
 
-/* A film is made of PNG pictures if no JPEG is asked for. */
-static status film_check(struct render *r, uint32_t frames, struct error *err)
+/* A video is made of PNG pictures if no JPEG is asked for. */
+static status check_video(struct render *r, uint32_t frames, struct error *err)
 {
     r->formats = r->destination.formats;
-    if (!r->film)
+    if (!r->video_path)
         return STATUS_OK;
     if (frames == 1)
         return error_set(err, STATUS_ERR_USAGE, "--video: of one frame? Give --frames, as in 0-47");
     if (!(r->formats & (OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG)))
         r->formats |= OUTPUT_FORMAT_PNG;
-    return video_check(r->film, err);
+    return video_check(r->video_path, err);
 }
 
 /* Check everything that can be wrong on our side before a program is started. */
@@ -302,7 +303,7 @@ static status prepare(struct render *r, const char *out, struct error *err)
     result = destination_init(&r->destination, out, r->request.output.formats, r->name, frames,
                               err);
     if (result == STATUS_OK)
-        result = film_check(r, frames, err);
+        result = check_video(r, frames, err);
     if (result == STATUS_OK)
         result = submission_prepare(r->scene_path, &r->options, r->quiet, &r->request, &r->scene,
                                     err);
@@ -338,7 +339,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "also write each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called "
          "for them, and where the time went",
          0, 0, NULL},
-        VIDEO_OPTION_ROW(r.film),
+        VIDEO_OPTION_ROW(r.video_path),
         {"json", 0, OPTION_FLAG, &r.json, NULL, "print JSON at the end", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &r.quiet, NULL, "no progress, no warnings, no summary", 0, 0,
          NULL},

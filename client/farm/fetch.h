@@ -35,7 +35,7 @@ struct job_fetch {
     int manifest;        /* these too */
     int force;           /* use the job's plain name even if it is taken (client/farm/claims.h) */
     int finished_only;   /* frames that are not rendered yet do not count as missing */
-    const char *video;   /* a film of the pictures that are there; NULL: none */
+    const char *video;   /* a video of the pictures that are there; NULL: none */
     int json;            /* fill `files` and `missing` instead of printing a line for each file */
     json_t *files, *missing;
     size_t fetched, failed, not_rendered; /* files that are here; files; frames */
@@ -85,7 +85,7 @@ status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Output
 status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only,
                           struct error *err) MUST_CHECK;
 
-/* fetch_video.c: the film of the chosen frames that have pictures. */
+/* fetch_video.c: the video of the chosen frames that have pictures. */
 status job_fetch_video(struct job_fetch *f, const struct frame_list *only, struct error *err) MUST_CHECK;
 /* Append a frame's picture: from the file, if it was brought. */
 status job_fetch_picture(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,

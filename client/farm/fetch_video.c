@@ -1,4 +1,4 @@
-/* A job's film from its pictures. */
+/* A job's video from its pictures. */
 #include <inttypes.h>
 #include <stdio.h>
 
@@ -25,7 +25,7 @@ static status check(const struct job_fetch *f, Azulejo__Wire__OutputKind *kind, 
     return STATUS_OK;
 }
 
-/* A frame without a picture is left out of the film. */
+/* A frame without a picture is left out of the video. */
 static status add_frames(struct job_fetch *f, const struct frame_list *only, struct video *v,
                          Azulejo__Wire__OutputKind kind, uint64_t *missing, uint64_t *count,
                          struct error *err)

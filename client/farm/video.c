@@ -17,7 +17,7 @@
 enum { POLL_MS = 100, STOP_LIMIT_MS = 2000, WORDS_BYTES = 400, ARGUMENTS_MAX = 40 };
 
 struct video {
-    char *path, *part, *log; /* the film, the file that it is until it is complete, ffmpeg's words */
+    char *path, *part, *log; /* the video, the file that it is until it is complete, ffmpeg's words */
     struct child ffmpeg;
     int pipe;                /* -1: closed */
 };
@@ -26,18 +26,18 @@ struct video {
 static const struct {
     const char *extension;
     const char *coder[8];
-} films[] = {
+} kinds[] = {
     {"mp4", {"-c:v", "libx264", "-crf", "18", "-movflags", "+faststart"}},
     {"mov", {"-c:v", "libx264", "-crf", "18", "-movflags", "+faststart"}},
     {"mkv", {"-c:v", "libx264", "-crf", "18"}},
     {"webm", {"-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0"}},
 };
-enum { FILMS = sizeof films / sizeof *films };
+enum { KINDS = sizeof kinds / sizeof *kinds };
 
-static int film_of(const char *path)
+static int kind_of(const char *path)
 {
-    for (int i = 0; i < FILMS; i++)
-        if (strcasecmp(file_extension(path), films[i].extension) == 0)
+    for (int i = 0; i < KINDS; i++)
+        if (strcasecmp(file_extension(path), kinds[i].extension) == 0)
             return i;
     return -1;
 }
@@ -55,9 +55,9 @@ status video_check(const char *path, struct error *err)
     struct buffer program = BUFFER_INIT;
     status result;
 
-    if (film_of(path) < 0)
+    if (kind_of(path) < 0)
         return error_set(err, STATUS_ERR_USAGE,
-                         "--video %s: the name decides the kind of film: end it in .mp4, .mov, .mkv or "
+                         "--video %s: the name decides the kind of video: end it in .mp4, .mov, .mkv or "
                          ".webm",
                          path);
     result = find_ffmpeg(&program, err);
@@ -65,7 +65,7 @@ status video_check(const char *path, struct error *err)
     return result;
 }
 
-/* yuv420p is what players take; it needs even sides. The pictures are sRGB, the film says so. */
+/* yuv420p is what players take; it needs even sides. The pictures are sRGB, the video says so. */
 static size_t arguments_set(const char *out[ARGUMENTS_MAX], const char *program, const char *fps,
                             enum output_format format, const char *const coder[8], const char *part)
 {
@@ -96,7 +96,7 @@ static status start(struct video *v, double fps, enum output_format format, stru
         result = error_set(err, STATUS_ERR_IO, "no pipe to ffmpeg: %s", strerror(errno));
     if (result == STATUS_OK) {
         snprintf(rate, sizeof rate, "%.9g", fps);
-        arguments_set(arguments, buffer_text(&program), rate, format, films[film_of(v->path)].coder,
+        arguments_set(arguments, buffer_text(&program), rate, format, kinds[kind_of(v->path)].coder,
                       v->part);
         result = child_start_fed(&v->ffmpeg, "ffmpeg", (char *const *)arguments, v->log, ends[0], -1,
                                  SIGKILL, err);
@@ -138,7 +138,7 @@ status video_begin(struct video **out, const char *path, double fps, enum output
         v->log = beside(path, "ffmpeg.log");
     }
     if (!v || !folder || !v->path || !v->part || !v->log)
-        result = error_no_memory(err, "a film");
+        result = error_no_memory(err, "a video");
     if (result == STATUS_OK)
         result = file_make_folder(folder, err);
     if (result == STATUS_OK)
@@ -179,7 +179,7 @@ static status idle(struct connection *c, struct error *err)
     if (c)
         connection_pump(c, 0);
     if (signals_stop())
-        return error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; no film is written");
+        return error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; no video is written");
     return STATUS_OK;
 }
 

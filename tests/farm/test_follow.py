@@ -1,5 +1,5 @@
 """fetch and submit --follow: the pictures of a job as they are finished, whatever happens to the coordinator; the one
-meaning of -o; films (--video)."""
+meaning of -o; videos (--video)."""
 import json
 import os
 import shutil
@@ -160,7 +160,7 @@ def one_meaning():
 
 
 def probe(path):
-    """Width, height, frames a second and frames of a film."""
+    """Width, height, frames a second and frames of a video."""
     import subprocess
     out = subprocess.run(["ffprobe", "-v", "error", "-count_frames", "-select_streams", "v", "-show_entries",
                           "stream=width,height,r_frame_rate,nb_read_frames,codec_name", "-of", "json", path],
@@ -177,7 +177,7 @@ cat > "$last"
 
 
 @tests.add
-def films():
+def videos():
     """--video hands ffmpeg the pictures in their order at the job's rate; it says what to install; nothing is left behind"""
     with Farm() as farm:
         farm.start_coordinator()
@@ -215,8 +215,39 @@ def films():
 
 
 @tests.add
-def real_films():
-    """with ffmpeg: a film of the size (made even), rate and length that it should have, from fetch, submit and render"""
+def interrupted_videos():
+    """Ctrl-C ends a fetch whose ffmpeg is slow, and a render, without a video and without leftovers; the pictures stay"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), "--size", "300x200", "--spp", "1", "--frames", "1-3", "--name", "f")
+        farm.wait_for_job(number)
+        os.mkdir(farm.path("bin"))
+        fake = farm.path("bin", "ffmpeg")
+        with open(fake, "w") as out:
+            out.write("#!/bin/sh\n: > \"$FAKE_LOG\"\nexec sleep 1000\n")
+        os.chmod(fake, 0o755)
+        slow = {"PATH": farm.path("bin") + ":" + os.environ["PATH"], "FAKE_LOG": farm.path("begun")}
+        client = farm.start_cli("fetch", number, "-o", "p/", "--video", "p/x.mp4", env=slow)
+        wait_for(lambda: os.path.exists(farm.path("begun")), "ffmpeg")
+        client.send_signal(signal.SIGINT)
+        code, out, err = ends(client)
+        expect(code == 130 and "no video" in err, (code, out, err))
+        expect(sorted(f for f in os.listdir(farm.path("p")) if f != ".azulejo-fetched") == there(farm.path("p")), "leftovers")
+        expect(len(there(farm.path("p"))) == 6, there(farm.path("p")))
+        os.mkdir(farm.path("r"))
+        client = farm.start_cli("render", farm.scene(), *SLOW, "--frames", "1-900", "-o", "r/", "--video", "r/x.mp4", env=slow)
+        wait_for(lambda: b"left" in os.read(client.stderr.fileno(), 4096), "progress")
+        client.send_signal(signal.SIGINT)
+        code, out, err = ends(client)
+        expect(code == 130 and "written" in err, (code, out, err))
+        expect(sorted(os.listdir(farm.path("r"))) == there(farm.path("r")) != [], os.listdir(farm.path("r")))
+        expect(not [f for f in there(farm.path("r")) if f.endswith(".mp4")], "a video")
+
+
+@tests.add
+def real_videos():
+    """with ffmpeg: a video of the size (made even), rate and length that it should have, from fetch, submit and render"""
     if not shutil.which("ffmpeg") or not shutil.which("ffprobe"):
         raise Skip("ffmpeg is not installed")
     with Farm() as farm:
