@@ -133,14 +133,23 @@ static void append_row(json_t **rows, json_t *row)
     json_array_append_new(*rows, row);
 }
 
+/* Is the file in the list already? */
+static int is_listed(const json_t *files, const char *path)
+{
+    for (size_t i = 0; i < json_array_size(files); i++)
+        if (strcmp(json_string_value(json_array_get(files, i)), path) == 0)
+            return 1;
+    return 0;
+}
+
 /* A file is where it belongs. */
 static void note_file(struct job_fetch *f, const char *path, const char *what)
 {
     f->fetched++;
-    if (f->json)
-        append_row(&f->files, json_text(path));
-    else
+    if (!f->json)
         printf("%s  %s\n", path, what);
+    else if (!f->again || !is_listed(f->files, path))
+        append_row(&f->files, json_text(path));
 }
 
 static status write_file(struct job_fetch *f, const char *path, const struct buffer *data,

@@ -44,6 +44,7 @@ struct job_fetch {
     struct buffer found; /* the base name of an older claim; empty: none */
     int sought;          /* `found` is known */
     struct error first;  /* the first file's failure */
+    int again;           /* files may be brought a second time */
     uint8_t *followed;   /* of each frame, FETCH_GOT and FETCH_TRIED of its kinds; NULL: once is enough */
 };
 enum {

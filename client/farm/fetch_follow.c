@@ -7,6 +7,7 @@
 #include "client/farm/cut_frame.h"
 #include "client/farm/fetch.h"
 #include "client/farm/signals.h"
+#include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
@@ -17,6 +18,7 @@ struct following {
     const struct frame_choice *choice;
     struct frame_list frames;    /* count 0: all */
     uint32_t revision;           /* of the pictures that are here */
+    uint64_t deadline_ns;        /* monotonic; 0: none */
     status verdict;              /* of the job's files, once it has ended; its error is `why` */
     struct error why;
 };
@@ -46,6 +48,7 @@ static void forget_pictures(struct following *w, const Azulejo__Wire__JobInfo *j
     for (unsigned i = 0; i < FETCH_KINDS; i++)
         if ((OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG) >> i & 1)
             old |= FETCH_GOT(i) | FETCH_TRIED(i);
+    w->fetch->again |= w->revision != job->revision;
     for (uint32_t i = 0; i <= job->last_frame - job->first_frame && w->revision != job->revision; i++)
         w->fetch->followed[i] &= (uint8_t)~old;
     w->revision = job->revision;
@@ -84,6 +87,9 @@ static status await_pictures(struct following *w, Azulejo__Wire__Envelope **list
            w->fetch->job->frames_developed < w->fetch->job->frames_done) {
         struct pollfd wake = {.fd = signals_fd(), .events = POLLIN};
         (void)poll(&wake, 1, POLL_MS); /* a signal or a timeout: ask again either way */
+        if (w->deadline_ns && clock_monotonic_ns() >= w->deadline_ns)
+            return error_set(err, STATUS_ERR_TIMEOUT,
+                             "the pictures of job %" PRIu64 " are not made in time", number);
         message_free(*list);
         w->fetch->job = NULL;
         result = job_query(w->fetch->connection, number, list, err);
@@ -164,6 +170,8 @@ status job_fetch_follow(struct connection **c, uint64_t job, struct job_fetch *f
     status result;
 
     f->json = how->json || how->quiet;
+    if (how->limit_s > 0)
+        w.deadline_ns = clock_monotonic_ns() + (uint64_t)(how->limit_s * 1e9);
     mine.update = update;
     mine.update_user = &w;
     result = follow_wait(c, job, &mine, &last, err);

@@ -110,6 +110,28 @@ def the_end():
 
 
 @tests.add
+def developed_meanwhile():
+    """who follows a job that is developed in another way, or averages over frames, ends with the pictures as they are then"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *SLOW, "--frames", "1-5", "--name", "d")
+        client = farm.start_cli("fetch", number, "-o", "d/", "--follow", "--json")
+        wait_for(lambda: "d-0001.png" in there(farm.path("d")), "a picture")
+        first = read_bytes(farm.path("d", "d-0001.png"))
+        farm.cli("develop", number, "--tonemap", "linear", "--no-wait", expect=0)
+        code, out, err = ends(client)
+        expect(code == 0, (code, out, err))
+        files = json.loads(out)["files"]
+        expect(len(files) == len(set(files)) == 10, files)
+        for path in farm.fetch(number, "after"):
+            expect(read_bytes(path) == read_bytes(farm.path("d", os.path.basename(path))), path)
+        expect(read_bytes(farm.path("d", "d-0001.png")) != first, "the first look")
+        result = farm.cli("submit", farm.scene(), *SMALL, "--frames", "1-4", "--temporal", "3", "-o", "t/", "--follow", expect=0)
+        expect(len(there(farm.path("t"))) == 8, result)
+
+
+@tests.add
 def submitted_and_followed():
     """submit -o OUT --follow brings the pictures; -o without it still names the job, and says what it will mean"""
     with Farm() as farm:
