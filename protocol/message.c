@@ -237,6 +237,10 @@ void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_s
     out->not_robust = in->not_robust != 0;
     out->no_roulette = in->no_roulette != 0;
     out->clamp = in->clamp;
+    out->whole_width = in->whole_width;
+    out->whole_height = in->whole_height;
+    out->region_x = in->region_x;
+    out->region_y = in->region_y;
 }
 
 status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
@@ -279,6 +283,10 @@ status wire_settings_get(struct render_settings *out, const Azulejo__Wire__Rende
     out->not_robust = in->not_robust;
     out->no_roulette = in->no_roulette;
     out->clamp = in->clamp;
+    out->whole_width = in->whole_width;
+    out->whole_height = in->whole_height;
+    out->region_x = in->region_x;
+    out->region_y = in->region_y;
     if (in->lens_radius < 0 || (in->pinhole && in->lens_radius != 0)) {
         memset(out, 0, sizeof *out);
         return error_set(err, STATUS_ERR_INPUT, "a lens radius below 0, or a pinhole with a lens");
@@ -344,9 +352,9 @@ static status pixel_check(const Azulejo__Wire__PixelSamples *p, const struct ren
 {
     uint32_t most = p->path ? 1 : PIXEL_SAMPLES_MAX;
 
-    if (p->x >= s->width || p->y >= s->height)
-        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u", p->x,
-                         p->y, s->width, s->height);
+    if (!settings_have_pixel(s, p->x, p->y))
+        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u at %u,%u",
+                         p->x, p->y, s->width, s->height, s->region_x, s->region_y);
     if (p->count < 1 || p->count > most)
         return error_set(err, STATUS_ERR_LIMIT, "%u samples at once: must be 1..%u%s", p->count, most,
                          p->path ? " with its path" : "");

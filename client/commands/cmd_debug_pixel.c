@@ -42,7 +42,8 @@ struct debug {
     struct local_farm *farm;
     struct connection *connection;
     uint64_t job;                /* 0: of a scene */
-    uint32_t width, height, spp;
+    struct tile_rect picture; /* what is rendered of the whole picture */
+    uint32_t spp;
 };
 
 /* ---- what is asked for ------------------------------------------------------------------------ */
@@ -183,7 +184,7 @@ static status tell_paths(struct debug *d, struct error *err)
         if (d->json)
             json_array_append_new(list, debug_path_json(&sample, answer->render_result));
         else
-            debug_path_print(stdout, &sample, answer->render_result, d->width, d->height);
+            debug_path_print(stdout, &sample, answer->render_result, d->picture);
         message_free(answer);
     }
     if (d->json && result == STATUS_OK)
@@ -219,9 +220,14 @@ static status tell_samples(struct debug *d, struct error *err)
 
 static status tell(struct debug *d, struct error *err)
 {
-    if (d->x >= d->width || d->y >= d->height)
-        return error_set(err, STATUS_ERR_INPUT, "--pixel %u,%u is outside the picture of %ux%u pixels", d->x,
-                         d->y, d->width, d->height);
+    if (d->x - d->picture.x >= d->picture.width || d->y - d->picture.y >= d->picture.height) {
+        error_set(err, STATUS_ERR_INPUT, "--pixel %u,%u is outside the picture of %ux%u pixels", d->x,
+                  d->y, d->picture.width, d->picture.height);
+        if (err && (d->picture.x || d->picture.y))
+            snprintf(err->text + strlen(err->text), sizeof err->text - strlen(err->text), " from %u,%u on",
+                     d->picture.x, d->picture.y);
+        return STATUS_ERR_INPUT;
+    }
     for (size_t i = 0; i < d->sample_count; i++)
         if (d->samples[i] >= d->spp)
             return error_set(err, STATUS_ERR_INPUT, "--sample %u: the pixel has samples 0 to %u", d->samples[i],
@@ -250,8 +256,8 @@ static status debug_job(struct debug *d, struct error *err)
                                d->frame, d->job, info->first_frame, info->last_frame);
         else {
             d->frame = d->frame < 0 ? (int64_t)info->first_frame : d->frame;
-            d->width = info->settings->width;
-            d->height = info->settings->height;
+            d->picture = (struct tile_rect){info->settings->region_x, info->settings->region_y,
+                                            info->settings->width, info->settings->height};
             d->spp = info->settings->spp;
         }
     }
@@ -275,8 +281,7 @@ static status prepare_scene(struct debug *d, struct error *err)
     if (result != STATUS_OK)
         return result;
     d->frame = d->request.first_frame;
-    d->width = d->request.settings.width;
-    d->height = d->request.settings.height;
+    d->picture = settings_rect(&d->request.settings);
     d->spp = d->request.settings.spp;
     return signals_catch(err);
 }

@@ -172,7 +172,7 @@ static status report(const struct develop *d, const struct job_fetch *fetch, int
         return STATUS_OK;
     }
     out = json_pack("{s:o}", "job", job_info_json(job_of(d)));
-    if (fetch->folder)
+    if (fetch->to.folder)
         json_object_update_new(out, job_fetch_json(fetch));
     return json_print(out, err);
 }
@@ -194,14 +194,14 @@ static status develop(struct develop *d, struct job_fetch *fetch, int wait, int 
         result = await_pictures(d, quiet || json, err);
     if (result != STATUS_OK)
         return result;
-    if (fetch->folder && job_of(d)->frames_done > 0) {
+    if (fetch->to.folder && job_of(d)->frames_done > 0) {
         fetch->connection = d->connection;
         fetch->job = job_of(d);
         fetch->json = json || quiet;
         fetched = job_fetch_pictures(fetch, &all, err);
     }
     if (fetched == STATUS_OK || fetched == STATUS_ERR_INCOMPLETE)
-        result = report(d, fetch, json, quiet || fetch->folder, wait, err);
+        result = report(d, fetch, json, quiet || fetch->to.folder, wait, err);
     return result == STATUS_OK ? fetched : result;
 }
 
@@ -210,12 +210,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct develop d = {.options = OUTPUT_OPTIONS_INIT};
-    struct job_fetch fetch = {.formats = OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG,
-                              .finished_only = 1};
+    struct job_fetch fetch = {.finished_only = 1};
+    const char *out = NULL;
     int no_wait = 0, json = 0, quiet = 0, done;
     const struct option table[] = {
-        {"output", 'o', OPTION_STRING, &fetch.folder, "FOLDER",
-         "fetch the new pictures into this folder, created if it is missing", 0, 0, NULL},
+        {"output", 'o', OPTION_STRING, &out, "OUT",
+         "fetch the new pictures: a folder for them, created if it is missing, or one picture's file (.png or .jpg)",
+         0, 0, NULL},
         JOB_FETCH_FORCE_ROW(fetch.force),
         {"operator", 0, OPTION_STRING, &d.options.tone.tonemap, "OPERATOR", "the same as --tonemap",
          0, 0, NULL},
@@ -235,7 +236,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    if (no_wait && fetch.folder)
+    if (no_wait && out)
         return error_set(err, STATUS_ERR_USAGE,
                          "--no-wait: pictures that are not made yet cannot be fetched; leave out "
                          "either it or --output");
@@ -244,8 +245,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = output_options_check(&d.options, &d.request, err);
     if (result == STATUS_OK)
         result = tonemap_key_check(&d.request.tonemap, where.key_path, err);
-    if (result == STATUS_OK && fetch.folder)
-        result = fetch_check_folder(fetch.folder, err);
+    if (result == STATUS_OK && out)
+        result = destination_of_job(&fetch.to, out, OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG, err);
+    if (result == STATUS_OK && out)
+        result = fetch_check_folder(fetch.to.folder, err);
     if (result == STATUS_OK)
         result = connection_open(&d.connection, &where, err);
     if (result == STATUS_OK)

@@ -303,6 +303,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct pilot e = {.options = JOB_OPTIONS_INIT, .where = CONNECTION_OPTIONS_INIT,
                       .pilot_spp = PILOT_SPP, .command = BUFFER_INIT};
     int64_t workers = 0, threads = 0;
+    const char *out = NULL;
     int done;
     const struct option table[] = {
         {"by", 0, OPTION_STRING, &e.by, "HH:MM",
@@ -315,8 +316,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"target-error", 0, OPTION_STRING, &e.options.stop.target, "ERROR",
          "print what this error costs, as in 2/255, 1% or 45dB (default: the cost of --spp)", 0, 0,
          NULL},
-        {"name", 'o', OPTION_STRING, &e.name, "NAME",
+        {"name", 0, OPTION_STRING, &e.name, "NAME",
          "the job's name on a farm (default: the scene file's)", 0, 0, NULL},
+        {"output", 'o', OPTION_STRING, &out, "OUT",
+         "not for this command, which writes no files; until 0.2.0 it was --name", 0, 0, NULL},
         {"workers", 'w', OPTION_INT, &workers, "N", "worker processes on this machine (default 1)",
          1, LOCAL_WORKERS_MAX, NULL},
         {"threads", 'j', OPTION_INT, &threads, "N",
@@ -335,6 +338,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
+    if (out)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "-o %s: an estimate writes no files; --name %s names its job", out, out);
     e.scene_path = rest.items[0];
     e.on_farm = farm_is_named(&e, workers, threads);
     if (e.on_farm && (workers > 0 || threads > 0))

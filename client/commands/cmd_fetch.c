@@ -6,6 +6,8 @@
 #include "client/farm/fetch.h"
 #include "client/farm/job_info.h"
 #include "client/farm/output.h"
+#include "client/farm/signals.h"
+#include "client/farm/video.h"
 #include "client/terminal/parse.h"
 #include "common/scene/manifest.h"
 #include "protocol/message.h"
@@ -27,19 +29,29 @@ static status preview_kind(const char *path, Azulejo__Wire__OutputKind *kind, st
     }
 }
 
+static status interrupted(void *user, struct error *err)
+{
+    (void)user;
+    return signals_stop() ? error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; no video is written")
+                          : STATUS_OK;
+}
+
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    struct job_fetch f = {.folder = ".", .formats = OUTPUT_FORMAT_ALL};
-    const char *preview = NULL;
+    struct job_fetch f = {0};
+    struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
+    const char *preview = NULL, *out = NULL;
+    int follow = 0;
     char cut[CUT_FRAME_TEXT_SIZE];
     struct frame_choice choice = {0};
     struct frame_list frames = {0};
     int done;
     const struct option table[] = {
-        {"output", 'o', OPTION_STRING, &f.folder, "FOLDER",
-         "folder for the files, created if it is missing (default: this one)", 0, 0, NULL},
+        {"output", 'o', OPTION_STRING, &out, "OUT",
+         "where the files go: a folder, created if it is missing, or one picture's file (.exr, .png or .jpg) "
+         "(default: this folder)", 0, 0, NULL},
         FRAME_CHOICE_ROWS(choice, 0, "fetch"),
         {"manifest", 0, OPTION_FLAG, &f.manifest, NULL,
          "also each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called for "
@@ -50,7 +62,16 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "fetch instead the unfinished frame as it is, tone mapped (.png) or in linear light "
          "(.exr)",
          0, 0, NULL},
+        VIDEO_OPTION_ROW(f.video),
+        {"follow", 0, OPTION_FLAG, &follow, NULL,
+         "until the job ends: fetch each frame when it is finished; ends with the status of the job's end", 0, 0, NULL},
+        {"limit", 0, OPTION_REAL, &how.limit_s, "SECONDS",
+         "with --follow: stop after this long, with exit status 7; the job continues (default: never)",
+         0.01, 1e9, NULL},
+        RECONNECT_OPTION_ROW(how.reconnect_s),
         {"json", 0, OPTION_FLAG, &f.json, NULL, "print JSON", 0, 0, NULL},
+        {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL, "with --follow: no progress, and no line for each file", 0, 0,
+         NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
@@ -66,12 +87,35 @@ static status run(const struct command *command, int argc, char *const *argv, in
     result = parse_job(rest.items[0], &job, err);
     if (result == STATUS_OK && preview)
         result = preview_kind(preview, &kind, err);
-    else if (result == STATUS_OK)
-        result = fetch_check_folder(f.folder, err);
+    if (result == STATUS_OK && preview && (follow || f.video))
+        result = error_set(err, STATUS_ERR_USAGE,
+                           "--%s is for finished frames, --preview for an unfinished one: leave out "
+                           "either", follow ? "follow" : "video");
+    if (result == STATUS_OK && f.video)
+        result = video_check(f.video, err);
+    if (result == STATUS_OK && !follow && (how.limit_s > 0 || how.quiet))
+        result = error_set(err, STATUS_ERR_USAGE, "--limit and --quiet go with --follow");
+    if (result == STATUS_OK)
+        result = destination_of_job(&f.to, out, OUTPUT_FORMAT_ALL, err);
+    if (result == STATUS_OK && !preview)
+        result = fetch_check_folder(f.to.folder, err);
     if (result == STATUS_OK)
         result = frame_choice_check(&choice, err);
+    if (result == STATUS_OK && f.video)
+        result = signals_catch(err); /* so that ffmpeg's unfinished file goes */
+    if (result == STATUS_OK && f.video)
+        where.watch = interrupted;
     if (result == STATUS_OK)
         result = connection_open(&f.connection, &where, err);
+    if (result == STATUS_OK && follow) {
+        struct connection *connection = f.connection;
+        how.where = where;
+        how.json = f.json;
+        result = job_fetch_follow(&connection, job, &f, &choice, &how, err);
+        f.connection = connection;
+        f.json = 0; /* it is printed */
+        goto done;
+    }
     if (result == STATUS_OK)
         result = job_query(f.connection, job, &answer, err);
     if (result == STATUS_OK) {
@@ -89,6 +133,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         status printed = json_print(job_fetch_json(&f), err);
         result = printed == STATUS_OK ? result : printed;
     }
+done:
     frame_list_free(&frames);
     job_fetch_release(&f);
     message_free(answer);
@@ -104,6 +149,7 @@ const struct command command_fetch = {
     .description =
         "Fetch the finished frames of a job: the EXR files and the tone mapped PNG and JPEG files, named after\n"
         "the job. Where the folder holds files of that name from another job, the name gets -jobN; nothing of\n"
-        "another job is overwritten. Exit status 9 when some frames or files are missing.",
+        "another job is overwritten. A file that is there and whole is not sent again. With --follow it stays until\n"
+        "the job ends. Exit status 9 when some frames or files are missing.",
     .run = run,
 };

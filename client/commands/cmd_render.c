@@ -15,6 +15,7 @@
 #include "client/farm/local.h"
 #include "client/farm/signals.h"
 #include "client/farm/submission.h"
+#include "client/farm/video.h"
 #include "client/farm/watch.h"
 #include "common/base/clock.h"
 #include "common/base/file.h"
@@ -34,6 +35,7 @@ struct render {
     struct job_request request;
     struct import_result scene;
     struct destination destination;
+    unsigned formats;                    /* that the job makes */
     char *name;
     struct local_farm *farm;
     struct connection *connection;
@@ -41,6 +43,8 @@ struct render {
     Azulejo__Wire__Envelope *last;       /* the job's last JobList */
     int cut;                             /* interrupted: only existing pictures are fetched */
     json_t *files;
+    const char *video_path;               /* --video; NULL: none */
+    struct video *video;
 };
 
 static status fetch_file(struct render *r, uint32_t frame, Azulejo__Wire__OutputKind kind,
@@ -61,6 +65,25 @@ static status fetch_file(struct render *r, uint32_t frame, Azulejo__Wire__Output
     return result;
 }
 
+/* The video's next picture: PNG, or JPEG where there is no PNG. */
+static status video_frame(struct render *r, uint32_t frame, struct error *err)
+{
+    int png = r->formats & OUTPUT_FORMAT_PNG ? 1 : 0;
+    struct buffer data = BUFFER_INIT;
+    status result = fetch_output(r->connection, r->job, frame,
+                                 png ? AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG
+                                     : AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG,
+                                 &data, err);
+
+    if (result == STATUS_OK && !r->video)
+        result = video_begin(&r->video, r->video_path, (double)r->request.settings.fps,
+                             png ? OUTPUT_FORMAT_PNG : OUTPUT_FORMAT_JPEG, err);
+    if (result == STATUS_OK)
+        result = video_add(r->video, r->connection, &data, err);
+    buffer_release(&data);
+    return result;
+}
+
 static status fetch_frame(struct render *r, uint32_t frame, struct error *err)
 {
     status result = STATUS_OK;
@@ -74,6 +97,8 @@ static status fetch_frame(struct render *r, uint32_t frame, struct error *err)
     if (result == STATUS_OK && r->manifest)
         result = fetch_file(r, frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
                             MANIFEST_EXTENSION, err);
+    if (result == STATUS_OK && r->video_path)
+        result = video_frame(r, frame, err);
     return result;
 }
 
@@ -91,6 +116,12 @@ static status fetch_pictures(struct render *r, struct error *err)
         if (r->cut && result == STATUS_ERR_NOT_FOUND)
             result = STATUS_OK; /* it had no sample yet */
     }
+    if (result == STATUS_OK && r->video)
+        result = video_end(r->video, r->connection, err);
+    if (result == STATUS_OK && r->video)
+        json_array_append_new(r->files, json_text(r->video_path));
+    video_free(r->video);
+    r->video = NULL;
     return result;
 }
 
@@ -108,6 +139,7 @@ static void rescue_pictures(struct render *r, struct error *err)
     if (buffer_ok(&folder) && mkdtemp((char *)folder.data)) {
         const char *how_many = "the";
         r->destination.folder = (char *)folder.data;
+        r->video_path = NULL; /* it can be made of them */
         if (fetch_pictures(r, &again) != STATUS_OK)
             how_many = rmdir(r->destination.folder) == 0 ? NULL : "some of the";
         if (how_many)
@@ -192,6 +224,7 @@ static status cut_short(struct render *r, struct error *err)
     if (result == STATUS_OK)
         result = await_cut(r, err);
     r->cut = 1;
+    r->video_path = NULL; /* it would wait for ffmpeg */
     if (result == STATUS_OK)
         result = fetch_or_rescue(r, err);
     return result == STATUS_OK ? explain_cut(r, err) : result;
@@ -210,7 +243,7 @@ static status render_on_farm(struct render *r, struct error *err)
         result = effects_auto_apply(&r->effects, r->connection, &r->scene, &r->request, r->quiet, err);
     if (result == STATUS_OK)
         result = submission_send(r->connection, &r->scene, &r->request, r->name,
-                                 r->destination.formats, r->quiet, &accepted, err);
+                                 r->formats, r->quiet, &accepted, err);
     r->job = accepted.job;
     if (result == STATUS_OK)
         result = watch_job(r->connection, r->job, r->quiet, 0, &r->last, err);
@@ -239,6 +272,19 @@ static status report(struct render *r, struct error *err)
     return STATUS_OK;
 }
 
+/* A video is made of PNG pictures if no JPEG is asked for. */
+static status check_video(struct render *r, uint32_t frames, struct error *err)
+{
+    r->formats = r->destination.formats;
+    if (!r->video_path)
+        return STATUS_OK;
+    if (frames == 1)
+        return error_set(err, STATUS_ERR_USAGE, "--video: of one frame? Give --frames, as in 0-47");
+    if (!(r->formats & (OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG)))
+        r->formats |= OUTPUT_FORMAT_PNG;
+    return video_check(r->video_path, err);
+}
+
 /* Check everything that can be wrong on our side before a program is started. */
 static status prepare(struct render *r, const char *out, struct error *err)
 {
@@ -256,6 +302,8 @@ static status prepare(struct render *r, const char *out, struct error *err)
         return error_no_memory(err, "a name");
     result = destination_init(&r->destination, out, r->request.output.formats, r->name, frames,
                               err);
+    if (result == STATUS_OK)
+        result = check_video(r, frames, err);
     if (result == STATUS_OK)
         result = submission_prepare(r->scene_path, &r->options, r->quiet, &r->request, &r->scene,
                                     err);
@@ -276,7 +324,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int done;
     const struct option table[] = {
         {"output", 'o', OPTION_STRING, &out, "OUT",
-         "destination of the pictures: a folder, a file (.exr, .png or .jpg), or the files' path "
+         "where the files go: a folder, one picture's file (.exr, .png or .jpg), or the files' path "
          "without extension (default: the scene's name, in this folder)",
          0, 0, NULL},
         JOB_OPTION_ROWS(r.options),
@@ -291,6 +339,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "also write each frame's manifest, ." MANIFEST_EXTENSION ": which effects ran, who called "
          "for them, and where the time went",
          0, 0, NULL},
+        VIDEO_OPTION_ROW(r.video_path),
         {"json", 0, OPTION_FLAG, &r.json, NULL, "print JSON at the end", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &r.quiet, NULL, "no progress, no warnings, no summary", 0, 0,
          NULL},

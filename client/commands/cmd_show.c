@@ -24,8 +24,13 @@ static void print_field(const char *label, const char *text)
 
 static void print_settings(const Azulejo__Wire__RenderSettings *s)
 {
-    printf("  %-10s  %u x %u pixels, %u samples each, depth %u, seed %" PRIu64 ", camera %u\n",
-           "picture", s->width, s->height, s->spp, s->max_depth, s->seed, s->camera);
+    char region[64] = "";
+
+    if (s->whole_width)
+        snprintf(region, sizeof region, ", at %u,%u of %u x %u", s->region_x, s->region_y,
+                 s->whole_width, s->whole_height);
+    printf("  %-10s  %u x %u pixels%s, %u samples each, depth %u, seed %" PRIu64 ", camera %u\n",
+           "picture", s->width, s->height, region, s->spp, s->max_depth, s->seed, s->camera);
     printf("  %-10s  sampled by %s, turned %g degrees, strength %g\n", "light map",
            env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg,
            (double)s->env_strength);

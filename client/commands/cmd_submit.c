@@ -7,11 +7,13 @@
 
 #include "client/commands/command.h"
 #include "client/commands/effects_auto.h"
+#include "client/farm/fetch.h"
 #include "client/farm/follow.h"
 #include "client/farm/job_info.h"
 #include "client/farm/signals.h"
 #include "client/farm/submission.h"
 #include "client/farm/trial.h"
+#include "client/farm/video.h"
 #include "common/base/memory.h"
 
 /* The number of attempts to send one job: if it crashes the coordinator, that must not go on for
@@ -72,6 +74,25 @@ static status send_again(struct connection **c, const struct import_result *scen
     }
 }
 
+/* Until 0.2.0 -o was the job's name; a plain name still is. */
+static status check_output(const char **out, const char **name, int follow, int quiet,
+                           struct error *err)
+{
+    if (!*out || follow)
+        return STATUS_OK;
+    if (*name || strchr(*out, '/') || output_format_of(*out))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "-o %s: it says where files go, and a job's files come only with --follow, or "
+                         "later with 'azulejo fetch JOB -o %s'",
+                         *out, *out);
+    if (!quiet)
+        fprintf(stderr, "note: the job is named %s; --name %s says so, -o says where the files of --follow go\n",
+                *out, *out);
+    *name = *out;
+    *out = NULL;
+    return STATUS_OK;
+}
+
 /* Only measuring takes long: Ctrl-C then also ends the pilots on the farm. */
 static status choose_effects(const struct effects_auto *effects, struct connection *c,
                              const struct import_result *scene, struct job_request *request, int quiet,
@@ -95,14 +116,22 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const char *name = NULL;
     const char *token = NULL;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
-    int watch = 0, force = 0, done;
+    const char *out = NULL;
+    int watch = 0, follow = 0, force = 0, done;
+    struct job_fetch fetch = {0};
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
         JOB_ENDS_ROW(options),
         EFFECTS_AUTO_ROWS(effects),
-        {"name", 'o', OPTION_STRING, &name, "NAME",
+        {"name", 0, OPTION_STRING, &name, "NAME",
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
          NULL},
+        {"output", 'o', OPTION_STRING, &out, "OUT",
+         "with --follow, where the files go: a folder, created if it is missing, or one picture's file "
+         "(.exr, .png or .jpg) (default: this folder)", 0, 0, NULL},
+        {"follow", 0, OPTION_FLAG, &follow, NULL,
+         "until the job ends: fetch each frame when it is finished, as 'azulejo fetch --follow' does", 0, 0, NULL},
+        VIDEO_OPTION_ROW(fetch.video),
         {"token", 0, OPTION_STRING, &token, "TEXT",
          "a name for this submission, up to 64 bytes: submitting again with it creates no second "
          "job, but prints the first one's number (default: a random one)",
@@ -124,13 +153,25 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection *connection = NULL;
     char *default_name = NULL;
     struct job_accepted accepted = {0};
+    const struct frame_choice every = {0};
     status result = command_parse(command, tonemap_options_table(&options.output.tone, table, rows),
                                   argc, argv, 1, 1, &rest, &done, err);
 
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    result = job_options_check(&options, &request, err);
+    result = check_output(&out, &name, follow, how.quiet, err);
+    if (result == STATUS_OK && fetch.video && !follow)
+        result = error_set(err, STATUS_ERR_USAGE, "--video: the pictures come with --follow, or later with "
+                                                  "'azulejo fetch JOB --video %s'", fetch.video);
+    if (result == STATUS_OK && fetch.video)
+        result = video_check(fetch.video, err);
+    if (result == STATUS_OK && follow)
+        result = destination_of_job(&fetch.to, out, OUTPUT_FORMAT_ALL, err);
+    if (result == STATUS_OK && follow)
+        result = fetch_check_folder(fetch.to.folder, err);
+    if (result == STATUS_OK)
+        result = job_options_check(&options, &request, err);
     request.force = force;
     if (result == STATUS_OK)
         result = effects_auto_check(&effects, options.stop.target, err);
@@ -151,13 +192,15 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK)
         result = send_again(&connection, &scene, &request, name ? name : default_name, &how, &accepted,
                             err);
-    if (result == STATUS_OK && watch) {
+    if (result == STATUS_OK && (watch || follow)) {
         if (!how.quiet)
             fprintf(stderr, "job %" PRIu64 "\n", accepted.job);
-        result = follow_job(&connection, accepted.job, &how, err);
+        result = follow ? job_fetch_follow(&connection, accepted.job, &fetch, &every, &how, err)
+                        : follow_job(&connection, accepted.job, &how, err);
     } else if (result == STATUS_OK) {
         result = print_submitted(&accepted, &scene, how.json, err);
     }
+    job_fetch_release(&fetch);
     connection_close(connection);
     import_result_release(&scene);
     job_request_release(&request);

@@ -4,42 +4,116 @@
 #include <string.h>
 
 #include "client/commands/command.h"
+#include "client/farm/destination.h"
 #include "client/farm/operator_list.h"
 #include "client/farm/picture_file.h"
 #include "client/commands/sweep.h"
 #include "common/base/file.h"
+#include "common/base/memory.h"
 
 struct tonemapping {
     struct tonemap_options tone;
-    const char *from, *to;
+    const char *const *from; /* `count` pictures */
+    size_t count;
+    const char *out;         /* -o; NULL: the second of two words is the file */
+    const char *to;          /* the file of one picture */
+    char *folder;            /* or the folder of their own names; owned */
     enum output_format format;
+    const char *extension;   /* of the files in a folder */
     const char *bits;
-    int64_t quality, threads, tile_width; /* 0: not given */
+    int64_t quality, threads, tile_width, temporal; /* 0: not given */
     int no_dither;
     struct picture_options picture;
     struct sweep sweeps[SWEEPS_MAX];
     size_t sweep_count;
 };
 
-static status map_one(const struct tonemapping *t, struct error *err)
+/* The states of the last pictures of a sequence. */
+struct states {
+    struct tonemap_state *last; /* of picture i at i mod `size`; NULL: each picture has its own */
+    const struct tonemap_state **pointers;
+    size_t size;
+    struct tonemap_state mean;
+};
+
+/* The mean state of picture i and those before it, as --temporal of a job has it. */
+static status mean_state(struct states *states, size_t i, const struct image *picture,
+                         const struct tonemap_settings *settings, struct tonemap_context *context,
+                         struct error *err)
+{
+    size_t count = i + 1 < states->size ? i + 1 : states->size;
+    status result = tonemap_measure(&states->last[i % states->size], picture, settings, context, err);
+
+    if (result != STATUS_OK)
+        return result;
+    for (size_t k = 0; k < count; k++)
+        states->pointers[k] = &states->last[(i + 1 - count + k) % states->size];
+    tonemap_state_mean(&states->mean, states->pointers, (uint32_t)count, settings);
+    context->state = &states->mean;
+    return STATUS_OK;
+}
+
+static status map_picture(const struct tonemapping *t, const struct tonemap_settings *settings,
+                          struct tonemap_context *context, struct states *states, size_t i,
+                          const char *to, struct error *err)
+{
+    struct image picture = {0}, display = {0};
+    status result = picture_read(&picture, t->from[i], err);
+
+    if (result == STATUS_OK && states->size)
+        result = mean_state(states, i, &picture, settings, context, err);
+    if (result == STATUS_OK)
+        result = tonemap_apply(&display, &picture, settings, context, err);
+    if (result == STATUS_OK)
+        result = picture_write(to, &display, t->format, &t->picture, err);
+    image_release(&display);
+    image_release(&picture);
+    return result;
+}
+
+/* The file's own name in the folder, with the extension of its new format. */
+static char *name_in_folder(const struct tonemapping *t, const char *from)
+{
+    const char *name = file_basename(from), *extension = file_extension(from);
+    int stem = (int)(strlen(name) - (*extension ? strlen(extension) + 1 : 0));
+    struct buffer path = BUFFER_INIT;
+    char *copy = NULL;
+
+    buffer_printf(&path, "%s%s%.*s.%s", t->folder, t->folder[strlen(t->folder) - 1] == '/' ? "" : "/",
+                  stem, name, t->extension);
+    if (buffer_ok(&path))
+        copy = mem_strdup(buffer_text(&path));
+    buffer_release(&path);
+    return copy;
+}
+
+static status map_pictures(const struct tonemapping *t, struct error *err)
 {
     struct tonemap_context context = {.threads = (unsigned)t->threads,
                                       .linear = t->format == OUTPUT_FORMAT_EXR};
     struct tonemap_settings settings;
     struct buffer file = BUFFER_INIT;
-    struct image picture = {0}, display = {0};
+    struct states states = {.size = t->temporal > 1 ? (size_t)t->temporal : 0};
     status result = tonemap_options_check(&t->tone, &settings, &file, err);
 
     context.file_data = file.data;
     context.file_size = file.size;
-    if (result == STATUS_OK)
-        result = picture_read(&picture, t->from, err);
-    if (result == STATUS_OK)
-        result = tonemap_apply(&display, &picture, &settings, &context, err);
-    if (result == STATUS_OK)
-        result = picture_write(t->to, &display, t->format, &t->picture, err);
-    image_release(&display);
-    image_release(&picture);
+    states.last = mem_alloc_array(states.size + 1, sizeof *states.last);
+    states.pointers = mem_alloc_array(states.size + 1, sizeof *states.pointers);
+    if (result == STATUS_OK && (!states.last || !states.pointers))
+        result = error_no_memory(err, "pictures' statistics");
+    for (size_t i = 0; i < t->count && result == STATUS_OK; i++) {
+        char *path = t->folder ? name_in_folder(t, t->from[i]) : NULL;
+        if (t->folder && !path)
+            result = error_no_memory(err, "a path");
+        else
+            result = map_picture(t, &settings, &context, &states, i, path ? path : t->to, err);
+        if (result == STATUS_OK && t->count > 1)
+            printf("%s\n", path);
+        mem_free(path);
+    }
+    mem_free(states.pointers);
+    mem_free(states.last);
     buffer_release(&file);
     return result;
 }
@@ -58,9 +132,9 @@ static status map_sweep(const struct tonemapping *t, struct error *err)
     status result = sweep_check(&how, err);
 
     if (result == STATUS_OK)
-        result = picture_read(&picture, t->from, err);
+        result = picture_read(&picture, t->from[0], err);
     if (result == STATUS_OK)
-        result = sweep_draw(&sheet, &picture, file_basename(t->from), &how, err);
+        result = sweep_draw(&sheet, &picture, file_basename(t->from[0]), &how, err);
     if (result == STATUS_OK)
         result = picture_write(t->to, &sheet, t->format, &t->picture, err);
     image_release(&sheet);
@@ -68,24 +142,84 @@ static status map_sweep(const struct tonemapping *t, struct error *err)
     return result;
 }
 
+/* Two pictures of one name would be one file in the folder. */
+static status check_names(const struct tonemapping *t, struct error *err)
+{
+    status result = STATUS_OK;
+
+    for (size_t i = 0; i < t->count && result == STATUS_OK; i++) {
+        char *mine = name_in_folder(t, t->from[i]);
+        if (!mine)
+            return error_no_memory(err, "a path");
+        for (size_t k = 0; k < i && result == STATUS_OK; k++) {
+            char *other = name_in_folder(t, t->from[k]);
+            if (!other)
+                result = error_no_memory(err, "a path");
+            else if (strcmp(mine, other) == 0)
+                result = error_set(err, STATUS_ERR_USAGE, "%s and %s would both become %s",
+                                   t->from[k], t->from[i], mine);
+            mem_free(other);
+        }
+        for (size_t k = 0; k < t->count && result == STATUS_OK; k++)
+            if (strcmp(mine, t->from[k]) == 0)
+                result = error_set(err, STATUS_ERR_USAGE,
+                                   "%s would be overwritten by its own picture: choose another "
+                                   "folder with -o", mine);
+        mem_free(mine);
+    }
+    return result;
+}
+
+/* -o is one picture's file or a folder, as for every command (client/farm/destination.h). */
 static status choose_files(struct tonemapping *t, const struct command *command,
                            const struct positionals *rest, struct error *err)
 {
-    if (rest->count == 0 || (rest->count == 1 && !t->to))
+    int is_folder = t->out && (destination_is_folder(t->out) || !output_format_of(t->out));
+
+    if (rest->count == 0 || (rest->count == 1 && !t->out))
         return error_set(err, STATUS_ERR_USAGE, "%s is missing; usage: %s",
                          rest->count == 0 ? "a picture" : "the output, -o FILE,", command->usage);
-    if (rest->count == 2 && t->to)
-        return error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many beside -o; usage: %s",
-                         rest->items[1], command->usage);
-    t->from = rest->items[0];
-    if (rest->count == 2)
+    t->from = rest->items;
+    t->count = rest->count;
+    t->to = t->out;
+    if (!t->out && rest->count == 2 && output_format_of(rest->items[1]) &&
+        !destination_is_folder(rest->items[1])) {
         t->to = rest->items[1];
-    t->format = (enum output_format)output_format_of(t->to);
-    if (!t->format)
+        t->count = 1;
+    } else if (!t->out) {
         return error_set(err, STATUS_ERR_USAGE,
-                         "%s: the output's name decides its format: end it in .png, .jpg or .exr",
-                         t->to);
+                         "-o is missing: -o FOLDER/ for %zu pictures, or -o FILE.png for one; the output's "
+                         "name decides its format: .png, .jpg or .exr",
+                         rest->count);
+    }
+    if (is_folder && !destination_is_folder(t->out) && (t->count == 1 || *file_extension(t->out)))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "%s: the output's name decides its format: end it in .png, .jpg or .exr, or in / "
+                         "for a folder",
+                         t->out);
+    if (is_folder) {
+        t->extension = t->bits || !t->quality ? "png" : "jpg";
+        t->format = t->extension[0] == 'p' ? OUTPUT_FORMAT_PNG : OUTPUT_FORMAT_JPEG;
+        t->folder = mem_strdup(t->out);
+        return t->folder ? check_names(t, err) : error_no_memory(err, "a path");
+    }
+    if (t->count > 1)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "-o %s is one file, and %s is one picture too many for it: give a folder, as in "
+                         "-o mapped/",
+                         t->to, t->from[1]);
+    t->format = (enum output_format)output_format_of(t->to);
     return STATUS_OK;
+}
+
+/* Make the folder of the files. */
+static status make_folder(const struct tonemapping *t, struct error *err)
+{
+    char *folder = t->folder ? mem_strdup(t->folder) : file_dirname(t->to);
+    status result = folder ? file_make_folder(folder, err) : error_no_memory(err, "a path");
+
+    mem_free(folder);
+    return result;
 }
 
 /* An option that would have no effect is an error. */
@@ -99,6 +233,9 @@ static status choose_picture(struct tonemapping *t, struct error *err)
     if (t->no_dither && t->format == OUTPUT_FORMAT_EXR)
         return error_set(err, STATUS_ERR_USAGE, "--no-dither: an EXR is never dithered: leave it "
                                                 "out");
+    if (t->temporal && t->count == 1)
+        return error_set(err, STATUS_ERR_USAGE, "--temporal is for several pictures, an animation's in "
+                                                "their order");
     if (t->tile_width && t->sweep_count == 0)
         return error_set(err, STATUS_ERR_USAGE, "--tile-width is for a --sweep's sheet");
     t->picture.bits = t->bits ? (int)strtol(t->bits, NULL, 10) : 0;
@@ -129,8 +266,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct option_list sweeps = {0};
     int list = 0, json = 0, done;
     const struct option table[] = {
-        {"output", 'o', OPTION_STRING, &t.to, "FILE",
-         "the picture's file: .png, .jpg, or .exr for linear display light", 0, 0, NULL},
+        {"output", 'o', OPTION_STRING, &t.out, "OUT",
+         "the picture's file: .png, .jpg, or .exr for linear display light; or a folder, created if it is "
+         "missing, for PNG files (with --quality JPEG files) of the pictures' own names", 0, 0, NULL},
         {"operator", 0, OPTION_STRING, &t.tone.tonemap, "OPERATOR", "the same as --tonemap", 0, 0,
          NULL},
         TONEMAP_OPTION_ROWS(t.tone),
@@ -138,6 +276,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"quality", 0, OPTION_INT, &t.quality, "N", "quality of a JPEG, 1 to 100 (default 92)", 1,
          100, NULL},
         {"no-dither", 0, OPTION_FLAG, &t.no_dither, NULL, "round instead of dithering", 0, 0, NULL},
+        {"temporal", 0, OPTION_INT, &t.temporal, "N",
+         "average the operator's measurements over the last N of the pictures, so that an animation does not "
+         "flicker (default 1: each picture by itself)", 1, TONEMAP_TEMPORAL_MAX, NULL},
         {"threads", 'j', OPTION_INT, &t.threads, "N", "threads to use (default: all)", 1, 256,
          NULL},
         {"sweep", 0, OPTION_LIST, &sweeps, "NAME=VALUE,...",
@@ -156,7 +297,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct option rows[TONEMAP_ROWS_MAX];
     struct positionals rest;
     status result = command_parse(command, tonemap_options_table(&t.tone, table, rows), argc, argv,
-                                  0, 2, &rest, &done, err);
+                                  0, OPTIONS_POSITIONAL_MAX, &rest, &done, err);
 
     (void)exit_code;
     if (result != STATUS_OK || done)
@@ -171,8 +312,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = parse_sweeps(&t, &sweeps, err);
     if (result == STATUS_OK)
         result = choose_picture(&t, err);
+    if (result == STATUS_OK && t.sweep_count && (t.count > 1 || t.folder))
+        result = error_set(err, STATUS_ERR_USAGE, "--sweep draws one sheet of one picture: -o FILE.png");
     if (result == STATUS_OK)
-        result = t.sweep_count ? map_sweep(&t, err) : map_one(&t, err);
+        result = make_folder(&t, err);
+    if (result == STATUS_OK)
+        result = t.sweep_count ? map_sweep(&t, err) : map_pictures(&t, err);
+    mem_free(t.folder);
     for (size_t i = 0; i < t.sweep_count; i++)
         sweep_release(&t.sweeps[i]);
     return result;
@@ -181,10 +327,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
 const struct command command_tonemap = {
     .name = "tonemap",
     .group = COMMAND_PICTURES,
-    .usage = "azulejo tonemap PICTURE -o OUT [--tonemap OPERATOR] [--PARAMETER VALUE]... [OPTION]...",
+    .usage = "azulejo tonemap PICTURE... -o OUT [--tonemap OPERATOR] [--PARAMETER VALUE]... [OPTION]...",
     .summary = "turn an EXR or HDR picture into one for the screen",
     .description =
-        "Tone map an EXR or Radiance HDR picture just as the farm does, into a PNG, a JPEG, or an EXR of linear\n"
-        "display light; or, with --sweep, draw a labelled sheet that compares operators or their parameters.",
+        "Tone map EXR or Radiance HDR pictures just as the farm does, into a PNG, a JPEG, or an EXR of linear\n"
+        "display light, or several into a folder; or, with --sweep, draw a labelled sheet that compares operators or their parameters.",
     .run = run,
 };

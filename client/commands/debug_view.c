@@ -333,8 +333,8 @@ static void print_next(FILE *out, const Azulejo__Wire__PathVertex *v)
     line_end(&line);
 }
 
-static void print_health(FILE *out, const Azulejo__Wire__RenderResult *result, uint32_t width,
-                         uint32_t height)
+static void print_health(FILE *out, const Azulejo__Wire__RenderResult *result, 
+                         struct tile_rect picture)
 {
     struct unit_work work;
     struct error ignored = {0};
@@ -344,11 +344,11 @@ static void print_health(FILE *out, const Azulejo__Wire__RenderResult *result, u
         return;
     for (int k = 0; k < HEALTH_KINDS; k++)
         if (work.health.count[k])
-            fprintf(out, "  health   %s\n", health_text(text, &work.health, (enum health_kind)k, width, height, 0));
+            fprintf(out, "  health   %s\n", health_text(text, &work.health, (enum health_kind)k, picture, 0));
 }
 
 void debug_path_print(FILE *out, const struct debug_sample *sample,
-                      const Azulejo__Wire__RenderResult *result, uint32_t width, uint32_t height)
+                      const Azulejo__Wire__RenderResult *result, struct tile_rect picture)
 {
     const Azulejo__Wire__SamplePath *path = result->path;
     const float *a = sample->added;
@@ -362,7 +362,7 @@ void debug_path_print(FILE *out, const struct debug_sample *sample,
     if (memcmp(radiance, a, sizeof radiance) != 0)
         fprintf(out, "  path     %.9g %.9g %.9g before the film's guards\n", (double)radiance[0],
                 (double)radiance[1], (double)radiance[2]);
-    print_health(out, result, width, height);
+    print_health(out, result, picture);
     for (size_t i = 0; i < path->n_vertices; i++) {
         print_place(out, i, path->vertices[i]);
         print_met(out, path->vertices[i]);

@@ -6,6 +6,7 @@
 
 #include "client/terminal/json.h"
 #include "common/base/status.h"
+#include "common/film/tiles.h"
 #include "protocol/azulejo.pb-c.h"
 
 /* A pixel's sample: what the film adds. */
@@ -20,9 +21,9 @@ void debug_samples_sort(struct debug_sample *samples, size_t count);
 void debug_samples_print(FILE *out, const struct debug_sample *samples, size_t count);
 json_t *debug_samples_json(const struct debug_sample *samples, size_t count);
 
-/* `result` has a path and was checked. `width`, `height`: of the picture. */
+/* `result` has a path and was checked. `picture`: settings_rect. */
 void debug_path_print(FILE *out, const struct debug_sample *sample,
-                      const Azulejo__Wire__RenderResult *result, uint32_t width, uint32_t height);
+                      const Azulejo__Wire__RenderResult *result, struct tile_rect picture);
 json_t *debug_path_json(const struct debug_sample *sample, const Azulejo__Wire__RenderResult *result);
 
 #endif

@@ -64,12 +64,12 @@ status child_find_program(const char *name, struct buffer *path, struct error *e
 }
 
 /* In the child, between fork and exec: only async-signal-safe calls. */
-static void run_child(char *const argv[], int log_fd, int stdout_fd, int death_signal,
+static void run_child(char *const argv[], int log_fd, int stdin_fd, int stdout_fd, int death_signal,
                       pid_t parent)
 {
     static const char sorry[] = ": cannot be started\n";
     sigset_t none;
-    int null = open("/dev/null", O_RDONLY);
+    int in = stdin_fd >= 0 ? stdin_fd : open("/dev/null", O_RDONLY);
 
     prctl(PR_SET_PDEATHSIG, death_signal);
     if (getppid() != parent)
@@ -78,8 +78,8 @@ static void run_child(char *const argv[], int log_fd, int stdout_fd, int death_s
     signals_restore_in_child();
     sigemptyset(&none);
     sigprocmask(SIG_SETMASK, &none, NULL);
-    if (null >= 0)
-        dup2(null, STDIN_FILENO);
+    if (in >= 0)
+        dup2(in, STDIN_FILENO);
     if (log_fd >= 0)
         dup2(log_fd, STDERR_FILENO);
     dup2(stdout_fd >= 0 ? stdout_fd : STDERR_FILENO, STDOUT_FILENO);
@@ -93,6 +93,13 @@ static void run_child(char *const argv[], int log_fd, int stdout_fd, int death_s
 status child_start(struct child *child, const char *label, char *const argv[],
                    const char *log_path, int stdout_fd, int death_signal, struct error *err)
 {
+    return child_start_fed(child, label, argv, log_path, -1, stdout_fd, death_signal, err);
+}
+
+status child_start_fed(struct child *child, const char *label, char *const argv[],
+                       const char *log_path, int stdin_fd, int stdout_fd, int death_signal,
+                       struct error *err)
+{
     pid_t parent = getpid();
     int log_fd = -1;
 
@@ -105,7 +112,7 @@ status child_start(struct child *child, const char *label, char *const argv[],
     }
     child->pid = fork();
     if (child->pid == 0)
-        run_child(argv, log_fd, stdout_fd, death_signal, parent);
+        run_child(argv, log_fd, stdin_fd, stdout_fd, death_signal, parent);
     if (log_fd >= 0)
         close(log_fd);
     if (child->pid < 0) {

@@ -29,6 +29,11 @@ status child_start(struct child *child, const char *label, char *const argv[],
                    const char *log_path, int stdout_fd, int death_signal,
                    struct error *err) MUST_CHECK;
 
+/* The same with a standard input; -1: none. */
+status child_start_fed(struct child *child, const char *label, char *const argv[],
+                       const char *log_path, int stdin_fd, int stdout_fd, int death_signal,
+                       struct error *err) MUST_CHECK;
+
 /* Has it ended? Never blocks. */
 int child_has_ended(struct child *child);
 

@@ -182,32 +182,65 @@ void claim_release(struct claim *claim)
     buffer_release(&claim->base);
 }
 
-status claim_take(struct claim *claim, const char *folder, const Azulejo__Wire__JobInfo *job,
-                  int force, struct error *err)
+static status claims_read(struct claims *c, const char *path, const Azulejo__Wire__JobInfo *job,
+                          struct error *err)
 {
-    struct claims c = {.folder = folder, .text = BUFFER_INIT, .name = BUFFER_INIT, .job = job->job};
-    char *path = file_join(folder, CLAIMS_FILE);
     char hex[DIGEST_HEX_SIZE] = "-";
-    status result = path ? STATUS_OK : error_no_memory(err, "a path");
+    status result = STATUS_OK;
 
-    lock_folder(claim, folder);
     if (job->scene.len == DIGEST_BYTES) {
         struct digest digest;
         memcpy(digest.bytes, job->scene.data, DIGEST_BYTES);
         digest_to_hex(&digest, hex);
     }
-    snprintf(c.owner, sizeof c.owner, "%" PRIu64 " %" PRId64 " %s ", job->job, job->submitted_at,
+    snprintf(c->owner, sizeof c->owner, "%" PRIu64 " %" PRId64 " %s ", job->job, job->submitted_at,
              hex);
-    claim_plain_name(job, &c.name);
-    if (result == STATUS_OK && file_exists(path)) {
-        result = file_read(path, CLAIMS_BYTES_MAX, &c.text, err);
-        if (result == STATUS_OK && c.text.size > 0 && c.text.data[c.text.size - 1] != '\n')
-            buffer_puts(&c.text, "\n");
+    claim_plain_name(job, &c->name);
+    if (file_exists(path))
+        result = file_read(path, CLAIMS_BYTES_MAX, &c->text, err);
+    if (result == STATUS_OK && c->text.size > 0 && c->text.data[c->text.size - 1] != '\n')
+        buffer_puts(&c->text, "\n");
+    return result;
+}
+
+static void claims_release(struct claims *c)
+{
+    buffer_release(&c->name);
+    buffer_release(&c->text);
+}
+
+status claim_find(const char *folder, const Azulejo__Wire__JobInfo *job, struct buffer *base,
+                  struct error *err)
+{
+    struct claims c = {.folder = folder, .text = BUFFER_INIT, .name = BUFFER_INIT, .job = job->job};
+    char *path = file_join(folder, CLAIMS_FILE);
+    status result = path ? claims_read(&c, path, job, err) : error_no_memory(err, "a path");
+    int found = 0;
+
+    for (int i = 0; result == STATUS_OK && !found && i < CANDIDATES_MAX; i++) {
+        candidate(&c, i, base);
+        found = is_ours(&c, buffer_text(base));
     }
+    if (!found)
+        buffer_clear(base);
+    claims_release(&c);
+    mem_free(path);
+    return result;
+}
+
+status claim_take(struct claim *claim, const char *folder, const Azulejo__Wire__JobInfo *job,
+                  int force, struct error *err)
+{
+    struct claims c = {.folder = folder, .text = BUFFER_INIT, .name = BUFFER_INIT, .job = job->job};
+    char *path = file_join(folder, CLAIMS_FILE);
+    status result = path ? STATUS_OK : error_no_memory(err, "a path");
+
+    lock_folder(claim, folder);
+    if (result == STATUS_OK)
+        result = claims_read(&c, path, job, err);
     if (result == STATUS_OK)
         result = keep(&c, path, force, &claim->base, err);
-    buffer_release(&c.name);
-    buffer_release(&c.text);
+    claims_release(&c);
     mem_free(path);
     return result;
 }

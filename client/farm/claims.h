@@ -39,6 +39,9 @@ struct claim {
  * ERR_NO_MEMORY. */
 status claim_take(struct claim *claim, const char *folder, const Azulejo__Wire__JobInfo *job,
                   int force, struct error *err) MUST_CHECK;
+/* The base name that the job has in the folder already, if it has one. Takes nothing and locks nothing. */
+status claim_find(const char *folder, const Azulejo__Wire__JobInfo *job, struct buffer *base,
+                  struct error *err) MUST_CHECK;
 void claim_unlock(struct claim *claim);
 void claim_release(struct claim *claim);
 

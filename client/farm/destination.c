@@ -7,7 +7,7 @@
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
-static int is_folder(const char *path)
+int destination_is_folder(const char *path)
 {
     struct stat info;
     size_t length = strlen(path);
@@ -17,42 +17,77 @@ static int is_folder(const char *path)
     return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
 }
 
+/* A path that is no folder: the file, or the files' name. */
+static status name_file(struct destination *d, const char *out, unsigned formats,
+                        struct error *err)
+{
+    unsigned named = output_format_of(out);
+    const char *extension = file_extension(out);
+
+    if (named && formats && named != formats)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--format: %s is one file of its own format; write it without extension",
+                         out);
+    d->folder = file_dirname(out);
+    d->base = mem_strdup(file_basename(out));
+    if (!named || !d->base)
+        return STATUS_OK;
+    d->formats = named;
+    if (strlen(extension) == strlen("jpeg"))
+        d->jpeg_extension = "jpeg";
+    d->base[strlen(d->base) - strlen(extension) - 1] = 0;
+    return STATUS_OK;
+}
+
 status destination_init(struct destination *d, const char *out, unsigned formats,
                         const char *scene_name, uint32_t frames, struct error *err)
 {
+    status result = STATUS_OK;
+
     memset(d, 0, sizeof *d);
     d->formats = formats ? formats : OUTPUT_FORMAT_BOTH;
     d->jpeg_extension = "jpg";
     d->numbered = frames > 1;
     if (!out || !*out)
         out = "./";
-    if (is_folder(out)) {
+    if (destination_is_folder(out)) {
         d->folder = mem_strdup(out);
         d->base = mem_strdup(scene_name);
     } else {
-        unsigned named = output_format_of(out);
-
-        if (named && formats && named != formats)
-            return error_set(err, STATUS_ERR_USAGE,
-                             "--format: %s is one file of its own format; write it without "
-                             "extension", out);
-        d->folder = file_dirname(out);
-        d->base = mem_strdup(file_basename(out));
-        if (named) {
-            const char *extension = file_extension(out);
-
-            d->formats = named;
-            if (strlen(extension) == strlen("jpeg"))
-                d->jpeg_extension = "jpeg";
-            if (d->base)
-                d->base[strlen(d->base) - strlen(extension) - 1] = 0;
-        }
+        result = name_file(d, out, formats, err);
     }
-    if (!d->folder || !d->base) {
+    if (result == STATUS_OK && (!d->folder || !d->base))
+        result = error_no_memory(err, "a path");
+    if (result != STATUS_OK)
         destination_release(d);
-        return error_no_memory(err, "a path");
-    }
-    return STATUS_OK;
+    return result;
+}
+
+status destination_of_job(struct destination *d, const char *out, unsigned formats,
+                          struct error *err)
+{
+    status result = STATUS_OK;
+    unsigned named;
+
+    memset(d, 0, sizeof *d);
+    d->formats = formats;
+    d->jpeg_extension = "jpg";
+    if (!out || !*out)
+        out = ".";
+    named = destination_is_folder(out) ? 0 : output_format_of(out);
+    if (!named)
+        d->folder = mem_strdup(out);
+    else if (!(named & formats))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "-o %s: this command brings no such file; end the name in .png or .jpg, or "
+                         "give a folder", out);
+    else
+        result = name_file(d, out, 0, err);
+    if (result == STATUS_OK && (!d->folder || (named && !d->base)))
+        result = error_no_memory(err, "a path");
+    if (result != STATUS_OK)
+        destination_release(d);
+    return result;
 }
 
 void destination_release(struct destination *d)

@@ -31,6 +31,15 @@ static status append_piece(struct buffer *data, size_t start, const Azulejo__Wir
 status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
                     Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err)
 {
+    int unchanged;
+
+    return fetch_output_unless(c, job, frame, kind, NULL, &unchanged, data, err);
+}
+
+status fetch_output_unless(struct connection *c, uint64_t job, uint32_t frame,
+                           Azulejo__Wire__OutputKind kind, const struct digest *have,
+                           int *unchanged, struct buffer *data, struct error *err)
+{
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__OutputGet get = AZULEJO__WIRE__OUTPUT_GET__INIT;
     size_t start = data->size;
@@ -41,11 +50,14 @@ status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
     get.job = job;
     get.frame = frame;
     get.kind = kind;
+    if (have)
+        wire_digest_set(&get.have, have);
+    *unchanged = 0;
     envelope.request = connection_request_id(c);
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_OUTPUT_GET;
     envelope.output_get = &get;
     result = connection_send(c, &envelope, err);
-    while (result == STATUS_OK && (first || data->size - start < total)) {
+    while (result == STATUS_OK && !*unchanged && (first || data->size - start < total)) {
         Azulejo__Wire__Envelope *answer = NULL;
         result = connection_receive(c, envelope.request, &answer, err);
         if (result != STATUS_OK)
@@ -55,6 +67,8 @@ status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
             result = error_set(err, STATUS_ERR_PROTOCOL, "an output was answered with something "
                                                          "else (message %d)",
                                (int)answer->body_case);
+        } else if (have && first && answer->output_data->unchanged) {
+            *unchanged = 1;
         } else {
             total = answer->output_data->total_bytes;
             result = append_piece(data, start, answer->output_data, err);
@@ -107,6 +121,9 @@ void job_fetch_release(struct job_fetch *f)
     json_decref(f->files);
     json_decref(f->missing);
     claim_release(&f->claim);
+    buffer_release(&f->found);
+    destination_release(&f->to);
+    mem_free(f->followed);
 }
 
 static void append_row(json_t **rows, json_t *row)
@@ -116,20 +133,34 @@ static void append_row(json_t **rows, json_t *row)
     json_array_append_new(*rows, row);
 }
 
+/* Is the file in the list already? */
+static int is_listed(const json_t *files, const char *path)
+{
+    for (size_t i = 0; i < json_array_size(files); i++)
+        if (strcmp(json_string_value(json_array_get(files, i)), path) == 0)
+            return 1;
+    return 0;
+}
+
+/* A file is where it belongs. */
+static void note_file(struct job_fetch *f, const char *path, const char *what)
+{
+    f->fetched++;
+    if (!f->json)
+        printf("%s  %s\n", path, what);
+    else if (!f->again || !is_listed(f->files, path))
+        append_row(&f->files, json_text(path));
+}
+
 static status write_file(struct job_fetch *f, const char *path, const struct buffer *data,
                          struct error *err)
 {
     char size[FORMAT_SIZE];
     status result = file_write_atomic(path, data->data, data->size, err);
 
-    if (result != STATUS_OK)
-        return result;
-    f->fetched++;
-    if (f->json)
-        append_row(&f->files, json_text(path));
-    else
-        printf("%s  %s\n", path, format_bytes(size, data->size));
-    return STATUS_OK;
+    if (result == STATUS_OK)
+        note_file(f, path, format_bytes(size, data->size));
+    return result;
 }
 
 status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
@@ -144,25 +175,62 @@ status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Output
     return result;
 }
 
-/* "BASE.exr", or "BASE-0007.exr" where a job has several frames. */
+/* "BASE.exr", or "BASE-0007.exr" where a job has several frames. NULL: out of memory. */
+static char *path_of(const struct job_fetch *f, const char *base, uint32_t frame,
+                     Azulejo__Wire__OutputKind kind)
+{
+    struct buffer name = BUFFER_INIT;
+    char *path = NULL;
+
+    if (f->to.base) {
+        destination_path(&f->to, frame, kind_extension(kind), &name);
+        path = buffer_ok(&name) ? mem_strdup(buffer_text(&name)) : NULL;
+    } else {
+        buffer_puts(&name, base);
+        if (f->job->last_frame > f->job->first_frame)
+            buffer_printf(&name, "-%04u", frame);
+        buffer_printf(&name, ".%s", kind_extension(kind));
+        path = buffer_ok(&name) ? file_join(f->to.folder, buffer_text(&name)) : NULL;
+    }
+    buffer_release(&name);
+    return path;
+}
+
 static status output_path(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                           char **path, struct error *err)
 {
-    struct buffer name = BUFFER_INIT;
     status result = STATUS_OK;
 
     *path = NULL;
-    if (f->claim.base.size == 0)
-        result = claim_take(&f->claim, f->folder, f->job, f->force, err);
+    if (!f->to.base && f->claim.base.size == 0)
+        result = claim_take(&f->claim, f->to.folder, f->job, f->force, err);
     if (result != STATUS_OK)
         return result;
-    buffer_puts(&name, buffer_text(&f->claim.base));
-    if (f->job->last_frame > f->job->first_frame)
-        buffer_printf(&name, "-%04u", frame);
-    buffer_printf(&name, ".%s", kind_extension(kind));
-    *path = buffer_ok(&name) ? file_join(f->folder, buffer_text(&name)) : NULL;
-    buffer_release(&name);
+    *path = path_of(f, buffer_text(&f->claim.base), frame, kind);
     return *path ? STATUS_OK : error_no_memory(err, "a path");
+}
+
+/* The file as it may be there from before: its path and its digest. NULL: it is not. */
+static char *present_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                          struct digest *digest)
+{
+    const struct buffer *base = f->claim.base.size ? &f->claim.base : &f->found;
+    uint64_t size;
+    char *path;
+
+    if (!f->sought && !f->to.base && f->force)
+        claim_plain_name(f->job, &f->found);
+    else if (!f->sought && !f->to.base &&
+             claim_find(f->to.folder, f->job, &f->found, NULL) != STATUS_OK)
+        buffer_clear(&f->found); /* taking a claim reports it */
+    f->sought = 1;
+    if (!f->to.base && base->size == 0)
+        return NULL;
+    path = path_of(f, buffer_text(base), frame, kind);
+    if (path && digest_of_file(digest, &size, path, NULL) == STATUS_OK)
+        return path;
+    mem_free(path);
+    return NULL;
 }
 
 /* Does this failure concern only the requested file? */
@@ -190,10 +258,16 @@ static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Outp
                         struct error *why, struct error *err)
 {
     struct buffer data = BUFFER_INIT;
-    char *path = NULL;
-    status result = fetch_output(f->connection, f->job->job, frame, kind, &data, why);
+    struct digest have;
+    int unchanged;
+    char *present = present_file(f, frame, kind, &have), *path = NULL;
+    status result = fetch_output_unless(f->connection, f->job->job, frame, kind,
+                                        present ? &have : NULL, &unchanged, &data, why);
 
-    if (result == STATUS_OK) {
+    if (result == STATUS_OK && unchanged) {
+        f->unchanged++;
+        note_file(f, present, "unchanged");
+    } else if (result == STATUS_OK) {
         result = output_path(f, frame, kind, &path, err);
         if (result == STATUS_OK)
             result = write_file(f, path, &data, err);
@@ -204,43 +278,91 @@ static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Outp
         *err = *why;
     }
     mem_free(path);
+    mem_free(present);
     buffer_release(&data);
     return result;
+}
+
+int job_frame_listed(const Azulejo__Wire__JobInfo *job, const ProtobufCBinaryData *list,
+                     uint32_t frame)
+{
+    uint32_t i = frame - job->first_frame;
+
+    return i / 8 < list->len && (list->data[i / 8] >> i % 8 & 1);
 }
 
 /* It is not rendered until the job is extended or tried again. */
 static int is_resting(const Azulejo__Wire__JobInfo *job, uint32_t frame)
 {
-    uint32_t i = frame - job->first_frame;
+    return job_frame_listed(job, &job->resting, frame);
+}
 
-    return i / 8 < job->resting.len && (job->resting.data[i / 8] >> i % 8 & 1);
+static const Azulejo__Wire__OutputKind kinds[FETCH_KINDS] = {
+    AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR,
+    AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG,
+    AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG,
+    AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
+};
+
+unsigned job_fetch_kinds(const struct job_fetch *f)
+{
+    unsigned formats = f->job->output ? output_message_formats(f->job->output) & f->to.formats : 0;
+
+    return formats | (f->manifest ? FETCH_MANIFEST : 0);
+}
+
+status job_fetch_begin(struct job_fetch *f, size_t frames, struct error *err)
+{
+    uint64_t job = f->job->job;
+
+    f->to.numbered = frames > 1;
+    if (!f->to.base || job_fetch_kinds(f) & OUTPUT_FORMAT_ALL)
+        return STATUS_OK;
+    if (f->to.formats == OUTPUT_FORMAT_EXR)
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 " makes no EXR: that is decided when a job is submitted", job);
+    return error_set(err, STATUS_ERR_NOT_FOUND,
+                     "job %" PRIu64 " makes no %s: 'azulejo develop %" PRIu64 " --format %s' makes it",
+                     job, f->to.formats == OUTPUT_FORMAT_PNG ? "PNG" : "JPEG", job,
+                     f->to.formats == OUTPUT_FORMAT_PNG ? "png" : "jpg");
+}
+
+status job_fetch_some(struct job_fetch *f, uint32_t frame, unsigned mask, struct error *err)
+{
+    uint8_t *state = &f->followed[frame - f->job->first_frame];
+    status result = STATUS_OK;
+
+    for (unsigned i = 0; i < FETCH_KINDS && result == STATUS_OK; i++) {
+        struct error why = {0};
+        if (!(mask >> i & 1) || *state & (FETCH_GOT(i) | FETCH_TRIED(i)))
+            continue;
+        result = fetch_one(f, frame, kinds[i], &why, err);
+        if (result == STATUS_OK)
+            *state |= (uint8_t)(why.code == STATUS_OK ? FETCH_GOT(i) : FETCH_TRIED(i));
+    }
+    return result;
 }
 
 /* Every format of one frame. A frame without any file is not rendered yet, unless the job is
  * done. */
 static status fetch_frame(struct job_fetch *f, uint32_t frame, struct error *err)
 {
-    static const Azulejo__Wire__OutputKind kinds[] = {
-        AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR,
-        AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG,
-        AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG,
-        AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON,
-    };
-    enum { KINDS = sizeof kinds / sizeof *kinds };
-    unsigned wanted = f->job->output ? output_message_formats(f->job->output) & f->formats : 0;
-    struct error why[KINDS] = {0};
+    unsigned wanted = job_fetch_kinds(f);
+    unsigned followed = f->followed ? f->followed[frame - f->job->first_frame] : 0;
+    struct error why[FETCH_KINDS] = {0};
     int rendered = f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_DONE && !is_resting(f->job, frame);
     status result = STATUS_OK;
 
-    if (f->manifest)
-        wanted |= 1u << OUTPUT_FORMAT_COUNT;
-    for (int i = 0; i < KINDS && result == STATUS_OK; i++) {
+    for (unsigned i = 0; i < FETCH_KINDS && result == STATUS_OK; i++) {
         if (!(wanted >> i & 1))
             continue;
-        result = fetch_one(f, frame, kinds[i], &why[i], err);
+        if (!(followed & FETCH_GOT(i)))
+            result = fetch_one(f, frame, kinds[i], &why[i], err);
+        if (f->followed && result == STATUS_OK && why[i].code == STATUS_OK)
+            f->followed[frame - f->job->first_frame] |= (uint8_t)FETCH_GOT(i);
         rendered |= why[i].code != STATUS_ERR_NOT_FOUND;
     }
-    for (int i = 0; i < KINDS && rendered && result == STATUS_OK; i++)
+    for (unsigned i = 0; i < FETCH_KINDS && rendered && result == STATUS_OK; i++)
         if (why[i].code != STATUS_OK)
             note_missing(f, frame, kinds[i], &why[i]);
     f->not_rendered += result == STATUS_OK && !rendered;
@@ -286,7 +408,7 @@ status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only, st
     const Azulejo__Wire__JobInfo *job = f->job;
     uint64_t count = only->count ? only->count : (uint64_t)job->last_frame - job->first_frame + 1;
     uint64_t wanted = 0;
-    status result = STATUS_OK;
+    status result = job_fetch_begin(f, count, err);
 
     for (uint64_t i = 0; i < count && result == STATUS_OK; i++) {
         uint32_t frame = only->count ? only->items[i] : job->first_frame + (uint32_t)i;
@@ -295,11 +417,38 @@ status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only, st
         wanted++;
         result = fetch_frame(f, frame, err);
     }
-    return result == STATUS_OK ? verdict(f, wanted, err) : result;
+    if (result == STATUS_OK)
+        result = verdict(f, wanted, err);
+    if (f->video && (result == STATUS_OK || result == STATUS_ERR_INCOMPLETE)) {
+        status filmed = job_fetch_video(f, only, result == STATUS_OK ? err : NULL);
+        result = result == STATUS_OK ? filmed : result;
+    }
+    return result;
+}
+
+status job_fetch_picture(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         struct buffer *data, struct error *err)
+{
+    const struct buffer *base = f->claim.base.size ? &f->claim.base : &f->found;
+    unsigned format = kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG ? OUTPUT_FORMAT_PNG
+                                                                     : OUTPUT_FORMAT_JPEG;
+    char *path = f->to.base || base->size ? path_of(f, buffer_text(base), frame, kind) : NULL;
+    int brought = path && job_fetch_kinds(f) & format &&
+                  file_read(path, FETCH_BYTES_MAX, data, NULL) == STATUS_OK;
+
+    mem_free(path);
+    return brought ? STATUS_OK
+                   : fetch_output(f->connection, f->job->job, frame, kind, data, err);
 }
 
 json_t *job_fetch_json(const struct job_fetch *f)
 {
-    return json_pack("{s:o, s:o}", "files", f->files ? json_incref(f->files) : json_array(),
-                     "missing", f->missing ? json_incref(f->missing) : json_array());
+    json_t *out = json_pack("{s:o, s:I, s:o}", "files",
+                            f->files ? json_incref(f->files) : json_array(), "unchanged",
+                            (json_int_t)f->unchanged, "missing",
+                            f->missing ? json_incref(f->missing) : json_array());
+
+    if (f->video)
+        json_object_set_new(out, "video", json_text(f->video));
+    return out;
 }

@@ -4,8 +4,11 @@
 
 #include "client/terminal/frame_list.h"
 #include "client/farm/claims.h"
+#include "client/farm/destination.h"
 #include "client/farm/connection.h"
+#include "client/farm/follow.h"
 #include "client/farm/job_info.h"
+#include "client/farm/output.h"
 #include "common/base/buffer.h"
 
 /* An 8 GiB output is 26,000 pixels square in 32-bit floats, far above what a job may have. */
@@ -18,27 +21,59 @@ status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
 /* Create the folder and check that files can be written there, before expensive work. ERR_IO. */
 status fetch_check_folder(const char *folder, struct error *err) MUST_CHECK;
 
-/* Bringing a job's files into a folder. Zero what is not given; job_fetch_release frees the
- * rest. */
+/* The same, unless the file has the digest `have` (NULL: none); then *unchanged is set. */
+status fetch_output_unless(struct connection *c, uint64_t job, uint32_t frame,
+                           Azulejo__Wire__OutputKind kind, const struct digest *have,
+                           int *unchanged, struct buffer *data, struct error *err) MUST_CHECK;
+
+/* Bringing a job's files to a destination. A file that is there and is the coordinator's, by its
+ * digest, is not sent again. Zero what is not given; job_fetch_release frees the rest. */
 struct job_fetch {
     struct connection *connection;
     const Azulejo__Wire__JobInfo *job;
-    const char *folder;
-    unsigned formats;    /* enum output_format; formats that the job does not have are ignored */
+    struct destination to; /* its formats that the job does not have are ignored */
     int manifest;        /* these too */
     int force;           /* use the job's plain name even if it is taken (client/farm/claims.h) */
     int finished_only;   /* frames that are not rendered yet do not count as missing */
+    const char *video;   /* a video of the pictures that are there; NULL: none */
     int json;            /* fill `files` and `missing` instead of printing a line for each file */
     json_t *files, *missing;
-    size_t fetched, failed, not_rendered; /* files; files; frames */
+    size_t fetched, failed, not_rendered; /* files that are here; files; frames */
+    size_t unchanged;    /* of the files that are here, those that were there already */
     struct claim claim;  /* made when the first file has arrived */
+    struct buffer found; /* the base name of an older claim; empty: none */
+    int sought;          /* `found` is known */
     struct error first;  /* the first file's failure */
+    int again;           /* files may be brought a second time */
+    uint8_t *followed;   /* of each frame, FETCH_GOT and FETCH_TRIED of its kinds; NULL: once is enough */
 };
+enum {
+    FETCH_KINDS = 4,     /* EXR, PNG, JPEG, manifest: the formats' bits and one more */
+    FETCH_MANIFEST = 1 << OUTPUT_FORMAT_COUNT,
+};
+#define FETCH_GOT(kind) (1u << (kind))
+#define FETCH_TRIED(kind) (1u << ((kind) + FETCH_KINDS))
 void job_fetch_release(struct job_fetch *f);
 
 #define JOB_FETCH_FORCE_ROW(flag)                                                                 \
     {"force", 'f', OPTION_FLAG, &(flag), NULL,                                                    \
      "name the files after the job even if that overwrites another job's", 0, 0, NULL}
+
+/* `job` is known now, and so many of its frames are to be brought. ERR_NOT_FOUND: it makes no such
+ * file. */
+status job_fetch_begin(struct job_fetch *f, size_t frames, struct error *err) MUST_CHECK;
+
+/* The kinds of files to bring. */
+unsigned job_fetch_kinds(const struct job_fetch *f);
+
+/* Is the bit of a frame set in one of the job's lists of frames? */
+int job_frame_listed(const Azulejo__Wire__JobInfo *job, const ProtobufCBinaryData *list,
+                     uint32_t frame);
+
+/* Files of one frame that is being followed, of the kinds of the mask that were not brought or
+ * tried. A file that the coordinator cannot send is no error. */
+status job_fetch_some(struct job_fetch *f, uint32_t frame, unsigned kinds,
+                      struct error *err) MUST_CHECK;
 
 /* One file to `path`. */
 status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
@@ -51,7 +86,20 @@ status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Output
 status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only,
                           struct error *err) MUST_CHECK;
 
-/* {"files": [...], "missing": [{"frame": 3, "file": "png", "error": "..."}]}; a new reference. */
+/* fetch_video.c: the video of the chosen frames that have pictures. */
+status job_fetch_video(struct job_fetch *f, const struct frame_list *only, struct error *err) MUST_CHECK;
+/* Append a frame's picture: from the file, if it was brought. */
+status job_fetch_picture(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         struct buffer *data, struct error *err) MUST_CHECK;
+
+/* {"files": [...], "unchanged": 2, "missing": [{"frame": 3, "file": "png", "error": "..."}]}; a new reference. */
 json_t *job_fetch_json(const struct job_fetch *f);
+
+/* fetch_follow.c: bring the chosen files of a job as they are finished, until it has ended, over as
+ * many connections as needed. `how->json`: print {"job": ..., "files": ...} at the end. Errors as of
+ * follow_job, then as of job_fetch_pictures. */
+status job_fetch_follow(struct connection **c, uint64_t job, struct job_fetch *f,
+                        const struct frame_choice *choice, const struct follow *how,
+                        struct error *err) MUST_CHECK;
 
 #endif

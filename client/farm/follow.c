@@ -5,7 +5,6 @@
 
 #include "client/farm/job_info.h"
 #include "client/farm/signals.h"
-#include "client/farm/watch.h"
 #include "common/base/clock.h"
 #include "protocol/message.h"
 
@@ -46,7 +45,8 @@ static status watch_through(struct connection **c, uint64_t job, const struct fo
     again.where.watch_user = &job;
     connection_set_watch(*c, stop_wanted, &job);
     do {
-        result = watch_job(*c, job, how->quiet, again.deadline_ns, last, err);
+        result = watch_job_updates(*c, job, how->quiet, again.deadline_ns, how->update,
+                                   how->update_user, last, err);
         if (result == STATUS_OK || !reconnect_is_loss(result))
             break;
         if (!again.deadline_ns || clock_monotonic_ns() < again.deadline_ns)
@@ -62,14 +62,21 @@ static status watch_through(struct connection **c, uint64_t job, const struct fo
     return result;
 }
 
+status follow_wait(struct connection **c, uint64_t job, const struct follow *how,
+                   Azulejo__Wire__Envelope **last, struct error *err)
+{
+    status result = signals_catch(err);
+
+    *last = NULL;
+    return result == STATUS_OK ? watch_through(c, job, how, last, err) : result;
+}
+
 status follow_job(struct connection **c, uint64_t job, const struct follow *how, struct error *err)
 {
     Azulejo__Wire__Envelope *last = NULL;
     const Azulejo__Wire__JobInfo *info;
-    status result = signals_catch(err);
+    status result = follow_wait(c, job, how, &last, err);
 
-    if (result == STATUS_OK)
-        result = watch_through(c, job, how, &last, err);
     if (result != STATUS_OK)
         return result;
     info = job_list_find(last->job_list, job);

@@ -104,9 +104,14 @@ static json_t *names_json(const char *names)
 static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
 {
     char names[SETTINGS_TEXT_SIZE];
+    json_t *region = s->whole_width
+                         ? json_pack("[I, I, I, I]", (json_int_t)s->region_x, (json_int_t)s->region_y,
+                                     (json_int_t)s->width, (json_int_t)s->height)
+                         : json_null();
     json_t *out = json_pack(
-        "{s:I, s:I, s:I, s:I, s:I, s:I, s:o, s:o, s:s, s:s}", "width", (json_int_t)s->width,
-        "height", (json_int_t)s->height, "spp", (json_int_t)s->spp, "max_depth",
+        "{s:I, s:I, s:o, s:I, s:I, s:I, s:I, s:o, s:o, s:s, s:s}", "width", 
+        (json_int_t)(s->whole_width ? s->whole_width : s->width), "height",
+        (json_int_t)(s->whole_height ? s->whole_height : s->height), "region", region, "spp", (json_int_t)s->spp, "max_depth",
         (json_int_t)s->max_depth, "seed", (json_int_t)s->seed, "camera", (json_int_t)s->camera,
         "env_rotate_deg", json_number_float(s->env_rotate_deg), "env_strength",
         json_number_float(s->env_strength), "env_sampling",
@@ -233,20 +238,28 @@ static struct health job_health(const Azulejo__Wire__JobInfo *job)
     return work.health;
 }
 
+/* Where the job's pixels are in the whole picture. */
+static struct tile_rect job_rect(const Azulejo__Wire__JobInfo *job)
+{
+    const Azulejo__Wire__RenderSettings *s = job->settings;
+
+    return s ? (struct tile_rect){s->region_x, s->region_y, s->width, s->height}
+             : (struct tile_rect){0, 0, 0, 0};
+}
+
 static json_t *first_json(const Azulejo__Wire__JobInfo *job, uint64_t key, uint32_t frame)
 {
-    uint32_t width = job->settings ? job->settings->width : 0;
-    uint32_t height = job->settings ? job->settings->height : 0;
+    struct tile_rect picture = job_rect(job);
     struct health_place p;
     struct tile_rect rect;
 
-    if (!health_place_of(key, &p) || p.tile >= tile_count(width, height))
+    if (!health_place_of(key, &p) || p.tile >= tile_count(picture.width, picture.height))
         return json_null();
-    rect = tile_rect_of(width, height, p.tile);
+    rect = tile_rect_of(picture.width, picture.height, p.tile);
     return json_pack("{s:I, s:I, s:I, s:[I, I], s:I}", "frame", (json_int_t)frame, "pass",
                      (json_int_t)p.pass, "tile", (json_int_t)p.tile, "pixel",
-                     (json_int_t)(rect.x + p.pixel % rect.width),
-                     (json_int_t)(rect.y + p.pixel / rect.width), "sample", (json_int_t)p.sample);
+                     (json_int_t)(picture.x + rect.x + p.pixel % rect.width),
+                     (json_int_t)(picture.y + rect.y + p.pixel / rect.width), "sample", (json_int_t)p.sample);
 }
 
 /* Counters that are not 0, by name. */
@@ -339,8 +352,8 @@ static void print_health(FILE *out, const Azulejo__Wire__JobInfo *job)
         if (health.count[k] == 0)
             continue;
         print_line(out, "health",
-                   health_text(line, &health, (enum health_kind)k, job->settings->width,
-                               job->settings->height, job->last_frame > job->first_frame));
+                   health_text(line, &health, (enum health_kind)k, job_rect(job),
+                               job->last_frame > job->first_frame));
         print_line(out, "", health_rows[k].remedy);
     }
 }

@@ -100,12 +100,16 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     out->priority = (int32_t)o->priority;
     if (o->size)
         result = parse_size(o->size, &s->width, &s->height, err);
+    if (result == STATUS_OK && o->region)
+        result = parse_region(o->region, &out->region, err);
     if (result == STATUS_OK)
         result = frames_check(&o->frames, out, err);
     for (size_t i = 0; i < o->without.count && result == STATUS_OK; i++)
         result = parse_effects(o->without.items[i], &s->without, err);
     for (size_t i = 0; i < o->aovs.count && result == STATUS_OK; i++)
         result = parse_aovs(o->aovs.items[i], &s->aovs, err);
+    if (o->alpha)
+        s->aovs |= 1u << AOV_ALPHA;
     if (result == STATUS_OK)
         result = rules_check(o, out, err);
     if (result == STATUS_OK)
@@ -114,6 +118,29 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
         result = output_options_check(&o->output, &out->output, err);
     out->output.half = o->half;
     return result;
+}
+
+status job_request_crop(struct job_request *request, struct error *err)
+{
+    struct render_settings *s = &request->settings;
+    const struct tile_rect *r = &request->region;
+
+    if (r->width == 0)
+        return STATUS_OK;
+    if (r->x >= s->width || r->width > s->width - r->x || r->y >= s->height ||
+        r->height > s->height - r->y)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--region %u,%u,%u,%u: is not inside the picture of %ux%u pixels (--size)",
+                         r->x, r->y, r->width, r->height, s->width, s->height);
+    if (r->width == s->width && r->height == s->height)
+        return STATUS_OK; /* all of it */
+    s->whole_width = s->width;
+    s->whole_height = s->height;
+    s->region_x = r->x;
+    s->region_y = r->y;
+    s->width = r->width;
+    s->height = r->height;
+    return STATUS_OK;
 }
 
 void job_request_release(struct job_request *request)

@@ -9,16 +9,18 @@
 #include "client/terminal/frame_list.h"
 #include "common/base/buffer.h"
 #include "common/base/options.h"
+#include "common/film/tiles.h"
 #include "common/scene/scene.h"
 #include "common/scene/settings.h"
 
 struct job_options {
     struct import_options import;
-    const char *camera, *size, *env_sampling, *isa;
+    const char *camera, *size, *region, *env_sampling, *isa;
     const char *sampler, *light_choice, *roulette, *texture_filter, *bvh_quality, *robust;
     struct frame_choice frames;
     struct option_list without, aovs;
     struct output_options output;
+    int alpha;
     double env_rotate_deg, env_strength;
     double fps, shutter, lens_radius, focus_distance;
     struct stop_options stop;
@@ -70,6 +72,12 @@ struct job_options {
     {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
      "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
      NULL},                                                                                     \
+    {"alpha", 0, OPTION_FLAG, &(o).alpha, NULL,                                                   \
+     "a channel A: what camera rays meet; what is seen behind everything, as the environment, is "  \
+     "left out of the picture", 0, 0, NULL},                                                        \
+    {"region", 0, OPTION_STRING, &(o).region, "X,Y,W,H",                                        \
+     "render only this rectangle of the picture, in pixels from its upper left corner: the same "   \
+     "bits as in the whole picture (default: all)", 0, 0, NULL},                                    \
     {"max-depth", 0, OPTION_INT, &(o).max_depth, "N",                                           \
      "path edges after the camera's ray; 0 shows emitters only (default: the file's own, or 12)", \
      0, SETTINGS_DEPTH_MAX, NULL},                                                              \
@@ -140,6 +148,7 @@ struct job_request {
     uint32_t schedule_width, schedule_height;
     struct output_request output;
     struct buffer source;        /* words for a shell: the scene's file, and the options of its import */
+    struct tile_rect region;     /* of the whole picture to render; width 0: all */
     uint32_t first_frame, last_frame;
     struct frame_list frames;    /* the only ones to render until the job continues; count 0: all */
     int estimate;                /* to predict the job's cost; the job continues it when submitted
@@ -149,6 +158,9 @@ struct job_request {
     /* The submission's own name, so that it can be sent twice and is one job; "": none. */
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };
+
+/* Once the size is known: the picture is the region. ERR_USAGE: it is not inside. */
+status job_request_crop(struct job_request *request, struct error *err) MUST_CHECK;
 
 /* Check what can be checked before the scene is read, so that a wrong option is reported at once.
  * The operator's file is read. ERR_USAGE or ERR_INPUT; release after a failure, too. */

@@ -76,7 +76,7 @@ status schedule_option_fit(struct job_request *request, const struct job_options
 
     if (!o->schedule_path)
         return STATUS_OK;
-    if (!o->size) {
+    if (!o->size && !o->region) {
         s->width = request->schedule_width;
         s->height = request->schedule_height;
     }

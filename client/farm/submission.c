@@ -76,7 +76,9 @@ status submission_prepare(const char *path, const struct job_options *options, i
     if (result != STATUS_OK)
         return result;
     take_hints(&scene->hints, options, quiet, request);
-    result = schedule_option_fit(request, options, err);
+    result = job_request_crop(request, err);
+    if (result == STATUS_OK)
+        result = schedule_option_fit(request, options, err);
     if (result != STATUS_OK)
         return result;
     return render_settings_validate(&request->settings, scene->scene.camera_count, err);

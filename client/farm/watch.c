@@ -80,6 +80,13 @@ static status start_watching(struct connection *c, uint64_t job, int terminal, u
 status watch_job(struct connection *c, uint64_t job, int quiet, uint64_t deadline_ns,
                  Azulejo__Wire__Envelope **last, struct error *err)
 {
+    return watch_job_updates(c, job, quiet, deadline_ns, NULL, NULL, last, err);
+}
+
+status watch_job_updates(struct connection *c, uint64_t job, int quiet, uint64_t deadline_ns,
+                         watch_update_fn *update, void *user, Azulejo__Wire__Envelope **last,
+                         struct error *err)
+{
     Azulejo__Wire__Envelope *message = NULL;
     const Azulejo__Wire__JobInfo *info;
     struct progress progress;
@@ -100,6 +107,12 @@ status watch_job(struct connection *c, uint64_t job, int quiet, uint64_t deadlin
             result = error_set(err, STATUS_ERR_NOT_FOUND,
                                "the coordinator has no job %" PRIu64 " any more", job);
             break;
+        }
+        if (update) {
+            progress_clear(&progress); /* it may print */
+            result = update(user, c, info, err);
+            if (result != STATUS_OK)
+                break;
         }
         if (job_state_is_final(info->state)) {
             *last = message;

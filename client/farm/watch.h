@@ -10,4 +10,12 @@
 status watch_job(struct connection *c, uint64_t job, int quiet, uint64_t deadline_ns,
                  Azulejo__Wire__Envelope **last, struct error *err) MUST_CHECK;
 
+/* Is told each state of the job, the last one too; an error ends the wait with it. */
+typedef status watch_update_fn(void *user, struct connection *c,
+                               const Azulejo__Wire__JobInfo *info, struct error *err);
+/* The same; `update` may be NULL. */
+status watch_job_updates(struct connection *c, uint64_t job, int quiet, uint64_t deadline_ns,
+                         watch_update_fn *update, void *user, Azulejo__Wire__Envelope **last,
+                         struct error *err) MUST_CHECK;
+
 #endif

@@ -8,7 +8,7 @@
 
 void effects_measure_shrink(struct render_settings *s, int size_given, int spp_given)
 {
-    if (!size_given) {
+    if (!size_given && !s->whole_width) { /* a region stays as it is */
         s->width = (uint32_t)fmax(1, (double)s->width * EFFECTS_PILOT_ROWS / (double)s->height + 0.5);
         s->height = EFFECTS_PILOT_ROWS;
     }

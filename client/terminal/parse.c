@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "common/film/tiles.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 
@@ -40,6 +41,27 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
                          text, SETTINGS_SIZE_MAX, SETTINGS_PIXELS_MAX);
     *width = (uint32_t)w;
     *height = (uint32_t)h;
+    return STATUS_OK;
+}
+
+status parse_region(const char *text, struct tile_rect *out, struct error *err)
+{
+    uint64_t numbers[4];
+    const char *at = text;
+
+    memset(out, 0, sizeof *out);
+    for (int i = 0; i < 4 && at; i++) {
+        at = parse_digits(at, SETTINGS_SIZE_MAX, &numbers[i]);
+        if (at && *at++ != (i < 3 ? ',' : 0))
+            at = NULL;
+    }
+    if (!at || numbers[2] == 0 || numbers[3] == 0)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--region: '%s' is no region, write X,Y,WIDTH,HEIGHT in pixels from the upper left "
+                         "corner, as in 100,50,320,200",
+                         text);
+    *out = (struct tile_rect){(uint32_t)numbers[0], (uint32_t)numbers[1], (uint32_t)numbers[2],
+                              (uint32_t)numbers[3]};
     return STATUS_OK;
 }
 

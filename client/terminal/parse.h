@@ -12,6 +12,11 @@
 status parse_size(const char *text, uint32_t *width, uint32_t *height, struct error *err)
     MUST_CHECK;
 
+/* "X,Y,W,H" in pixels: the rectangle's upper left corner, counted from the picture's, and its size.
+ * ERR_USAGE. */
+struct tile_rect;
+status parse_region(const char *text, struct tile_rect *out, struct error *err) MUST_CHECK;
+
 /* Decimal digits only (strtoul would also accept signs and blanks): their end; NULL if there are none
  * or the number is above `max`. */
 const char *parse_digits(const char *text, uint64_t max, uint64_t *out);

@@ -1,7 +1,10 @@
 #include "common/base/digest.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <openssl/evp.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "common/base/memory.h"
 
@@ -55,6 +58,46 @@ void digest_stream_free(struct digest_stream *s)
         return;
     EVP_MD_CTX_free(s->ctx);
     mem_free(s);
+}
+
+static status add_file(struct digest_stream *s, int fd, uint64_t *size_bytes, const char *path,
+                       struct error *err)
+{
+    uint8_t piece[65536];
+
+    for (;;) {
+        ssize_t n = read(fd, piece, sizeof piece);
+        if (n == 0)
+            return STATUS_OK;
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", path, strerror(errno));
+        if (digest_stream_add(s, piece, (size_t)n) != STATUS_OK)
+            return error_set(err, STATUS_ERR_INTERNAL, "%s: no digest", path);
+        *size_bytes += (uint64_t)n;
+    }
+}
+
+status digest_of_file(struct digest *out, uint64_t *size_bytes, const char *path, struct error *err)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    struct digest_stream *s = NULL;
+    status result;
+
+    memset(out, 0, sizeof *out);
+    *size_bytes = 0;
+    if (fd < 0)
+        return error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO,
+                         "%s: cannot be read: %s", path, strerror(errno));
+    s = digest_stream_new();
+    result = s ? add_file(s, fd, size_bytes, path, err) : error_no_memory(err, "a digest");
+    close(fd);
+    if (result == STATUS_OK)
+        result = digest_stream_final(s, out);
+    else
+        digest_stream_free(s);
+    return result;
 }
 
 int digest_equal(const struct digest *a, const struct digest *b)

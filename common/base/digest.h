@@ -22,6 +22,10 @@ status digest_stream_add(struct digest_stream *s, const void *data, size_t size_
 status digest_stream_final(struct digest_stream *s, struct digest *out) MUST_CHECK;
 void digest_stream_free(struct digest_stream *s);
 
+/* Of a file's bytes, of which there are *size_bytes. ERR_NOT_FOUND if there is no file, ERR_IO. */
+status digest_of_file(struct digest *out, uint64_t *size_bytes, const char *path,
+                      struct error *err) MUST_CHECK;
+
 int digest_equal(const struct digest *a, const struct digest *b);
 
 /* 64 hexadecimal digits and a NUL into `hex`. */

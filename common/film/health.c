@@ -86,28 +86,29 @@ int health_is_ill(const struct health *health)
     return any != 0;
 }
 
-const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key, uint32_t width,
-                              uint32_t height)
+const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key,
+                              struct tile_rect picture)
 {
     struct health_place p;
     struct tile_rect rect;
 
     out[0] = 0;
-    if (!health_place_of(key, &p) || p.tile >= tile_count(width, height))
+    if (!health_place_of(key, &p) || p.tile >= tile_count(picture.width, picture.height))
         return out;
-    rect = tile_rect_of(width, height, p.tile);
+    rect = tile_rect_of(picture.width, picture.height, p.tile);
     snprintf(out, HEALTH_TEXT_SIZE, "pass %u, tile %u, pixel %u,%u, sample %u", p.pass, p.tile,
-             rect.x + p.pixel % rect.width, rect.y + p.pixel / rect.width, p.sample);
+             picture.x + rect.x + p.pixel % rect.width, picture.y + rect.y + p.pixel / rect.width,
+             p.sample);
     return out;
 }
 
 const char *health_text(char out[HEALTH_TEXT_SIZE], const struct health *health, enum health_kind kind,
-                        uint32_t width, uint32_t height, int with_frame)
+                        struct tile_rect picture, int with_frame)
 {
     const struct health_row *row = &health_rows[kind];
     char first[HEALTH_TEXT_SIZE], frame[24] = "";
 
-    health_first_text(first, health->first[kind], width, height);
+    health_first_text(first, health->first[kind], picture);
     if (with_frame)
         snprintf(frame, sizeof frame, "frame %u, ", health->frame[kind]);
     snprintf(out, HEALTH_TEXT_SIZE, "%" PRIu64 " %s%s%s%.96s", health->count[kind],

@@ -14,6 +14,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/film/tiles.h"
+
 /* X(NAME, name, attribute, limit, one, many, remedy)
  *   name       in JSON, and the member
  *   attribute  of an EXR's header; the example's has "First" behind it
@@ -119,12 +121,12 @@ int health_is_ill(const struct health *health);
 
 enum { HEALTH_TEXT_SIZE = 256 };
 /* "3 samples were not finite and count as black; first: pass 0, tile 12, pixel 33,40, sample 5" of a
- * picture of this size in pixels. `with_frame`: the frame is named, too. Returns `out`. */
+ * picture (settings_rect). `with_frame`: the frame is named, too. Returns `out`. */
 const char *health_text(char out[HEALTH_TEXT_SIZE], const struct health *health, enum health_kind kind,
-                        uint32_t width, uint32_t height, int with_frame);
-/* The example alone, "pass 0, tile 12, pixel 33,40, sample 5", with the pixel's place in the picture; ""
+                        struct tile_rect picture, int with_frame);
+/* The example alone, "pass 0, tile 12, pixel 33,40, sample 5", with the pixel's place in the whole picture; ""
  * where none is known or the tile is outside the picture. Returns `out`. */
-const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key, uint32_t width,
-                              uint32_t height);
+const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key,
+                              struct tile_rect picture);
 
 #endif

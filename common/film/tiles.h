@@ -38,6 +38,12 @@ struct tile_rect {
     uint32_t x, y, width, height; /* pixels */
 };
 
+/* Where the pixels of a job are in the whole picture. */
+static inline struct tile_rect settings_rect(const struct render_settings *s)
+{
+    return (struct tile_rect){s->region_x, s->region_y, s->width, s->height};
+}
+
 static inline uint32_t tiles_across(uint32_t pixels)
 {
     return (pixels + TILE_SIZE - 1) / TILE_SIZE;

@@ -26,6 +26,7 @@ struct exr_writer {
     struct exr_plane planes[PLANES_MAX];
     int plane_count;
     uint64_t clamped;
+    int32_t top;       /* the number of the picture's first line */
     uint8_t *lines;    /* one chunk of samples, channel after channel, as they are stored */
     float *more_lines; /* one chunk of the additional channels */
     exr_result_t (*compress)(exr_encode_pipeline_t *pipeline);
@@ -92,12 +93,31 @@ static exr_perceptual_treatment_t treatment(const struct exr_plane *plane)
                                                                     : EXR_PERCEPTUALLY_LINEAR;
 }
 
+static exr_result_t declare_windows(struct exr_writer *w, const struct exr_window *window, int part)
+{
+    exr_attr_box2i_t data, display;
+    exr_attr_v2f_t center;
+
+    memset(&center, 0, sizeof center);
+    memset(&display, 0, sizeof display);
+    display.max.x = (int32_t)window->width - 1;
+    display.max.y = (int32_t)window->height - 1;
+    data.min.x = (int32_t)window->x;
+    data.min.y = (int32_t)window->y;
+    data.max.x = (int32_t)(window->x + w->image->width) - 1;
+    data.max.y = (int32_t)(window->y + w->image->height) - 1;
+    return exr_initialize_required_attr(w->context, part, &display, &data, 1.0f, &center, 1.0f,
+                                        EXR_LINEORDER_INCREASING_Y, EXR_COMPRESSION_ZIP);
+}
+
 static exr_result_t write_header(struct exr_writer *w, const struct exr_options *options)
 {
     int part = 0;
     exr_result_t result = exr_add_part(w->context, NULL, EXR_STORAGE_SCANLINE, &part);
 
-    if (result == EXR_ERR_SUCCESS)
+    if (result == EXR_ERR_SUCCESS && options->window)
+        result = declare_windows(w, options->window, part);
+    else if (result == EXR_ERR_SUCCESS)
         result = exr_initialize_required_attr_simple(w->context, part, (int32_t)w->image->width,
                                                      (int32_t)w->image->height,
                                                      EXR_COMPRESSION_ZIP);
@@ -153,7 +173,7 @@ static exr_result_t write_chunk(struct exr_writer *w, exr_encode_pipeline_t *pip
                                 int *started)
 {
     exr_chunk_info_t chunk;
-    exr_result_t result = exr_write_scanline_chunk_info(w->context, 0, y, &chunk);
+    exr_result_t result = exr_write_scanline_chunk_info(w->context, 0, y + w->top, &chunk);
     uint8_t *to = w->lines;
 
     if (result != EXR_ERR_SUCCESS)
@@ -228,6 +248,8 @@ status exr_encode(struct buffer *out, const struct image *image, const struct ex
     if (!options)
         options = &plain;
     w.more = options->more && options->more->count ? options->more : NULL;
+    if (options->window)
+        w.top = (int32_t)options->window->y;
     if (options->clamped)
         *options->clamped = 0;
     if (image->channels < 3)

@@ -124,7 +124,13 @@ struct exr_channels {
 };
 enum { EXR_CHANNELS_MAX = 64, EXR_LINES = 16 };
 
+/* Where a picture lies in a larger one, which is the display window. */
+struct exr_window {
+    uint32_t width, height, x, y;
+};
+
 struct exr_options {
+    const struct exr_window *window; /* NULL: the picture is all of it */
     int half;                 /* HALF channels: values are clamped to +-65504 and counted */
     const struct exr_attribute *attributes;
     size_t attribute_count;
@@ -150,6 +156,7 @@ struct picture_options {
 };
 enum { JPEG_QUALITY_DEFAULT = 92 };
 
+/* A fourth channel becomes the file's alpha (straight). */
 status png_encode_as(struct buffer *out, const struct image *image,
                      const struct picture_options *how, struct error *err) MUST_CHECK;
 /* A texture of 1 to 4 channels of values 0..1, already encoded, rounded to 8 or 16 bits. The file

@@ -197,6 +197,25 @@ static void fill_picture(const struct png_rows *rows, uint32_t y, uint8_t *row)
         quantize_row8(rows->source, y, rows->plain, row);
 }
 
+/* Four channels: the colours as always, then alpha rounded. */
+static void fill_picture_alpha(const struct png_rows *rows, uint32_t y, uint8_t *row)
+{
+    const struct image *image = rows->source;
+    size_t bytes = (size_t)rows->bits / 8;
+
+    fill_picture(rows, y, row);
+    for (uint32_t x = rows->width; x-- > 0;) {
+        float v = image->pixels[((size_t)y * image->width + x) * 4 + 3];
+        uint32_t code = (uint32_t)((v > 0 ? v < 1 ? v : 1 : 0) * (bytes == 2 ? 65535.0f : 255.0f) + 0.5f);
+        uint8_t *to = row + x * 4 * bytes;
+
+        memmove(to, row + x * 3 * bytes, 3 * bytes);
+        if (bytes == 2)
+            to[6] = (uint8_t)(code >> 8);
+        to[4 * bytes - 1] = (uint8_t)code;
+    }
+}
+
 static void fill_texture(const struct png_rows *rows, uint32_t y, uint8_t *row)
 {
     const struct image *image = rows->source;
@@ -291,12 +310,12 @@ status png_encode_as(struct buffer *out, const struct image *image,
 {
     const struct png_rows rows = {.width = image->width,
                                   .height = image->height,
-                                  .channels = 3,
+                                  .channels = image->channels < 4 ? 3 : 4,
                                   .bits = how->bits == 16 ? 16 : 8,
                                   .is_srgb = 1,
                                   .plain = how->plain,
                                   .source = image,
-                                  .fill = fill_picture};
+                                  .fill = image->channels < 4 ? fill_picture : fill_picture_alpha};
 
     if (image->channels < 3)
         return error_set(err, STATUS_ERR_INTERNAL, "a picture is made of 3 channels, not of %u",

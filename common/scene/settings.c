@@ -140,7 +140,7 @@ const char *settings_aovs_text(uint32_t set, char out[SETTINGS_TEXT_SIZE])
 
 int aov_is_point(enum aov aov)
 {
-    return aov != AOV_NORMAL && aov != AOV_ALBEDO;
+    return aov != AOV_NORMAL && aov != AOV_ALBEDO && aov != AOV_ALPHA;
 }
 
 void render_settings_default(struct render_settings *s)
@@ -185,7 +185,9 @@ const char *settings_choices_text(const struct render_settings *s,
 
 int render_settings_equal(const struct render_settings *a, const struct render_settings *b)
 {
-    return a->width == b->width && a->height == b->height && a->spp == b->spp &&
+    return a->width == b->width && a->height == b->height &&
+           a->whole_width == b->whole_width && a->whole_height == b->whole_height &&
+           a->region_x == b->region_x && a->region_y == b->region_y && a->spp == b->spp &&
            a->max_depth == b->max_depth && a->seed == b->seed && a->camera == b->camera &&
            a->env_rotate_deg == b->env_rotate_deg && a->env_strength == b->env_strength &&
            a->env_sampling == b->env_sampling && a->isa == b->isa && a->fps == b->fps &&
@@ -195,6 +197,27 @@ int render_settings_equal(const struct render_settings *a, const struct render_s
            a->light_choice == b->light_choice && a->texture_filter == b->texture_filter &&
            a->bvh_quality == b->bvh_quality && a->not_robust == b->not_robust &&
            a->no_roulette == b->no_roulette && a->clamp == b->clamp;
+}
+
+const char *settings_size_text(const struct render_settings *s, char out[SETTINGS_SIZE_TEXT_SIZE])
+{
+    if (s->whole_width)
+        snprintf(out, SETTINGS_SIZE_TEXT_SIZE, "%ux%u at %u,%u of %ux%u", s->width, s->height,
+                 s->region_x, s->region_y, s->whole_width, s->whole_height);
+    else
+        snprintf(out, SETTINGS_SIZE_TEXT_SIZE, "%ux%u", s->width, s->height);
+    return out;
+}
+
+/* A whole picture has no region at all, so that equal pictures have equal settings. */
+static int region_is_inside(const struct render_settings *s)
+{
+    if (!s->whole_width && !s->whole_height)
+        return s->region_x == 0 && s->region_y == 0;
+    return s->whole_width <= SETTINGS_SIZE_MAX && s->whole_height <= SETTINGS_SIZE_MAX &&
+           s->region_x < s->whole_width && s->width <= s->whole_width - s->region_x &&
+           s->region_y < s->whole_height && s->height <= s->whole_height - s->region_y &&
+           (s->width < s->whole_width || s->height < s->whole_height);
 }
 
 status render_settings_validate(const struct render_settings *s, uint32_t camera_count,
@@ -207,6 +230,12 @@ status render_settings_validate(const struct render_settings *s, uint32_t camera
         return error_set(err, STATUS_ERR_INPUT,
                          "size %ux%u: each side must be 1..%d and the whole at most %d pixels",
                          s->width, s->height, SETTINGS_SIZE_MAX, SETTINGS_PIXELS_MAX);
+    if (!region_is_inside(s))
+        return error_set(err, STATUS_ERR_INPUT,
+                         "region of %ux%u pixels at %u,%u: is not inside a picture of %ux%u (each side at "
+                         "most %d)",
+                         s->width, s->height, s->region_x, s->region_y, s->whole_width,
+                         s->whole_height, SETTINGS_SIZE_MAX);
     if (s->spp < 1 || s->spp > SETTINGS_SPP_MAX)
         return error_set(err, STATUS_ERR_INPUT, "%u samples a pixel: must be 1..%d", s->spp,
                          SETTINGS_SPP_MAX);

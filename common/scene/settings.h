@@ -81,7 +81,9 @@ SETTINGS_CHOICE_MAP(SETTINGS_CHOICE_DECLARE)
     X(MATERIAL_ID, "material-id", 1) /* material + 1; point */                             \
     X(MOTION, "motion", 2)      /* pixels from shutter opening to closing, x right, y down; point */ \
     X(SAMPLES, "samples", 0)    /* samples a pixel; made by the coordinator */             \
-    X(ERROR, "error", 0)        /* standard error of the mean, RGB; made by the coordinator */
+    X(ERROR, "error", 0)        /* standard error of the mean, RGB; made by the coordinator */ \
+    X(ALPHA, "alpha", 1)        /* 1 less what a camera ray lets through; mean. The picture is then \
+                                   without what is seen behind everything */
 
 enum aov {
 #define AOV_ENUM(name, text, channels) AOV_##name,
@@ -89,7 +91,7 @@ enum aov {
 #undef AOV_ENUM
         AOV_COUNT
 };
-enum { AOV_FLOATS_MAX = 16 /* of one pixel, all that workers send */ };
+enum { AOV_FLOATS_MAX = 17 /* of one pixel, all that workers send */ };
 const char *aov_name(enum aov aov);
 int aov_parse(const char *name);                 /* -1: unknown */
 /* Floats that a worker sends for one pixel; `mask` has bit 1 << enum aov. */
@@ -100,6 +102,9 @@ uint32_t aov_channels(enum aov aov);             /* that workers send */
 
 struct render_settings {
     uint32_t width, height;     /* pixels */
+    /* Not 0: the picture is a region of a whole one of this size, and its upper left pixel is
+     * (region_x, region_y) of that. Everything but the camera knows only the region. */
+    uint32_t whole_width, whole_height, region_x, region_y;
     uint32_t spp;               /* samples a pixel, 1..SETTINGS_SPP_MAX */
     uint32_t max_depth;         /* path edges after the camera ray; 0: emission only */
     uint64_t seed;
@@ -126,6 +131,24 @@ struct render_settings {
     float clamp;                /* linear radiance, before exposure: a sample whose largest channel
                                    is larger is scaled down to it; 0: off */
 };
+
+static inline uint32_t settings_whole_width(const struct render_settings *s)
+{
+    return s->whole_width ? s->whole_width : s->width;
+}
+static inline uint32_t settings_whole_height(const struct render_settings *s)
+{
+    return s->whole_height ? s->whole_height : s->height;
+}
+/* Is pixel (x, y) of the whole picture rendered? */
+static inline int settings_have_pixel(const struct render_settings *s, uint32_t x, uint32_t y)
+{
+    return x >= s->region_x && x - s->region_x < s->width && y >= s->region_y &&
+           y - s->region_y < s->height;
+}
+/* "37x22 at 13,9 of 70x50", or "70x50" for a whole picture. */
+enum { SETTINGS_SIZE_TEXT_SIZE = 64 };
+const char *settings_size_text(const struct render_settings *s, char out[SETTINGS_SIZE_TEXT_SIZE]);
 
 void render_settings_default(struct render_settings *s);
 /* Choices of algorithm other than the defaults, "sampler independent, roulette off"; "": none. */

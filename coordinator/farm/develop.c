@@ -76,7 +76,39 @@ static status take_pixels(struct development *d, struct error *err)
     s = image_init(&d->image, film_width(d->film), film_height(d->film), 3, err);
     if (s == STATUS_OK)
         film_develop(d->film, d->image.pixels);
+    if (s == STATUS_OK && d->settings.aovs >> AOV_ALPHA & 1) {
+        d->alpha = mem_alloc_array((size_t)film_width(d->film) * film_height(d->film),
+                                   sizeof *d->alpha);
+        if (!d->alpha)
+            return error_no_memory(err, "a picture's alpha");
+        film_develop_aov(d->film, AOV_ALPHA, 0, film_height(d->film), d->alpha);
+    }
     d->taken = s == STATUS_OK;
+    return s;
+}
+
+status develop_straight(struct image *out, const struct image *image, const float *alpha,
+                        struct error *err)
+{
+    size_t pixels = (size_t)image->width * image->height;
+    status s = image_init(out, image->width, image->height, 3, err);
+
+    for (size_t i = 0; i < pixels && s == STATUS_OK; i++)
+        for (int c = 0; c < 3 && alpha[i] > 0; c++)
+            out->pixels[3 * i + (size_t)c] = image->pixels[3 * i + (size_t)c] / alpha[i];
+    return s;
+}
+
+status develop_with_alpha(struct image *out, const struct image *image, const float *alpha,
+                          struct error *err)
+{
+    size_t pixels = (size_t)image->width * image->height;
+    status s = image_init(out, image->width, image->height, 4, err);
+
+    for (size_t i = 0; i < pixels && s == STATUS_OK; i++) {
+        memcpy(out->pixels + 4 * i, image->pixels + 3 * i, 3 * sizeof *out->pixels);
+        out->pixels[4 * i + 3] = alpha[i];
+    }
     return s;
 }
 
@@ -136,6 +168,7 @@ void development_free(struct development *development)
     image_release(&development->image);
     scene_release(&development->description);
     mem_free(development->tile_errors);
+    mem_free(development->alpha);
     mem_free(development);
 }
 

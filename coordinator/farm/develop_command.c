@@ -13,8 +13,11 @@ static void add_real(struct buffer *out, const char *name, double value)
 /* What the samples are functions of. */
 static void add_settings(struct buffer *out, const struct render_settings *s)
 {
-    buffer_printf(out, " --size %ux%u --max-depth %u --seed %" PRIu64 " --camera %u --isa %s", s->width,
-                  s->height, s->max_depth, s->seed, s->camera, isa_name(s->isa));
+    buffer_printf(out, " --size %ux%u", settings_whole_width(s), settings_whole_height(s));
+    if (s->whole_width)
+        buffer_printf(out, " --region %u,%u,%u,%u", s->region_x, s->region_y, s->width, s->height);
+    buffer_printf(out, " --max-depth %u --seed %" PRIu64 " --camera %u --isa %s", s->max_depth, s->seed,
+                  s->camera, isa_name(s->isa));
     add_real(out, "env-rotate", (double)s->env_rotate_deg);
     add_real(out, "env-strength", (double)s->env_strength);
     shell_option(out, "env-sampling", env_sampling_name(s->env_sampling));

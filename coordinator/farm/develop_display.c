@@ -30,13 +30,39 @@ void toning_end(struct toning *t)
     buffer_release(&t->file);
 }
 
+/* With alpha, the PNG shows the colours themselves and has alpha beside them. */
+static status encode_cut_out(const struct development *d, const struct toning *t,
+                             struct buffer *png, struct error *err)
+{
+    struct image straight = {0}, display = {0}, whole = {0};
+    status s = develop_straight(&straight, &d->image, d->alpha, err);
+
+    if (s == STATUS_OK)
+        s = tonemap_apply(&display, &straight, t->settings, &t->context, err);
+    image_release(&straight);
+    if (s == STATUS_OK)
+        s = develop_with_alpha(&whole, &display, d->alpha, err);
+    image_release(&display);
+    if (s == STATUS_OK)
+        s = png_encode_as(png, &whole, &d->output.picture, err);
+    image_release(&whole);
+    return s;
+}
+
 /* Append the picture as PNG or JPEG, either of which may be NULL. */
 status develop_encode_display(const struct development *d, const struct toning *t,
                              struct buffer *png, struct buffer *jpg, struct error *err)
 {
     struct image display = {0};
-    status s = tonemap_apply(&display, &d->image, t->settings, &t->context, err);
+    status s;
 
+    if (d->alpha && png) {
+        s = encode_cut_out(d, t, png, err);
+        if (s != STATUS_OK || !jpg)
+            return s;
+        png = NULL;
+    }
+    s = tonemap_apply(&display, &d->image, t->settings, &t->context, err);
     if (s == STATUS_OK && png)
         s = png_encode_as(png, &display, &d->output.picture, err);
     if (s == STATUS_OK && jpg)
@@ -77,17 +103,37 @@ status development_write_picture(const struct development *d, struct store *stor
 {
     struct buffer exr = BUFFER_INIT;
     struct exr_options options = {0};
-    status s = exr_encode(&exr, &d->image, &options, err);
+    struct image whole = {0};
+    status s = d->alpha ? develop_with_alpha(&whole, &d->image, d->alpha, err) : STATUS_OK;
 
     if (s == STATUS_OK)
+        s = exr_encode(&exr, d->alpha ? &whole : &d->image, &options, err);
+    if (s == STATUS_OK)
         s = store_output_write(store, d->job, d->frame, PICTURE_EXTENSION, &exr, err);
+    image_release(&whole);
     buffer_release(&exr);
     return s;
 }
 
-/* Read a frame's stored picture. */
+/* The alpha of a stored picture, in memory of its own. */
+static status read_alpha(const struct buffer *exr, const char *name, float **alpha, struct error *err)
+{
+    struct image each = {0};
+    status s = exr_decode_channel(&each, exr->data, exr->size, name, "A", err);
+    size_t pixels = (size_t)each.width * each.height;
+
+    *alpha = s == STATUS_OK ? mem_alloc_array(pixels, sizeof **alpha) : NULL;
+    if (s == STATUS_OK && !*alpha)
+        s = error_no_memory(err, "a picture's alpha");
+    for (size_t i = 0; i < pixels && s == STATUS_OK; i++)
+        (*alpha)[i] = each.pixels[3 * i];
+    image_release(&each);
+    return s;
+}
+
+/* Read a frame's stored picture, and the alpha of one that has it. */
 static status read_picture(const struct development *d, const struct store *store, uint32_t frame,
-                           struct image *out, struct error *err)
+                           struct image *out, float **alpha, struct error *err)
 {
     struct buffer exr = BUFFER_INIT;
     struct image_repairs repairs = {0};
@@ -103,6 +149,8 @@ static status read_picture(const struct development *d, const struct store *stor
     }
     if (s == STATUS_OK)
         s = image_decode_hdr(out, exr.data, exr.size, name, &repairs, err);
+    if (s == STATUS_OK && d->settings.aovs >> AOV_ALPHA & 1)
+        s = read_alpha(&exr, name, alpha, err);
     buffer_release(&exr);
     return s;
 }
@@ -120,8 +168,9 @@ static status state_of(const struct development *d, const struct toning *t, stru
                        struct error *err)
 {
     struct buffer file = BUFFER_INIT;
-    struct image other = {0};
+    struct image other = {0}, straight = {0};
     struct stored_state stored;
+    float *alpha = NULL;
     status s;
 
     if (store_output_read(store, d->job, frame, STATE_EXTENSION, sizeof stored, &file, NULL) ==
@@ -135,11 +184,15 @@ static status state_of(const struct development *d, const struct toning *t, stru
         }
     }
     buffer_clear(&file);
-    s = frame == d->frame ? STATUS_OK : read_picture(d, store, frame, &other, err);
+    s = frame == d->frame ? STATUS_OK : read_picture(d, store, frame, &other, &alpha, err);
     memset(&stored, 0, sizeof stored);
+    if (s == STATUS_OK && d->alpha)
+        s = develop_straight(&straight, frame == d->frame ? &d->image : &other,
+                             frame == d->frame ? d->alpha : alpha, err);
     if (s == STATUS_OK)
-        s = tonemap_measure(&stored.state, frame == d->frame ? &d->image : &other, t->settings,
-                            &t->context, err);
+        s = tonemap_measure(&stored.state,
+                            d->alpha ? &straight : frame == d->frame ? &d->image : &other,
+                            t->settings, &t->context, err);
     if (s == STATUS_OK) {
         stored.looks = *looks;
         *out = stored.state;
@@ -149,7 +202,9 @@ static status state_of(const struct development *d, const struct toning *t, stru
             store_output_write(store, d->job, frame, STATE_EXTENSION, &file, NULL) != STATUS_OK)
             log_debug("job %" PRIu64 ", frame %u: its statistics were not kept", d->job, frame);
     }
+    image_release(&straight);
     image_release(&other);
+    mem_free(alpha);
     buffer_release(&file);
     return s;
 }
@@ -183,7 +238,7 @@ status develop_again(struct development *d, struct store *store, struct error *e
     status s = state ? STATUS_OK : error_no_memory(err, "a frame's statistics");
 
     if (s == STATUS_OK)
-        s = read_picture(d, store, d->frame, &d->image, err);
+        s = read_picture(d, store, d->frame, &d->image, &d->alpha, err);
     if (s == STATUS_OK)
         s = toning_begin(&t, d, store, err);
     if (s == STATUS_OK) {

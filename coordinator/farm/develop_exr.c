@@ -59,7 +59,7 @@ static void add_work(struct attributes *a, const struct development *d,
     add_number(a, "azulejo:leakedRays", (double)w->leaked_rays);
     for (int k = 0; k < HEALTH_KINDS; k++) {
         add_number(a, health_rows[k].attribute, (double)w->health.count[k]);
-        health_first_text(first[k], w->health.first[k], d->settings.width, d->settings.height);
+        health_first_text(first[k], w->health.first[k], settings_rect(&d->settings));
         if (first[k][0])
             add_text(a, health_rows[k].attribute_first, first[k]);
     }
@@ -198,7 +198,7 @@ static void develop_lines(void *user, uint32_t y, uint32_t height, float *planes
     const struct development *d = user;
 
     for (int aov = 0; aov < AOV_COUNT; aov++)
-        if (d->settings.aovs >> aov & 1) {
+        if (d->settings.aovs >> aov & 1 && aov != AOV_ALPHA) { /* that is the picture's fourth channel */
             film_develop_aov(d->film, (enum aov)aov, y, height, planes);
             planes += (size_t)film_aov_channels((enum aov)aov) * film_width(d->film) * height;
         }
@@ -216,7 +216,10 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     struct exr_channels more = {.channels = channels, .lines = develop_lines, .user = d};
     char first[HEALTH_KINDS][HEALTH_TEXT_SIZE];
     struct buffer measured = BUFFER_INIT, command = BUFFER_INIT;
+    struct image with_alpha = {0};
     uint64_t clamped = 0;
+    const struct exr_window window = {d->settings.whole_width, d->settings.whole_height,
+                                      d->settings.region_x, d->settings.region_y};
     struct exr_options options = {.half = d->output.exr_half, .clamped = &clamped};
     status s;
 
@@ -254,11 +257,16 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
         return error_no_memory(err, "the picture's header");
     }
     add_text(&a, MEASURED_ATTRIBUTE, buffer_text(&measured));
+    if (d->settings.whole_width)
+        options.window = &window;
     options.attributes = a.items;
     options.attribute_count = a.count;
-    more.count = d->film ? list_channels(d->settings.aovs, channels) : 0;
+    more.count = d->film ? list_channels(d->settings.aovs & ~(1u << AOV_ALPHA), channels) : 0;
     options.more = &more;
-    s = exr_encode(exr, &d->image, &options, err);
+    s = d->alpha ? develop_with_alpha(&with_alpha, &d->image, d->alpha, err) : STATUS_OK;
+    if (s == STATUS_OK)
+        s = exr_encode(exr, d->alpha ? &with_alpha : &d->image, &options, err);
+    image_release(&with_alpha);
     buffer_release(&measured);
     buffer_release(&command);
     if (s == STATUS_OK && clamped > 0)

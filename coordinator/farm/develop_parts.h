@@ -36,6 +36,7 @@ struct development {
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
     struct image image;
+    float *alpha;            /* [pixels], for AOV_ALPHA, by which the image is multiplied; else NULL */
     int looked, described;   /* `description` was read; it is the job's scene */
     struct scene description;
 };
@@ -65,6 +66,12 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
 status toning_begin(struct toning *t, const struct development *d, const struct store *store,
                     struct error *err);
 void toning_end(struct toning *t);
+/* A new picture of the colours themselves, not multiplied by alpha. */
+status develop_straight(struct image *out, const struct image *image, const float *alpha,
+                        struct error *err);
+/* The same picture with alpha as its fourth channel. */
+status develop_with_alpha(struct image *out, const struct image *image, const float *alpha,
+                          struct error *err);
 /* Append the picture as PNG or JPEG, either of which may be NULL. */
 status develop_encode_display(const struct development *d, const struct toning *t,
                               struct buffer *png, struct buffer *jpg, struct error *err);

@@ -41,18 +41,29 @@ static size_t select_jobs(const struct queue *queue, const Azulejo__Wire__JobQue
     return count;
 }
 
-/* The frames that rest, as bits. */
-static void list_left(const struct job *job, ProtobufCBinaryData *out)
+/* The frames for which `is` holds, as bits; `bits` has room for SETTINGS_FRAMES_MAX. */
+static void list_frames(const struct job *job, int (*is)(const struct job *job, uint32_t frame),
+                        uint8_t *bits, ProtobufCBinaryData *out)
 {
-    static uint8_t bits[SETTINGS_FRAMES_MAX / 8 + 1];
-
-    if (job_frames_left(job) == 0)
-        return;
     *out = (ProtobufCBinaryData){job_frame_count(job) / 8 + 1, bits};
     memset(bits, 0, out->len);
     for (uint32_t i = 0; i < job_frame_count(job); i++)
-        if (job_frame_is_left(job, job->first_frame + i))
+        if (is(job, job->first_frame + i))
             bits[i / 8] |= (uint8_t)(1u << i % 8);
+}
+
+/* What only a job by itself says of its frames. */
+static void list_single(const struct job *job, Azulejo__Wire__JobInfo *info)
+{
+    enum { LEFT, DONE, DEVELOPED, LISTS };
+    static uint8_t bits[LISTS][SETTINGS_FRAMES_MAX / 8 + 1];
+
+    if (job_frames_left(job) > 0)
+        list_frames(job, job_frame_is_left, bits[LEFT], &info->resting);
+    if (job->frames_done_count == 0)
+        return;
+    list_frames(job, job_frame_is_done, bits[DONE], &info->done);
+    list_frames(job, job_frame_is_developed, bits[DEVELOPED], &info->developed);
 }
 
 static status send_list(struct session *session, uint64_t request, struct job *const *jobs,
@@ -70,7 +81,7 @@ static status send_list(struct session *session, uint64_t request, struct job *c
             pointers[i] = &reports[i].message;
         }
         if (count == 1)
-            list_left(jobs[0], &reports[0].message.resting);
+            list_single(jobs[0], &reports[0].message);
         list.n_jobs = count;
         list.jobs = pointers;
         list.older = older;

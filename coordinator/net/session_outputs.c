@@ -9,12 +9,19 @@
 #include "coordinator/net/session_tasks.h"
 #include "protocol/message.h"
 
-static status send_file(struct session *session, const struct job *job, uint32_t frame,
-                        const char *extension, uint64_t request, struct error *err)
+static status send_file(struct session *session, const struct job *job,
+                        const Azulejo__Wire__OutputGet *message, const char *extension,
+                        uint64_t request, struct error *err)
 {
     struct buffer path = BUFFER_INIT;
-    status s;
+    struct digest have;
+    uint32_t frame = message->frame;
+    status s = message->have.len
+                   ? wire_digest_get(&have, &message->have, "the client's file", err)
+                   : STATUS_OK;
 
+    if (s != STATUS_OK)
+        return s;
     store_output_path(session->server->store, job->id, frame, extension, &path);
     if (!buffer_ok(&path))
         s = error_no_memory(err, "a path");
@@ -22,6 +29,8 @@ static status send_file(struct session *session, const struct job *job, uint32_t
         s = error_set(err, STATUS_ERR_NOT_FOUND,
                       "job %" PRIu64 ", frame %u: its %s file is no longer on the coordinator",
                       job->id, frame, extension);
+    else if (message->have.len)
+        session_task_output(session, request, buffer_text(&path), &have);
     else
         s = transfer_file(&session->transfers, request, NULL, buffer_text(&path), err);
     buffer_release(&path);
@@ -65,7 +74,7 @@ static status send_picture(struct session *session, const struct job *job,
                          "moment",
                          job->id, message->frame, trouble_is(&job->pictures) ? ": " : "",
                          job->pictures.text);
-    return send_file(session, job, message->frame, extension, request, err);
+    return send_file(session, job, message, extension, request, err);
 }
 
 /* The frame so far; its file if the frame is finished. */
@@ -79,7 +88,7 @@ static status send_preview(struct session *session, const struct job *job,
 
     if (job_frame_is_done(job, number)) {
         if (linear ? job->output.exr : job->output.png && job_frame_is_developed(job, number))
-            return send_file(session, job, number, linear ? "exr" : "png", request, err);
+            return send_file(session, job, message, linear ? "exr" : "png", request, err);
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 ", frame %u is finished: fetch its files without --preview",
                          job->id, number);
@@ -108,7 +117,7 @@ static status send_output(struct session *session, const struct job *job,
         return send_picture(session, job, message, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON:
         s = check_done(job, number, err);
-        return s == STATUS_OK ? send_file(session, job, number, MANIFEST_EXTENSION, request, err)
+        return s == STATUS_OK ? send_file(session, job, message, MANIFEST_EXTENSION, request, err)
                               : s;
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR:

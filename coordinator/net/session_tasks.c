@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "common/base/log.h"
+#include "common/base/memory.h"
 #include "coordinator/farm/develop.h"
 #include "coordinator/farm/extend.h"
 #include "coordinator/net/server.h"
@@ -11,6 +12,7 @@
 #include "coordinator/net/session_table.h"
 #include "coordinator/net/task.h"
 #include "coordinator/store/blobs.h"
+#include "protocol/message.h"
 
 /* A task that answers a request; its session may have ended by then. */
 struct request_task {
@@ -110,6 +112,68 @@ void session_task_preview(struct session *session, uint64_t request, const struc
              linear ? "exr" : "png");
     server->previews++;
     task_start(&p->r.task);
+}
+
+/* ---- files that the client may have --------------------------------------------------------- */
+
+struct output_task {
+    struct request_task r;
+    struct digest have, is;
+    uint64_t size_bytes;
+    char *path;
+};
+
+static void output_run(struct task *task)
+{
+    struct output_task *o = (struct output_task *)task;
+
+    task->result = digest_of_file(&o->is, &o->size_bytes, o->path, &task->error);
+}
+
+/* A file that cannot be read fails as any other file that is sent. */
+static void output_end(struct task *task)
+{
+    struct output_task *o = (struct output_task *)task;
+    struct session *session = request_session(&o->r);
+    Azulejo__Wire__OutputData same = AZULEJO__WIRE__OUTPUT_DATA__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(OUTPUT_DATA, output_data, &same);
+
+    if (!session)
+        return;
+    if (task->result == STATUS_OK && digest_equal(&o->have, &o->is)) {
+        same.total_bytes = same.offset = o->size_bytes;
+        same.unchanged = 1;
+        session_reply(session, o->r.request, &envelope);
+        return;
+    }
+    if (transfer_file(&session->transfers, o->r.request, NULL, o->path, &task->error) != STATUS_OK)
+        session_fail(session, o->r.request, &task->error);
+    transfers_pump(&session->transfers, session->channel);
+}
+
+static void output_release(struct task *task)
+{
+    mem_free(((struct output_task *)task)->path);
+}
+
+static const struct task_kind output_kind = {"an output", sizeof(struct output_task), output_run,
+                                             output_end, output_release};
+
+void session_task_output(struct session *session, uint64_t request, const char *path,
+                         const struct digest *have)
+{
+    struct error err = {0};
+    struct output_task *o = request_new(session, request, &output_kind, &err);
+
+    if (o && !(o->path = mem_strdup(path)))
+        error_no_memory(&err, "a path");
+    if (!o || !o->path) {
+        task_drop(o ? &o->r.task : NULL);
+        session_fail(session, request, &err);
+        return;
+    }
+    o->have = *have;
+    task_start(&o->r.task);
 }
 
 /* ---- uploads -------------------------------------------------------------------------------- */

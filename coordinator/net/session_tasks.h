@@ -5,6 +5,8 @@
 
 #include <stdint.h>
 
+#include "common/base/digest.h"
+
 struct job;
 struct job_frame;
 struct session;
@@ -13,6 +15,9 @@ struct upload;
 /* Develop a preview of the frame, an EXR if `linear`, else a PNG, and send it. */
 void session_task_preview(struct session *session, uint64_t request, const struct job_frame *frame,
                           int linear);
+/* Send the file, unless its digest is `have`: then say that it is unchanged. */
+void session_task_output(struct session *session, uint64_t request, const char *path,
+                         const struct digest *have);
 /* Store a complete upload. Takes it. */
 void session_task_upload(struct session *session, uint64_t request, struct upload *upload);
 /* Store a job and put it in the queue. Takes it. `force`: also if it does not fit the disk. */

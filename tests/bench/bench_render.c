@@ -280,7 +280,7 @@ int main(int argc, char **argv)
     for (int k = 0; k < HEALTH_KINDS && !json; k++) {
         char text[HEALTH_TEXT_SIZE];
         if (b.stats.health.count[k])
-            printf("%s\n", health_text(text, &b.stats.health, (enum health_kind)k, width, height, 0));
+            printf("%s\n", health_text(text, &b.stats.health, (enum health_kind)k, (struct tile_rect){0, 0, width, height}, 0));
     }
     if (out) {
         struct image image = new_picture(width, height);

@@ -1,10 +1,10 @@
-"""The pixels of an RGB PNG, read without any code of Azulejo's: 8 or 16 bits, not interlaced."""
+"""The pixels of an RGB or RGBA PNG, read without any code of Azulejo's: 8 or 16 bits, not interlaced."""
 import struct
 import zlib
 
 
 class Png:
-    """codes: rows of numbers, three for each pixel."""
+    """codes: rows of numbers, `channels` (3, or 4 with alpha) for each pixel."""
 
     def __init__(self, data):
         if data[:8] != b"\x89PNG\r\n\x1a\n":
@@ -18,15 +18,16 @@ class Png:
             if kind == b"IHDR":
                 self.width, self.height, self.bits, color, _, _, interlace = struct.unpack(
                     ">IIBBBBB", body)
-                if color != 2 or interlace or self.bits not in (8, 16):
-                    raise ValueError("not a plain RGB PNG")
+                if color not in (2, 6) or interlace or self.bits not in (8, 16):
+                    raise ValueError("not a plain RGB or RGBA PNG")
+                self.channels = 4 if color == 6 else 3
             elif kind == b"IDAT":
                 packed += body
             at += 12 + size
         self.codes = self.rows(zlib.decompress(packed))
 
     def rows(self, raw):
-        step = 3 * self.bits // 8
+        step = self.channels * self.bits // 8
         line = self.width * step
         before, rows = bytes(line), []
         for y in range(self.height):

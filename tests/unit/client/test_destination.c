@@ -49,6 +49,35 @@ static void names(void **state)
     expect("a.exr/pic", 1, OUTPUT_FORMAT_BOTH, 1, "exr", "a.exr/pic.exr");
 }
 
+/* Commands that bring a job's files: anything but a picture's file is a folder. */
+static void of_jobs(void **state)
+{
+    static const struct {
+        const char *out, *folder, *base;
+        unsigned formats;
+    } rows[] = {
+        {NULL, ".", NULL, OUTPUT_FORMAT_ALL},        {"frames", "frames", NULL, OUTPUT_FORMAT_ALL},
+        {"out/", "out/", NULL, OUTPUT_FORMAT_ALL},   {"v1.5", "v1.5", NULL, OUTPUT_FORMAT_ALL},
+        {"pic.exr/", "pic.exr/", NULL, OUTPUT_FORMAT_ALL}, {"pic.exr", ".", "pic", OUTPUT_FORMAT_EXR},
+        {"a/b.jpeg", "a", "b", OUTPUT_FORMAT_JPEG},  {"/tmp", "/tmp", NULL, OUTPUT_FORMAT_ALL},
+    };
+    struct destination d;
+    struct error err = {0};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        assert_int_equal(destination_of_job(&d, rows[i].out, OUTPUT_FORMAT_ALL, &err), STATUS_OK);
+        assert_string_equal(d.folder, rows[i].folder);
+        assert_int_equal(d.base == NULL, rows[i].base == NULL);
+        if (d.base)
+            assert_string_equal(d.base, rows[i].base);
+        assert_int_equal(d.formats, rows[i].formats);
+        destination_release(&d);
+    }
+    assert_int_equal(destination_of_job(&d, "a.exr", OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG, &err),
+                     STATUS_ERR_USAGE);
+}
+
 static void formats_are_chosen(void **state)
 {
     struct destination d;
@@ -99,6 +128,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(names),
+        cmocka_unit_test(of_jobs),
         cmocka_unit_test(formats_are_chosen),
         cmocka_unit_test(frames_are_numbered),
         cmocka_unit_test(folders_are_proved),

@@ -12,6 +12,7 @@
 #include "client/farm/output.h"
 #include "client/terminal/frame_list.h"
 #include "client/terminal/parse.h"
+#include "common/film/tiles.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 
@@ -42,6 +43,22 @@ static void sizes(void **state)
         assert_non_null(strstr(err.text, "--size"));
         assert_int_equal(width, 77); /* untouched */
         assert_int_equal(height, 77);
+    }
+}
+
+static void regions(void **state)
+{
+    static const char *const bad[] = {"", "1,2,3", "1,2,3,4,", "1,2,3,4,5", "1,2,0,4", "1,2,3,0", "-1,2,3,4",
+                                      "1, 2,3,4", "a,2,3,4", "1,2,3,4 ", "1x2x3x4", "65537,0,1,1", "1,,2,3"};
+    struct tile_rect r;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(parse_region("7,0,65536,002", &r, &err), STATUS_OK);
+    assert_true(r.x == 7 && r.y == 0 && r.width == 65536 && r.height == 2);
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        assert_int_equal(parse_region(bad[i], &r, &err), STATUS_ERR_USAGE);
+        assert_non_null(strstr(err.text, "--region"));
     }
 }
 
@@ -255,7 +272,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(effects),
         cmocka_unit_test(aovs),
-        cmocka_unit_test(sizes),         cmocka_unit_test(frame_lists), cmocka_unit_test(frames_of_a_job),
+        cmocka_unit_test(sizes), cmocka_unit_test(regions),        cmocka_unit_test(frame_lists), cmocka_unit_test(frames_of_a_job),
         cmocka_unit_test(parameters), cmocka_unit_test(formats),    cmocka_unit_test(job_numbers),
         cmocka_unit_test(default_sizes),
     };

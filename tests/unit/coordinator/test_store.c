@@ -978,7 +978,8 @@ static void aovs_are_layers(void **state)
                     {"P.Y", 0, AOV_POSITION, 1},      {"uv.U", 0, AOV_UV, 0},
                     {"uv.V", 0, AOV_UV, 1},           {"objectId.X", 0, AOV_OBJECT_ID, 0},
                     {"materialId.X", 0, AOV_MATERIAL_ID, 0}, {"motion.Y", 0, AOV_MOTION, 1},
-                    {"samples.Y", 0, AOV_SAMPLES, 0}, {"error.B", 1, AOV_ERROR, 2}};
+                    {"samples.Y", 0, AOV_SAMPLES, 0}, {"error.B", 1, AOV_ERROR, 2},
+                    {"A", 1, AOV_ALPHA, 0}};
     const uint32_t all = (1u << AOV_COUNT) - 1;
     struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 1, 0);
     struct job_frame *frame = job_frame_new(job, 1, WIDTH, HEIGHT, SPP, all, NULL);
@@ -993,7 +994,7 @@ static void aovs_are_layers(void **state)
     assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
     assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
-    assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 16 + 5);
+    assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 17 + 5);
     for (size_t i = 0; i < sizeof channels / sizeof *channels; i++) {
         float wanted[3 * WIDTH * HEIGHT];
         int half = -1;
@@ -1007,12 +1008,12 @@ static void aovs_are_layers(void **state)
         }
         free(got);
     }
-    /* A preview has the picture alone. */
+    /* A preview has the picture alone, with its alpha. */
     buffer_clear(&exr);
     assert_int_equal(development_new_preview(&development, frame, &err), STATUS_OK);
     assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
-    assert_int_equal(exr_channel_count(exr.data, exr.size), 3);
+    assert_int_equal(exr_channel_count(exr.data, exr.size), 4);
     buffer_release(&exr);
     job_frame_free(frame);
     job_free(job);

@@ -127,7 +127,7 @@ static void rows_have_names_of_their_own(void **state)
         one.count[k] = UINT64_MAX;
         one.frame[k] = UINT32_MAX;
         one.first[k] = health_key((struct health_place){PASSES_MAX - 1, 1048575, 255, 1048575});
-        health_text(text, &one, (enum health_kind)k, 65536, 4096, 1);
+        health_text(text, &one, (enum health_kind)k, (struct tile_rect){0, 0, 65536, 4096}, 1);
         assert_true(strlen(text) < HEALTH_TEXT_SIZE - 1);
         assert_non_null(strstr(text, "sample 1048575"));
     }
@@ -143,18 +143,18 @@ static void sentences_name_the_first_example(void **state)
     h.count[HEALTH_DROPPED_SAMPLES] = 3;
     h.first[HEALTH_DROPPED_SAMPLES] = health_key((struct health_place){0, 2, 11, 5});
     h.frame[HEALTH_DROPPED_SAMPLES] = 9;
-    assert_string_equal(health_text(text, &h, HEALTH_DROPPED_SAMPLES, 37, 19, 0),
+    assert_string_equal(health_text(text, &h, HEALTH_DROPPED_SAMPLES, (struct tile_rect){0, 0, 37, 19}, 0),
                         "3 samples were not finite and count as black; first: pass 0, tile 2, "
                         "pixel 33,2, sample 5");
-    assert_string_equal(health_text(text, &h, HEALTH_DROPPED_SAMPLES, 37, 19, 1),
+    assert_string_equal(health_text(text, &h, HEALTH_DROPPED_SAMPLES, (struct tile_rect){0, 0, 37, 19}, 1),
                         "3 samples were not finite and count as black; first: frame 9, pass 0, "
                         "tile 2, pixel 33,2, sample 5");
     h.count[HEALTH_DROPPED_SAMPLES] = 1;
     h.first[HEALTH_DROPPED_SAMPLES] = 0;
-    assert_string_equal(health_text(text, &h, HEALTH_DROPPED_SAMPLES, 37, 19, 1),
+    assert_string_equal(health_text(text, &h, HEALTH_DROPPED_SAMPLES, (struct tile_rect){0, 0, 37, 19}, 1),
                         "1 sample was not finite and counts as black");
     /* A tile that the picture has not. */
-    assert_string_equal(health_first_text(text, health_key((struct health_place){0, 6, 0, 0}), 37, 19), "");
+    assert_string_equal(health_first_text(text, health_key((struct health_place){0, 6, 0, 0}), (struct tile_rect){0, 0, 37, 19}), "");
 }
 
 int main(void)

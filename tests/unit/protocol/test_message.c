@@ -39,6 +39,10 @@ static struct render_settings example_settings(void)
     s.not_robust = 1;
     s.no_roulette = 1;
     s.clamp = 12.5f;
+    s.whole_width = 400;
+    s.whole_height = 60;
+    s.region_x = 67;
+    s.region_y = 9;
     return s;
 }
 
@@ -60,6 +64,39 @@ static void test_settings_round_trip(void **state)
     assert_int_equal(out.env_sampling, ENV_SAMPLING_BSDF);
     assert_int_equal(out.isa, ISA_SSE2);
     assert_true(render_settings_equal(&in, &out));
+}
+
+/* A region lies inside the whole picture, and is not all of it. */
+static void test_settings_region(void **state)
+{
+    struct render_settings region = example_settings(); /* 333x50 at 67,9 */
+    static const struct {
+        uint32_t whole_width, whole_height, x, y;
+        status expected;
+    } rows[] = {
+        {0, 0, 0, 0, STATUS_OK},          {0, 0, 1, 0, STATUS_ERR_INPUT},
+        {334, 50, 1, 0, STATUS_OK},       {334, 50, 2, 0, STATUS_ERR_INPUT},
+        {333, 51, 0, 1, STATUS_OK},       {333, 50, 0, 0, STATUS_ERR_INPUT},
+        {400, 49, 0, 0, STATUS_ERR_INPUT}, {400, 0, 0, 0, STATUS_ERR_INPUT},
+        {400, 60, UINT32_MAX, 0, STATUS_ERR_INPUT}, {400, 60, 0, UINT32_MAX - 8, STATUS_ERR_INPUT},
+        {65536, 65536, 65203, 65486, STATUS_OK}, {65537, 60, 0, 0, STATUS_ERR_INPUT},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        struct render_settings in = example_settings(), out;
+        Azulejo__Wire__RenderSettings wire;
+
+        in.whole_width = rows[i].whole_width;
+        in.whole_height = rows[i].whole_height;
+        in.region_x = rows[i].x;
+        in.region_y = rows[i].y;
+        wire_settings_set(&wire, &in);
+        assert_int_equal(wire_settings_get(&out, &wire, 1, NULL), rows[i].expected);
+    }
+    assert_true(settings_have_pixel(&region, 67, 9) && settings_have_pixel(&region, 399, 58));
+    assert_false(settings_have_pixel(&region, 66, 9) || settings_have_pixel(&region, 67, 8));
+    assert_false(settings_have_pixel(&region, 400, 9) || settings_have_pixel(&region, 67, 59));
 }
 
 /* 0 is the camera's own on the wire, but a pinhole in the settings. */
@@ -219,6 +256,7 @@ static void test_piece_check(void **state)
     (void)state;
     s.width = 36;
     s.height = 20;
+    s.whole_width = s.whole_height = s.region_x = s.region_y = 0;
     s.spp = PIXEL_SAMPLES_MAX + 1;
     assert_int_equal(wire_piece_check(&request, &s, NULL), STATUS_ERR_PROTOCOL);
     request.unit = &unit;
@@ -615,6 +653,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_settings_round_trip),
         cmocka_unit_test(test_settings_lens),
+        cmocka_unit_test(test_settings_region),
         cmocka_unit_test(test_settings_of_old),
         cmocka_unit_test(test_settings_out_of_range),
         cmocka_unit_test(test_digest_lengths),

@@ -401,6 +401,10 @@ static void test_equal_settings(void **state)
     DIFFERS(not_robust);
     DIFFERS(no_roulette);
     DIFFERS(clamp);
+    DIFFERS(whole_width);
+    DIFFERS(whole_height);
+    DIFFERS(region_x);
+    DIFFERS(region_y);
 #undef DIFFERS
 }
 

@@ -68,13 +68,14 @@ static void lens_init(struct camera *camera, const struct scene_camera *descript
 void camera_init(struct camera *camera, const struct scene_camera *description,
                  const struct render_settings *settings, const struct camera_motion *motion)
 {
-    real aspect = (real)settings->width / (real)settings->height;
+    uint32_t width = settings_whole_width(settings), height = settings_whole_height(settings);
+    real aspect = (real)width / (real)height;
 
     memset(camera, 0, sizeof *camera);
     camera->kind = description->kind;
     camera->to_world = transform_from_d(&description->to_world);
-    camera->width = (real)settings->width;
-    camera->height = (real)settings->height;
+    camera->width = (real)width;
+    camera->height = (real)height;
     camera->half_height = description->kind == CAMERA_PERSPECTIVE
                               ? real_tan(description->yfov_rad * 0.5f)
                               : description->ymag;

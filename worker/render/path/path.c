@@ -233,6 +233,12 @@ static void path_next_ray(struct path *path, const struct path_vertex *v, struct
     path->depth++;
 }
 
+/* With alpha, what lies behind everything is not in the picture. */
+static inline int path_is_cut_out(const struct render_scene *scene)
+{
+    return scene->settings.aovs >> AOV_ALPHA & 1;
+}
+
 /* ---- the path -------------------------------------------------------------------------------- */
 
 struct vec3 path_radiance(const struct render_scene *scene, const struct sampler *sampler,
@@ -261,7 +267,10 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
                 continue;
         }
         if (!met) {
-            path_add(&path, path_escaped(&path), &radiance);
+            if (record && path.depth == 0)
+                record->passed = (path.throughput.x + path.throughput.y + path.throughput.z) / 3;
+            if (path.depth > 0 || !path_is_cut_out(scene))
+                path_add(&path, path_escaped(&path), &radiance);
             RECORD_END(ESCAPED);
             break;
         }

@@ -15,12 +15,14 @@
 
 /* What the camera ray met, for the AOVs. */
 struct path_record {
-    int hit;                    /* 0: nothing; the other fields are then 0 */
+    int hit;                    /* 0: nothing; the other fields but `passed` are then 0 */
     real distance;             /* metres along the ray */
     struct vec3 position, normal, albedo; /* world space; the shading normal faces the camera */
     real u, v;                 /* first uv set */
     uint32_t instance, material, triangle;
     real b1, b2;               /* barycentric coordinates on the triangle */
+    real passed;               /* share of the light from behind everything that the camera's ray lets
+                                  through: mean of RGB; 0 where it meets or is scattered by something */
 };
 
 /* Linear RGB radiance. It is not finite only if there is a fault, which the caller counts.

@@ -66,11 +66,14 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
                                     record->b2, motion);
                 memcpy(sample, motion, sizeof motion);
                 break;
+            case AOV_ALPHA:
             case AOV_SAMPLES:
             case AOV_ERROR:
             case AOV_COUNT:
                 break;
             }
+        if (aov == AOV_ALPHA)
+            sample[0] = 1 - record->passed;
         for (uint32_t c = 0; c < channels; c++, at++) {
             int good = isfinite(sample[c]) || !SAFEGUARD(FINITE_VARIABLE);
             real value = good ? sample[c] : 0;
@@ -206,6 +209,8 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     health_scope = (struct health_scope){stats->health.count, 0};
     if (tail)
         tail->count = 0;
+    rect.x += settings->region_x; /* from here on, pixels are the whole picture's */
+    rect.y += settings->region_y;
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
             double sum[GROUP_REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
@@ -273,11 +278,13 @@ static uint32_t pass_with(uint32_t i)
 struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
                           uint32_t number, struct vec3 *radiance, struct render_stats *stats)
 {
-    const uint32_t tile = y / TILE_SIZE * tiles_across(scene->settings.width) + x / TILE_SIZE;
-    const struct tile_rect rect = tile_rect_of(scene->settings.width, scene->settings.height, tile);
+    const struct render_settings *s = &scene->settings;
+    const uint32_t column = x - s->region_x, row = y - s->region_y;
+    const uint32_t tile = row / TILE_SIZE * tiles_across(s->width) + column / TILE_SIZE;
+    const struct tile_rect rect = tile_rect_of(s->width, s->height, tile);
     const uint32_t group = number % GROUPS, i = number / GROUPS;
     const struct health_place place = {pass_with(i), tile,
-                                       (y - rect.y) * rect.width + x - rect.x, number};
+                                       (row - rect.y) * rect.width + column - rect.x, number};
     const real limit = scene->settings.clamp;
     struct sampler sampler;
     struct vec3 added;
