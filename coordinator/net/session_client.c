@@ -311,6 +311,7 @@ static const struct {
     {BODY(JOB_RETRY), CLIENTS, session_retry},
     {BODY(JOB_REMOVE), CLIENTS, session_remove},
     {BODY(JOB_LOG_GET), CLIENTS, session_log},
+    {BODY(JOB_TRACE_GET), CLIENTS, session_trace},
     {BODY(JOB_DEVELOP), CLIENTS, develop},
     {BODY(WORKER_QUERY), CLIENTS, list_workers},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},

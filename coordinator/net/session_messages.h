@@ -27,6 +27,7 @@ session_handler session_priority;
 session_handler session_retry;
 session_handler session_remove;
 session_handler session_log;
+session_handler session_trace;          /* session_trace.c */
 session_handler session_blob_query;     /* session_blobs.c */
 session_handler session_blob_get;
 session_handler session_blob_put;
