@@ -35,14 +35,17 @@ static status load_key(const char *path, struct farm_key *key, struct error *err
 
 static int fail(const struct error *err)
 {
-    fprintf(stderr, "azulejo-coordinator: %s\n", err->text);
+    if (log_is_json())
+        log_error("%s", err->text);
+    else
+        fprintf(stderr, "azulejo-coordinator: %s\n", err->text);
     return status_exit_code(err->code);
 }
 
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
-    const char *level = "info", *ready_file = NULL, *precision = "float";
+    const char *level = "info", *log_format = NULL, *ready_file = NULL, *precision = "float";
     double lease_seconds = 60;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
@@ -63,6 +66,8 @@ int main(int argc, char **argv)
          "what its workers compute in (float); double ones are built with DOUBLE=1", 0, 0, "float|double"},
         {"log-level", 0, OPTION_CHOICE, &level, "LEVEL", "what is logged (info)", 0, 0,
          "error|warn|info|debug"},
+        {"log-format", 0, OPTION_CHOICE, &log_format, "FORM",
+         "lines of text, or JSON, an object a line (default $AZULEJO_LOG_FORMAT, else text)", 0, 0, "text|json"},
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
         {0},
     };
@@ -75,7 +80,10 @@ int main(int argc, char **argv)
     status s;
 
     file_hold_standard();
+    log_setup("azulejo-coordinator", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);
+    if (s == STATUS_OK)
+        s = log_set_format(log_format, &err);
     if (s == STATUS_OK && help) {
         options_print_help("azulejo-coordinator --key FILE [options]",
                            "Own the queue of a render farm: lend work to workers, merge what they "

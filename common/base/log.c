@@ -3,15 +3,17 @@
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
-enum { LOG_LINE_MAX = 2048 };
+enum { LOG_TEXT_MAX = 2000 };
 
 static const char *const level_names[] = {"error", "warn", "info", "debug"};
 static const char *program_name = "azulejo";
 static enum log_level threshold = LOG_LEVEL_INFO;
+static int is_json;
 
 static void (*_Atomic tap)(enum log_level level, const char *text);
 
@@ -34,37 +36,100 @@ int log_level_parse(const char *name)
     return -1;
 }
 
+status log_set_format(const char *given, struct error *err)
+{
+    const char *name = given ? given : getenv("AZULEJO_LOG_FORMAT");
+
+    if (!name || !name[0])
+        name = "text";
+    if (strcmp(name, "text") != 0 && strcmp(name, "json") != 0)
+        return error_set(err, STATUS_ERR_USAGE, "AZULEJO_LOG_FORMAT: '%s' is not one of text, json", name);
+    is_json = strcmp(name, "json") == 0;
+    return STATUS_OK;
+}
+
+int log_is_json(void)
+{
+    return is_json;
+}
+
+/* Length of the well-formed UTF-8 character at `s`, 0 if there is none (RFC 3629). */
+static size_t utf8_length(const unsigned char *s)
+{
+    size_t length = s[0] < 0x80 ? 1 : s[0] >= 0xc2 && s[0] < 0xe0 ? 2 : (s[0] & 0xf0) == 0xe0 ? 3
+                  : s[0] >= 0xf0 && s[0] < 0xf5 ? 4 : 0;
+
+    for (size_t i = 1; i < length; i++)
+        if ((s[i] & 0xc0) != 0x80)
+            return 0;
+    if ((s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xed && s[1] > 0x9f) || (s[0] == 0xf0 && s[1] < 0x90) ||
+        (s[0] == 0xf4 && s[1] > 0x8f))
+        return 0;
+    return length;
+}
+
+/* The text as a JSON string; bytes that are not UTF-8 become U+FFFD. `out` holds 6 bytes for each byte, and 3. */
+static size_t quote(char *out, const char *text)
+{
+    const unsigned char *s = (const unsigned char *)text;
+    size_t used = 0;
+
+    out[used++] = '"';
+    while (*s) {
+        size_t length = utf8_length(s);
+
+        if (*s == '"' || *s == '\\')
+            used += (size_t)sprintf(out + used, "\\%c", *s);
+        else if (*s < 0x20 || *s == 0x7f)
+            used += (size_t)sprintf(out + used, "\\u%04x", *s);
+        else if (length == 0)
+            used += (size_t)sprintf(out + used, "\\ufffd");
+        else
+            used = (size_t)((char *)mempcpy(out + used, s, length) - out);
+        s += length ? length : 1;
+    }
+    out[used++] = '"';
+    out[used] = 0;
+    return used;
+}
+
+/* One write, so that lines of threads do not mix. */
+static void put(const char *line, size_t size)
+{
+    if (write(STDERR_FILENO, line, size) < 0)
+        return; /* there is nowhere to report this */
+}
+
 void log_line(enum log_level level, const char *format, ...)
 {
-    char line[LOG_LINE_MAX];
+    char text[LOG_TEXT_MAX], line[6 * LOG_TEXT_MAX + 256], when[32];
     struct timespec now;
     struct tm utc;
     va_list args;
     void (*take)(enum log_level level, const char *text) = atomic_load(&tap);
-    size_t used, begin;
-    int n;
+    size_t used;
 
     if (level > threshold)
         return;
+    va_start(args, format);
+    if (vsnprintf(text, sizeof text, format, args) < 0)
+        text[0] = 0;
+    va_end(args);
+    if (take)
+        take(level, text);
     clock_gettime(CLOCK_REALTIME, &now);
     gmtime_r(&now.tv_sec, &utc);
-    used = strftime(line, sizeof line, "%Y-%m-%dT%H:%M:%S", &utc);
-    n = snprintf(line + used, sizeof line - used, ".%03ldZ %s %s: ", now.tv_nsec / 1000000,
-                 level_names[level], program_name);
-    if (n > 0)
-        used += (size_t)n;
-    begin = used;
-    va_start(args, format);
-    n = vsnprintf(line + used, sizeof line - used - 1, format, args);
-    va_end(args);
-    if (n > 0)
-        used += (size_t)n;
-    if (used > sizeof line - 2)
-        used = sizeof line - 2;
-    line[used] = 0;
-    if (take)
-        take(level, line + begin);
+    used = strftime(when, sizeof when, "%Y-%m-%dT%H:%M:%S", &utc);
+    snprintf(when + used, sizeof when - used, ".%03ldZ", now.tv_nsec / 1000000);
+    if (is_json) {
+        used = (size_t)snprintf(line, 256,
+                                "{\"time\": \"%s\", \"level\": \"%s\", \"program\": \"%s\", \"pid\": %ld, \"text\": ",
+                                when, level_names[level], program_name, (long)getpid());
+        used += quote(line + used, text);
+        line[used++] = '}';
+    } else {
+        used = (size_t)snprintf(line, sizeof line - 1, "%s %s %s: %s", when, level_names[level], program_name, text);
+    }
     line[used++] = '\n';
-    if (write(STDERR_FILENO, line, used) < 0)
-        return; /* there is nowhere to report this */
+    put(line, used);
 }

@@ -96,15 +96,6 @@ static status send_jobs(struct session *session, uint64_t request, struct job *o
     return send_list(session, request, jobs, count, older, now_ns, err);
 }
 
-struct job *session_job(struct session *session, uint64_t id, struct error *err)
-{
-    struct job *job = queue_find(&session->server->farm.queue, id);
-
-    if (!job)
-        error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %" PRIu64, id);
-    return job;
-}
-
 static status query(struct session *session, const Azulejo__Wire__Envelope *message,
                     uint64_t now_ns, struct error *err)
 {
