@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "common/base/clock.h"
+#include "common/base/completion.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/options.h"
@@ -45,7 +46,7 @@ static int fail(const struct error *err)
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
-    const char *level = "info", *log_format = NULL, *ready_file = NULL, *precision = "float";
+    const char *level = "info", *log_format = NULL, *completion = NULL, *ready_file = NULL, *precision = "float";
     double lease_seconds = 60;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
@@ -68,6 +69,8 @@ int main(int argc, char **argv)
          "error|warn|info|debug"},
         {"log-format", 0, OPTION_CHOICE, &log_format, "FORM",
          "lines of text, or JSON, an object a line (default $AZULEJO_LOG_FORMAT, else text)", 0, 0, "text|json"},
+        {"completion", 0, OPTION_CHOICE, &completion, "SHELL",
+         "print a script that completes command lines in a shell", 0, 0, COMPLETION_SHELLS},
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
         {0},
     };
@@ -94,6 +97,10 @@ int main(int argc, char **argv)
     if (s == STATUS_OK && version) {
         printf("azulejo-coordinator " AZULEJO_VERSION "\n");
         return 0;
+    }
+    if (s == STATUS_OK && completion) {
+        s = completion_print("azulejo-coordinator", completion, "azulejo-coordinator --key FILE [options]", table, &err);
+        return s == STATUS_OK && fflush(stdout) == 0 ? 0 : status_exit_code(STATUS_ERR_IO);
     }
     if (s == STATUS_OK && rest.count > 0)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s'", rest.items[0]);
