@@ -8,6 +8,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "common/base/json_quote.h"
+
 enum { LOG_TEXT_MAX = 2000 };
 
 static const char *const level_names[] = {"error", "warn", "info", "debug"};
@@ -53,46 +55,6 @@ int log_is_json(void)
     return is_json;
 }
 
-/* Length of the well-formed UTF-8 character at `s`, 0 if there is none (RFC 3629). */
-static size_t utf8_length(const unsigned char *s)
-{
-    size_t length = s[0] < 0x80 ? 1 : s[0] >= 0xc2 && s[0] < 0xe0 ? 2 : (s[0] & 0xf0) == 0xe0 ? 3
-                  : s[0] >= 0xf0 && s[0] < 0xf5 ? 4 : 0;
-
-    for (size_t i = 1; i < length; i++)
-        if ((s[i] & 0xc0) != 0x80)
-            return 0;
-    if ((s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xed && s[1] > 0x9f) || (s[0] == 0xf0 && s[1] < 0x90) ||
-        (s[0] == 0xf4 && s[1] > 0x8f))
-        return 0;
-    return length;
-}
-
-/* The text as a JSON string; bytes that are not UTF-8 become U+FFFD. `out` holds 6 bytes for each byte, and 3. */
-static size_t quote(char *out, const char *text)
-{
-    const unsigned char *s = (const unsigned char *)text;
-    size_t used = 0;
-
-    out[used++] = '"';
-    while (*s) {
-        size_t length = utf8_length(s);
-
-        if (*s == '"' || *s == '\\')
-            used += (size_t)sprintf(out + used, "\\%c", *s);
-        else if (*s < 0x20 || *s == 0x7f)
-            used += (size_t)sprintf(out + used, "\\u%04x", *s);
-        else if (length == 0)
-            used += (size_t)sprintf(out + used, "\\ufffd");
-        else
-            used = (size_t)((char *)mempcpy(out + used, s, length) - out);
-        s += length ? length : 1;
-    }
-    out[used++] = '"';
-    out[used] = 0;
-    return used;
-}
-
 /* One write, so that lines of threads do not mix. */
 static void put(const char *line, size_t size)
 {
@@ -102,7 +64,7 @@ static void put(const char *line, size_t size)
 
 void log_line(enum log_level level, const char *format, ...)
 {
-    char text[LOG_TEXT_MAX], line[6 * LOG_TEXT_MAX + 256], when[32];
+    char text[LOG_TEXT_MAX], line[JSON_QUOTE_SIZE(LOG_TEXT_MAX) + 256], when[32];
     struct timespec now;
     struct tm utc;
     va_list args;
@@ -125,7 +87,7 @@ void log_line(enum log_level level, const char *format, ...)
         used = (size_t)snprintf(line, 256,
                                 "{\"time\": \"%s\", \"level\": \"%s\", \"program\": \"%s\", \"pid\": %ld, \"text\": ",
                                 when, level_names[level], program_name, (long)getpid());
-        used += quote(line + used, text);
+        used += json_quote(line + used, text, sizeof text);
         line[used++] = '}';
     } else {
         used = (size_t)snprintf(line, sizeof line - 1, "%s %s %s: %s", when, level_names[level], program_name, text);

@@ -14,6 +14,7 @@
 #include "coordinator/net/descriptors.h"
 #include "coordinator/net/door.h"
 #include "coordinator/farm/farm.h"
+#include "coordinator/store/audit.h"
 #include "coordinator/net/render_requests.h"
 #include "coordinator/net/session.h"
 #include "protocol/key.h"
@@ -61,6 +62,7 @@ struct server {
     struct render_requests requests;
     uint64_t fingerprint;      /* our own arithmetic, in the precision of our workers */
     const char *precision;
+    struct audit audit;
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */
     uint32_t previews;

@@ -9,6 +9,7 @@
 #include "coordinator/farm/steer.h"
 #include "coordinator/job/wire.h"
 #include "coordinator/net/server.h"
+#include "coordinator/net/session_audit.h"
 #include "coordinator/net/session_messages.h"
 #include "protocol/message.h"
 
@@ -320,7 +321,10 @@ int session_client_message(struct session *session, const Azulejo__Wire__Envelop
     for (size_t i = 0; i < sizeof handlers / sizeof *handlers; i++)
         if (handlers[i].body == (int)message->body_case &&
             (is_client || handlers[i].from_workers)) {
-            if (handlers[i].run(session, message, now_ns, &err) != STATUS_OK)
+            status s = handlers[i].run(session, message, now_ns, &err);
+            if (is_client)
+                session_audit(session, message, s, &err);
+            if (s != STATUS_OK)
                 session_fail(session, message->request, &err);
             return 1;
         }
