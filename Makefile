@@ -135,7 +135,7 @@ help: ## this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
 
 deps: ## install what is missing (Debian 12; says what it would do elsewhere)
-	@scripts/install-deps.sh
+	@scripts/install-deps.sh --tests
 
 # ---- compile ------------------------------------------------------------------------------
 $(GEN)/%.pb-c.c $(GEN)/%.pb-c.h: %.proto
@@ -330,6 +330,10 @@ demo: ## install what is missing, build, render the Cornell box on two workers i
 	@$(MAKE) --no-print-directory all
 	@BUILD=$(BUILD) scripts/demo.sh $(DEMO_ARGS)
 
+# Below share/, where the shells look.
+BASH_COMPLETIONS := bash-completion/completions
+ZSH_COMPLETIONS := zsh/site-functions
+FISH_COMPLETIONS := fish/vendor_completions.d
 ifneq ($(DOUBLE),)
 install: all
 	install -d $(DESTDIR)$(PREFIX)/bin
@@ -340,12 +344,19 @@ install: all ## into $(DESTDIR)$(PREFIX)
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
 	install -m 644 docs/man/*.1 $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 644 scenes/cornell/*.md scenes/cornell/*.gltf $(DESTDIR)$(PREFIX)/share/azulejo/scenes/cornell
+	install -d $(addprefix $(DESTDIR)$(PREFIX)/share/,$(BASH_COMPLETIONS) $(ZSH_COMPLETIONS) $(FISH_COMPLETIONS))
+	set -e; for program in $(notdir $(PROGRAMS)); do \
+	  $(BIN)/azulejo completion bash $$program >$(DESTDIR)$(PREFIX)/share/$(BASH_COMPLETIONS)/$$program; \
+	  $(BIN)/azulejo completion zsh $$program >$(DESTDIR)$(PREFIX)/share/$(ZSH_COMPLETIONS)/_$$program; \
+	  $(BIN)/azulejo completion fish $$program >$(DESTDIR)$(PREFIX)/share/$(FISH_COMPLETIONS)/$$program.fish; \
+	done
 endif
 uninstall:
 	rm -f $(DESTDIR)$(PREFIX)/bin/azulejo-worker-double
 	rm -f $(addprefix $(DESTDIR)$(PREFIX)/bin/,$(notdir $(PROGRAMS)))
 	rm -f $(patsubst docs/man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard docs/man/*.1))
 	rm -rf $(DESTDIR)$(PREFIX)/share/azulejo
+	rm -f $(foreach p,$(notdir $(PROGRAMS)),$(addprefix $(DESTDIR)$(PREFIX)/share/,$(BASH_COMPLETIONS)/$(p) $(ZSH_COMPLETIONS)/_$(p) $(FISH_COMPLETIONS)/$(p).fish))
 
 clean: ## remove everything that was built
 	rm -rf build out

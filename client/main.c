@@ -16,8 +16,8 @@ static const struct command *const commands[] = {
     &command_submit, &command_list, &command_show, &command_watch, &command_fetch,
     &command_develop, &command_cancel, &command_extend,
     &command_pause, &command_resume, &command_finish, &command_priority, &command_retry, &command_remove,
-    &command_log, &command_prune, &command_gc,
-    &command_workers, &command_keygen,
+    &command_log, &command_prune, &command_gc, &command_trace,
+    &command_workers, &command_keygen, &command_completion,
     &command_tonemap, &command_compare,
 };
 enum { COMMAND_COUNT = sizeof commands / sizeof commands[0] };
@@ -110,6 +110,7 @@ int main(int argc, char **argv)
     }
     if (argv[1][0] == '-')
         return report_unknown("option", argv[1]);
+    command_completion_of(commands, COMMAND_COUNT);
     command = command_find(argv[1]);
     if (!command)
         return report_unknown("command", argv[1]);

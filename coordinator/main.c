@@ -6,6 +6,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/duration.h"
+#include "common/base/completion.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/options.h"
@@ -70,7 +71,10 @@ static status retention_options(const char *keep, const char *keep_failed, const
 
 static int fail(const struct error *err)
 {
-    fprintf(stderr, "azulejo-coordinator: %s\n", err->text);
+    if (log_is_json())
+        log_error("%s", err->text);
+    else
+        fprintf(stderr, "azulejo-coordinator: %s\n", err->text);
     return status_exit_code(err->code);
 }
 
@@ -96,7 +100,7 @@ int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
     const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *store_limit = NULL;
-    const char *level = "info", *ready_file = NULL, *precision = "float";
+    const char *level = "info", *log_format = NULL, *completion = NULL, *ready_file = NULL, *precision = "float";
     struct server_options options = {.policy = RETENTION_POLICY_DEFAULT};
     double lease_seconds = 60;
     int remove_store = 0, version = 0, help = 0;
@@ -129,6 +133,10 @@ int main(int argc, char **argv)
          "what its workers compute in (float); double ones are built with DOUBLE=1", 0, 0, "float|double"},
         {"log-level", 0, OPTION_CHOICE, &level, "LEVEL", "what is logged (info)", 0, 0,
          "error|warn|info|debug"},
+        {"log-format", 0, OPTION_CHOICE, &log_format, "FORM",
+         "lines of text, or JSON, an object a line (default $AZULEJO_LOG_FORMAT, else text)", 0, 0, "text|json"},
+        {"completion", 0, OPTION_CHOICE, &completion, "SHELL",
+         "print a script that completes command lines in a shell", 0, 0, COMPLETION_SHELLS},
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
         {0},
     };
@@ -140,7 +148,10 @@ int main(int argc, char **argv)
     status s;
 
     file_hold_standard();
+    log_setup("azulejo-coordinator", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);
+    if (s == STATUS_OK)
+        s = log_set_format(log_format, &err);
     if (s == STATUS_OK && help) {
         options_print_help("azulejo-coordinator --key FILE [options]\n"
                            "       azulejo-coordinator backup|restore DIR --store DIR",
@@ -157,6 +168,10 @@ int main(int argc, char **argv)
     if (s == STATUS_OK && rest.count == 2 &&
         (strcmp(rest.items[0], "backup") == 0 || strcmp(rest.items[0], "restore") == 0))
         return copy_store(rest.items[0], rest.items[1], folder);
+    if (s == STATUS_OK && completion) {
+        s = completion_print("azulejo-coordinator", completion, "azulejo-coordinator --key FILE [options]", table, &err);
+        return s == STATUS_OK && fflush(stdout) == 0 ? 0 : status_exit_code(STATUS_ERR_IO);
+    }
     if (s == STATUS_OK && rest.count > 0)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s': only 'backup DIR' and 'restore DIR' are known",
                       rest.items[0]);

@@ -24,9 +24,11 @@ static void unit_render(struct pool_task *task)
 {
     struct work_unit *unit = (struct work_unit *)task;
     const struct render_scene *scene = scene_slot_render(unit->lease->slot);
-    uint64_t cpu_ns = clock_thread_cpu_ns(), wall_ns = clock_monotonic_ns();
+    uint64_t cpu_ns = clock_thread_cpu_ns();
     struct profile_counts before, after;
 
+    unit->began_ns = clock_monotonic_ns();
+    unit->thread = pool_thread();
     profile_counts(&before);
     unit->sum_count =
         render_tile(scene, unit->frame, unit->tile, unit->group, unit->pass, unit->sums,
@@ -38,7 +40,7 @@ static void unit_render(struct pool_task *task)
         unit->accounts[i] = (uint32_t)(after.accounts[i] - before.accounts[i]);
     unit->effects = render_effects(scene);
     unit->cpu_ns = clock_thread_cpu_ns() - cpu_ns;
-    unit->wall_ns = clock_monotonic_ns() - wall_ns;
+    unit->wall_ns = clock_monotonic_ns() - unit->began_ns;
 }
 
 /* ---- units and leases ------------------------------------------------------------------ */

@@ -7,6 +7,7 @@
 #include <uv.h>
 
 #include "common/base/buffer.h"
+#include "common/base/completion.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/options.h"
@@ -128,7 +129,7 @@ static status run(const struct agent_options *options, struct error *err)
 int main(int argc, char **argv)
 {
     const char *coordinator = getenv("AZULEJO_COORDINATOR"), *key_path = NULL, *cache = NULL;
-    const char *isa_list = NULL, *log_level = "info";
+    const char *isa_list = NULL, *log_level = "info", *log_format = NULL, *completion = NULL;
     int64_t threads = 0;
     uint64_t cache_limit = CACHE_LIMIT_DEFAULT;
     int exit_on_disconnect = 0, version = 0, help = 0;
@@ -152,6 +153,10 @@ int main(int argc, char **argv)
          "end when the coordinator goes away instead of connecting again", 0, 0, NULL},
         {"log-level", 0, OPTION_CHOICE, &log_level, "LEVEL", "what to log (default info)", 0, 0,
          "error|warn|info|debug"},
+        {"log-format", 0, OPTION_CHOICE, &log_format, "FORM",
+         "lines of text, or JSON, an object a line (default $AZULEJO_LOG_FORMAT, else text)", 0, 0, "text|json"},
+        {"completion", 0, OPTION_CHOICE, &completion, "SHELL",
+         "print a script that completes command lines in a shell", 0, 0, COMPLETION_SHELLS},
         {"version", 0, OPTION_FLAG, &version, NULL, "print the version", 0, 0, NULL},
         {NULL, 0, OPTION_FLAG, NULL, NULL, NULL, 0, 0, NULL},
     };
@@ -167,6 +172,8 @@ int main(int argc, char **argv)
     memset(&key, 0, sizeof key);
     log_setup("azulejo-worker", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);
+    if (s == STATUS_OK)
+        s = log_set_format(log_format, &err);
     if (s == STATUS_OK && help) {
         options_print_help("azulejo-worker [OPTIONS]",
                            "Renders tiles for an Azulejo coordinator until it is stopped. "
@@ -178,6 +185,10 @@ int main(int argc, char **argv)
     if (s == STATUS_OK && version) {
         printf("azulejo-worker %s %s\n", AZULEJO_VERSION, render_precision());
         return 0;
+    }
+    if (s == STATUS_OK && completion) {
+        s = completion_print("azulejo-worker", completion, "azulejo-worker [OPTIONS]", table, &err);
+        return s == STATUS_OK && fflush(stdout) == 0 ? 0 : status_exit_code(STATUS_ERR_IO);
     }
     if (s == STATUS_OK && rest.count > 0)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s' (--help lists the options)",

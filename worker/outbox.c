@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "common/base/clock.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
@@ -55,6 +56,10 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     result.tail.len = wire_tail_set(tail, &unit->tail);
     result.work = wire_work_set(&work, &done);
     stats.cpu_ns = unit->cpu_ns;
+    stats.thread = unit->thread;
+    stats.began_ns = unit->began_ns;
+    stats.wall_ns = unit->wall_ns;
+    stats.sent_ns = clock_monotonic_ns();
     stats.trace_ns = unit->stats.trace_ns;
     stats.effects = unit->effects;
     stats.stages = unit->stages;

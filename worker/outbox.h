@@ -31,6 +31,8 @@ struct work_unit {
     int sent;              /* on this connection */
     size_t sum_count;
     uint64_t cpu_ns, wall_ns;
+    uint64_t began_ns;     /* monotonic */
+    uint32_t thread;       /* of the pool, from 1 */
     uint64_t effects;      /* what the scene needed */
     uint32_t stages[STAGE_COUNT]; /* how often the thread was found in each */
     uint32_t accounts[EFFECT_ACCOUNTS]; /* the same samples, by effect */

@@ -21,9 +21,16 @@ struct pool {
     int stop;
     void (*notify)(void *user);
     void *user;
-    unsigned thread_count;
+    unsigned thread_count, threads_begun;
     pthread_t threads[];
 };
+
+static _Thread_local unsigned thread_number;
+
+unsigned pool_thread(void)
+{
+    return thread_number;
+}
 
 static void list_append(struct task_list *list, struct pool_task *task)
 {
@@ -78,6 +85,7 @@ static void *thread_main(void *argument)
     reset_float_state();
     profile_join();
     pthread_mutex_lock(&pool->lock);
+    thread_number = ++pool->threads_begun;
     for (;;) {
         struct pool_task *task = pool->queue.first;
         int first;

@@ -34,6 +34,8 @@ void pool_free(struct pool *pool);
 void pool_push(struct pool *pool, struct pool_task *task, int urgent);
 /* Take back a task that no thread has started; 0 if one has. */
 int pool_cancel(struct pool *pool, struct pool_task *task);
+/* The number of the calling thread in its pool, from 1; 0: it is in none. */
+unsigned pool_thread(void);
 /* The finished tasks in the order in which they finished, linked by `next`; NULL: none. */
 struct pool_task *pool_take_done(struct pool *pool);
 

@@ -28,7 +28,11 @@ extern const struct command command_accuracy, command_cancel, command_compare, c
     command_submit, command_tonemap, command_watch,
     command_workers,
     command_pause, command_finish, command_priority, command_retry, command_remove, command_log,
-    command_prune, command_gc;
+    command_prune, command_gc,
+    command_trace, command_completion;
+
+/* completion completes these. */
+void command_completion_of(const struct command *const *commands, size_t count);
 
 /* Parse the command's options and check the number of its arguments. *done is set when --help was
  * given and printed. ERR_USAGE. */

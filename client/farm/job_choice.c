@@ -16,6 +16,8 @@ enum {
     SHOWN_MAX = 20,              /* jobs that a question lists */
     NAME_MAX_BYTES = 255,        /* of a job */
 };
+/* Jobs that a sentence names. */
+enum { IDLE_SHOWN = 3 };
 
 static int is_number(const char *text)
 {
@@ -113,6 +115,8 @@ struct filter {
     const char *owner;           /* NULL: anybody's */
     int64_t ended_before;        /* 0: at any time, or not yet */
     unsigned char seen[OPTIONS_POSITIONAL_MAX]; /* such a job exists, whatever its state and owner */
+    const Azulejo__Wire__JobInfo *idle[IDLE_SHOWN]; /* that match, but the verb would do nothing */
+    size_t idle_count;
 };
 
 static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
@@ -135,7 +139,11 @@ static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
         return 0;
     if (f->ended_before && (info->finished_at == 0 || info->finished_at >= f->ended_before))
         return 0;
-    return named || (matched && (f->states >> info->state & 1));
+    if (named || (matched && (f->states >> info->state & 1)))
+        return 1;
+    if (matched && f->idle_count++ < IDLE_SHOWN)
+        f->idle[f->idle_count - 1] = info;
+    return 0;
 }
 
 /* All jobs, page by page from the newest. */
@@ -176,6 +184,21 @@ static int compare(const void *a, const void *b)
     return (left > right) - (left < right);
 }
 
+/* Jobs match, but the verb would change none of them. */
+static status report_idle(const struct filter *f, struct error *err)
+{
+    char list[IDLE_SHOWN * 320] = "", name[256], more[48] = "";
+    size_t used = 0;
+
+    for (size_t i = 0; i < f->idle_count && i < IDLE_SHOWN; i++)
+        used += (size_t)snprintf(list + used, sizeof list - used, "%sjob %" PRIu64 " (%s) is %s", i ? ", " : "",
+                                 f->idle[i]->job, message_text(name, sizeof name, f->idle[i]->name),
+                                 job_state_name(f->idle[i]->state));
+    if (f->idle_count > IDLE_SHOWN)
+        snprintf(more, sizeof more, ", and %zu more", f->idle_count - IDLE_SHOWN);
+    return error_set(err, STATUS_ERR_NOT_FOUND, "nothing to do: %s%s", list, more);
+}
+
 /* Each that was named exists. */
 static status check_found(const struct filter *f, const struct chosen_jobs *jobs, struct error *err)
 {
@@ -189,6 +212,8 @@ static status check_found(const struct filter *f, const struct chosen_jobs *jobs
             return error_set(err, STATUS_ERR_NOT_FOUND,
                              "no job is named '%s' ('azulejo list --all' shows which there are)", text);
     }
+    if (jobs->count == 0 && f->idle_count > 0)
+        return report_idle(f, err);
     if (jobs->count == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND, "no job matches");
     return STATUS_OK;

@@ -20,6 +20,11 @@ uint64_t clock_thread_cpu_ns(void)
     return read_clock_ns(CLOCK_THREAD_CPUTIME_ID);
 }
 
+int64_t clock_wall_ns(void)
+{
+    return (int64_t)read_clock_ns(CLOCK_REALTIME);
+}
+
 int64_t clock_wall_s(void)
 {
     return (int64_t)time(NULL);

@@ -9,6 +9,7 @@
 
 uint64_t clock_monotonic_ns(void);
 uint64_t clock_thread_cpu_ns(void);  /* CPU time of the calling thread */
+int64_t clock_wall_ns(void);         /* since 1970-01-01 UTC */
 int64_t clock_wall_s(void);          /* seconds since 1970-01-01 UTC */
 
 #endif

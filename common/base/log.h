@@ -1,4 +1,5 @@
-/* log: lines on standard error, "time level program: text".
+/* log: lines on standard error, "time level program: text", or as JSON, an object a line:
+ * {"time": "2026-03-01T12:00:00.000Z", "level": "info", "program": "azulejo-worker", "pid": 17, "text": "..."}
  *
  * The level and the program's name are set once at the start. Safe from any thread: a
  * line is one write.
@@ -6,9 +7,16 @@
 #ifndef AZULEJO_BASE_LOG_H
 #define AZULEJO_BASE_LOG_H
 
+#include "common/base/status.h"
+
 enum log_level { LOG_LEVEL_ERROR, LOG_LEVEL_WARN, LOG_LEVEL_INFO, LOG_LEVEL_DEBUG };
 
 void log_setup(const char *program, enum log_level level);
+
+/* Choose the lines' form, "text" or "json": as given, else (NULL) by AZULEJO_LOG_FORMAT, else text. ERR_USAGE:
+ * the variable says neither. */
+status log_set_format(const char *given, struct error *err) MUST_CHECK;
+int log_is_json(void);
 
 /* "error", "warn", "info", "debug" -> level; -1 for anything else. */
 int log_level_parse(const char *name);

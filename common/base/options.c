@@ -178,9 +178,23 @@ static void print_help_row(void)
     printf("  %-28s  %s\n", "-h, --help", "print this");
 }
 
+static options_take_fn *take_help;
+static void *take_user;
+
+void options_take_help(options_take_fn *take, void *user)
+{
+    take_help = take;
+    take_user = user;
+}
+
 void options_print_help(const char *usage, const char *description, const struct option *table)
 {
     int help_told = 0;
+
+    if (take_help) {
+        take_help(take_user, usage, table);
+        return;
+    }
 
     printf("usage: %s\n\n%s\n", usage, description);
     if (table->name)

@@ -57,4 +57,9 @@ status options_size_parse(const char *text, uint64_t *out) MUST_CHECK;
 /* Print "usage: ..." , the description and the table to standard output. */
 void options_print_help(const char *usage, const char *description, const struct option *table);
 
+/* From now on give the tables to `take` instead of printing them (shells' completion is made from them);
+ * NULL: print again. */
+typedef void options_take_fn(void *user, const char *usage, const struct option *table);
+void options_take_help(options_take_fn *take, void *user);
+
 #endif

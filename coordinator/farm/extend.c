@@ -13,8 +13,13 @@ static unsigned long long id_of(const struct job *job)
 static status check_state(const struct job *job, struct error *err)
 {
     if (job->state != JOB_STATE_DONE)
-        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a finished job can be extended",
-                         id_of(job), job_state_word(job->state));
+        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a finished job can be extended; %s",
+                         id_of(job), job_state_word(job->state),
+                         job_state_ended(job->state) ? "'retry' goes on with it"
+                         : job->state == JOB_STATE_PAUSED || job->state == JOB_STATE_PARKED
+                             ? "'resume' it first, and let it end"
+                         : job->state == JOB_STATE_CANCELLING ? "when its pictures are made, 'retry' goes on with it"
+                                                              : "let it end, or 'finish' it");
     if (job->to_develop)
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu: its pictures are being developed again; wait for that, then "

@@ -27,7 +27,7 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
     queue_init(&farm->queue);
     farm->store = store;
     farm->events = *events;
-    farm->wall_s = wall_s;
+    farm->wall_s = farm->begun_s = wall_s;
     farm->pump_wanted = 1;
     if (store) {
         s = store_epoch_begin(store, wall_s, &epoch, err);
@@ -40,6 +40,8 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
         queue_release(&farm->queue);
         return s;
     }
+    if (farm->queue.count > 0)
+        farm->last_old_job = farm->queue.all[farm->queue.count - 1]->id;
     lease_table_init(&farm->leases, epoch, lease_ns);
     return STATUS_OK;
 }
@@ -57,6 +59,7 @@ void farm_release(struct farm *farm, uint64_t now_ns)
             farm_frame_close(farm, farm->queue.all[i]->frames, "the coordinator ends");
         }
     queue_release(&farm->queue);
+    trace_release(&farm->trace);
 }
 
 /* ---- jobs ----------------------------------------------------------------------------------- */

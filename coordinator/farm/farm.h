@@ -16,6 +16,7 @@
 #include "coordinator/job/credit.h"
 #include "coordinator/job/lease.h"
 #include "coordinator/job/queue.h"
+#include "coordinator/job/trace.h"
 #include "coordinator/store/store.h"
 
 enum {
@@ -92,6 +93,9 @@ struct farm {
     struct trouble trouble;      /* the store cannot be used */
     int resume_wanted;           /* films on disk are to be opened */
     int unsaved;                 /* some job is `unsaved` */
+    struct trace trace;
+    int64_t begun_s;             /* when this run began, and with it the trace */
+    uint64_t last_old_job;       /* of those that are older than this run; 0: none */
     int discards_films;          /* no films of done frames are kept: the store will soon be deleted
                                     */
 };

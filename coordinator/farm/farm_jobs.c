@@ -66,6 +66,7 @@ void farm_job_dispose(struct farm *farm, struct job *job)
         return;
     if (farm->store)
         store_job_clear(farm->store, job->id);
+    trace_forget(&farm->trace, job->id);
     job_free(job);
 }
 

@@ -196,6 +196,11 @@ struct freezing {
     struct error error;
 };
 
+const struct job_frame *freezing_frame(const struct freezing *f)
+{
+    return f->frame;
+}
+
 static void freezing_free(struct freezing *f)
 {
     image_release(&f->image);

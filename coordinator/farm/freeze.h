@@ -27,6 +27,7 @@ void freeze_step(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* One measurement. freezing_run may be called from any thread; freezing_end frees it.
  * freezing_abandon also frees it, without its result: nothing is frozen. */
 struct freezing;
+const struct job_frame *freezing_frame(const struct freezing *freezing);
 void freezing_run(struct freezing *freezing);
 void freezing_end(struct farm *farm, struct freezing *freezing, uint64_t now_ns);
 void freezing_abandon(struct farm *farm, struct freezing *freezing);

@@ -170,6 +170,20 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
     return s;
 }
 
+/* The unit's time on its worker, and that of its merging, which ends now. */
+static void trace_unit(struct farm *farm, const struct farm_worker *worker, const struct tile_result *result,
+                       int repeated, uint64_t now_ns)
+{
+    struct trace_event event = {.kind = TRACE_UNIT, .group = (uint8_t)result->unit.group,
+                                .repeated = (uint8_t)repeated, .pass = (uint16_t)result->unit.pass,
+                                .frame = result->frame, .tile = result->unit.tile,
+                                .deliverer = worker->deliverer.number,
+                                .cpu_ns = result->stats.cpu_ns, .then_begin_ns = now_ns,
+                                .then_end_ns = clock_monotonic_ns()};
+
+    trace_add_unit(&farm->trace, result->job, &event, &result->times);
+}
+
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
 {
@@ -225,6 +239,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
                         now_ns);
         farm->pump_wanted = 1;
     }
+    trace_unit(farm, worker, result, merged != FILM_MERGED && merged != FILM_WAITING, now_ns);
     if (merged == FILM_MERGED && !job_frame_is_watched(frame, name))
         job_frame_mark_dirty(frame, name.tile, now_ns);
     if (merged == FILM_MERGED && name.pass == 0)
@@ -351,13 +366,16 @@ static void part_run(const struct commit *commit, struct commit_part *part)
 
     if (!file)
         return;
+    part->begun_ns = clock_monotonic_ns();
     for (uint32_t i = part->first; i < part->first + part->count && part->result == STATUS_OK; i++) {
         const struct commit_item *item = &commit->items[i];
         part->result = film_file_write(file, item->tile, item->slot, commit->data + item->offset,
                                        item->size, &part->error);
     }
+    part->written_ns = clock_monotonic_ns();
     if (part->result == STATUS_OK)
         part->result = film_file_sync(file, &part->error);
+    part->ended_ns = clock_monotonic_ns();
 }
 
 void merge_commit_run(struct commit *commit)
@@ -419,9 +437,20 @@ static void part_end(struct farm *farm, const struct commit *commit, const struc
     farm_frame_advance(farm, frame, now_ns);
 }
 
+static void trace_part(struct farm *farm, const struct commit_part *part)
+{
+    struct trace_event event = {.kind = TRACE_COMMIT, .frame = part->frame->number, .tile = part->count,
+                                .begin_ns = part->begun_ns, .end_ns = part->written_ns,
+                                .then_begin_ns = part->written_ns, .then_end_ns = part->ended_ns};
+
+    if (part->begun_ns)
+        trace_add(&farm->trace, part->frame->job->id, &event);
+}
+
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
 {
     for (uint32_t i = 0; i < commit->part_count; i++) {
+        trace_part(farm, &commit->parts[i]);
         part_end(farm, commit, &commit->parts[i], now_ns);
         farm_frame_unpin(farm, commit->parts[i].frame);
     }

@@ -29,6 +29,7 @@ struct tile_result {
     struct tail tail;
     struct unit_work work;
     struct work_stats stats;
+    struct trace_unit_times times;
 };
 
 enum merge_outcome {
@@ -57,6 +58,7 @@ struct commit_item {
 struct commit_part {
     struct job_frame *frame;
     uint32_t first, count;
+    uint64_t begun_ns, written_ns, ended_ns; /* writing, syncing; 0: not reached */
     status result;
     struct error error;
 };

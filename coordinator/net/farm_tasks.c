@@ -11,6 +11,15 @@
 #include "coordinator/net/server.h"
 #include "coordinator/net/task.h"
 
+/* Note for the job's trace when the task ran. */
+static void note_task(const struct task *task, enum trace_kind kind, const struct job *job, uint32_t frame)
+{
+    struct trace_event event = {.kind = (uint8_t)kind, .frame = frame, .begin_ns = task->begun_ns,
+                                .end_ns = task->ended_ns};
+
+    trace_add(&task->server->farm.trace, job->id, &event);
+}
+
 /* ---- results go to disk --------------------------------------------------------------------- */
 
 struct commit_task {
@@ -74,7 +83,9 @@ static void freeze_end(struct task *task)
 {
     struct server *server = task->server;
     struct freezing *freezing = ((struct freeze_task *)task)->freezing;
+    const struct job_frame *frame = freezing_frame(freezing);
 
+    note_task(task, TRACE_FREEZE, frame->job, frame->number);
     /* Results that wait for it were not acknowledged: at a shutdown the workers keep them. */
     if (server->state == SERVER_DRAINING)
         freezing_abandon(&server->farm, freezing);
@@ -162,6 +173,7 @@ static void develop_end(struct task *task)
     struct develop_task *t = (struct develop_task *)task;
     struct farm *farm = &task->server->farm;
 
+    note_task(task, TRACE_DEVELOP, t->job, t->number);
     t->job->map_max = development_map_max(t->development);
     if (task->result == STATUS_OK && !t->frame->closing)
         figures_finished(farm, t->job, t->number, development_point(t->development));
@@ -199,6 +211,7 @@ static void figures_end(struct task *task)
 {
     struct develop_task *t = (struct develop_task *)task;
 
+    note_task(task, TRACE_FIGURES, t->job, t->number);
     if (task->result != STATUS_OK)
         log_debug("job %llu, frame %u: its figures: %s", (unsigned long long)t->job->id, t->number,
                   task->error.text);
@@ -237,6 +250,7 @@ static void redevelop_end(struct task *task)
 {
     struct develop_task *t = (struct develop_task *)task;
 
+    note_task(task, TRACE_REDEVELOP, t->job, t->number);
     farm_pictures_made(&task->server->farm, t->job, t->number, development_revision(t->development),
                        task->result, &task->error, clock_monotonic_ns());
 }

@@ -254,6 +254,7 @@ status server_run(const struct server_options *options, struct error *err)
     struct server *server = mem_calloc(1, sizeof *server);
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, farm_task_develop,
                                  farm_task_redevelop, farm_task_measure, farm_task_freeze, server};
+    static const struct audit_actor coordinator = {.who = "coordinator"};
     status s;
 
     if (!server)
@@ -270,11 +271,14 @@ status server_run(const struct server_options *options, struct error *err)
     init_handles(server);
     server->descriptors = options->descriptors;
     door_init(&server->door, server);
-    s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
+    s = audit_init(&server->audit, options->discards_films ? NULL : store_folder(options->store), err);
+    if (s == STATUS_OK)
+        s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
     if (s == STATUS_OK) {
         server->farm.discards_films = options->discards_films;
         s = listen_on(server, options, err);
         if (s == STATUS_OK) {
+            audit_note(&server->audit, &coordinator, "start", 0, NULL, NULL);
             uv_timer_start(&server->tick, on_tick, SERVER_TICK_MS, SERVER_TICK_MS);
             uv_prepare_start(&server->prepare, on_prepare);
             uv_signal_start(&server->terminate, on_signal, SIGTERM);
@@ -285,6 +289,8 @@ status server_run(const struct server_options *options, struct error *err)
             close_handles(server);
         }
         uv_run(&server->loop, UV_RUN_DEFAULT);
+        if (s == STATUS_OK)
+            audit_note(&server->audit, &coordinator, "end", 0, NULL, NULL);
         render_requests_release(server);
         collector_release(&server->collector);
         farm_release(&server->farm, clock_monotonic_ns());
@@ -294,6 +300,7 @@ status server_run(const struct server_options *options, struct error *err)
         uv_run(&server->loop, UV_RUN_DEFAULT);
     }
     uv_loop_close(&server->loop);
+    audit_release(&server->audit);
     mem_free(server);
     return s;
 }

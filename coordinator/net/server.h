@@ -15,6 +15,7 @@
 #include "coordinator/net/door.h"
 #include "coordinator/farm/farm.h"
 #include "coordinator/net/collector.h"
+#include "coordinator/store/audit.h"
 #include "coordinator/net/render_requests.h"
 #include "coordinator/net/session.h"
 #include "protocol/key.h"
@@ -63,6 +64,7 @@ struct server {
     struct render_requests requests;
     uint64_t fingerprint;      /* our own arithmetic, in the precision of our workers */
     const char *precision;
+    struct audit audit;
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */
     uint32_t previews;

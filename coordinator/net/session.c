@@ -239,6 +239,8 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
             result.stats.stages[i] = message->stats->stages[i];
         for (size_t i = 0; i < message->stats->n_accounts && i < EFFECT_ACCOUNTS; i++)
             result.stats.accounts[i] = message->stats->accounts[i];
+        result.times = (struct trace_unit_times){message->stats->began_ns, message->stats->wall_ns,
+                                                 message->stats->sent_ns, message->stats->thread};
     }
     if (s == STATUS_OK)
         s = merge_result(&session->server->farm, session->worker, &result, now_ns, &outcome, &err);

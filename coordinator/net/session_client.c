@@ -9,6 +9,7 @@
 #include "coordinator/farm/steer.h"
 #include "coordinator/job/wire.h"
 #include "coordinator/net/server.h"
+#include "coordinator/net/session_audit.h"
 #include "coordinator/net/session_messages.h"
 #include "protocol/message.h"
 
@@ -105,15 +106,6 @@ static status send_jobs(struct session *session, uint64_t request, struct job *o
         return send_list(session, request, &only, 1, 0, now_ns, err);
     count = select_jobs(&session->server->farm.queue, query ? query : &any, jobs, &older);
     return send_list(session, request, jobs, count, older, now_ns, err);
-}
-
-struct job *session_job(struct session *session, uint64_t id, struct error *err)
-{
-    struct job *job = queue_find(&session->server->farm.queue, id);
-
-    if (!job)
-        error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %" PRIu64, id);
-    return job;
 }
 
 static status query(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -323,6 +315,7 @@ static const struct {
     {BODY(JOB_REMOVE), CLIENTS, session_remove},
     {BODY(JOB_LOG_GET), CLIENTS, session_log},
     {BODY(STORE_QUERY), CLIENTS, session_store},
+    {BODY(JOB_TRACE_GET), CLIENTS, session_trace},
     {BODY(JOB_DEVELOP), CLIENTS, develop},
     {BODY(WORKER_QUERY), CLIENTS, list_workers},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},
@@ -340,7 +333,10 @@ int session_client_message(struct session *session, const Azulejo__Wire__Envelop
     for (size_t i = 0; i < sizeof handlers / sizeof *handlers; i++)
         if (handlers[i].body == (int)message->body_case &&
             (is_client || handlers[i].from_workers)) {
-            if (handlers[i].run(session, message, now_ns, &err) != STATUS_OK)
+            status s = handlers[i].run(session, message, now_ns, &err);
+            if (is_client)
+                session_audit(session, message, s, &err);
+            if (s != STATUS_OK)
                 session_fail(session, message->request, &err);
             return 1;
         }

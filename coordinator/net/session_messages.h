@@ -11,7 +11,7 @@
 typedef status session_handler(struct session *session, const Azulejo__Wire__Envelope *message,
                                uint64_t now_ns, struct error *err);
 
-/* session_client.c: NULL and ERR_NOT_FOUND in *err if there is no such job. */
+/* session_reply.c: NULL and ERR_NOT_FOUND in *err if there is no such job. */
 struct job *session_job(struct session *session, uint64_t id, struct error *err) MUST_CHECK;
 
 /* session_client.c: answer a change of the job, which returned `s`, with its present state. */
@@ -28,6 +28,7 @@ session_handler session_retry;
 session_handler session_remove;
 session_handler session_log;
 session_handler session_store;          /* collector.c */
+session_handler session_trace;          /* session_trace.c */
 session_handler session_blob_query;     /* session_blobs.c */
 session_handler session_blob_get;
 session_handler session_blob_put;

@@ -1,6 +1,10 @@
 /* What a session sends in one message: answers, failures, notices, and its end. */
+#include <inttypes.h>
+
 #include "common/base/log.h"
+#include "coordinator/net/server.h"
 #include "coordinator/net/session.h"
+#include "coordinator/net/session_messages.h"
 #include "protocol/message.h"
 
 void session_send(struct session *session, const Azulejo__Wire__Envelope *envelope)
@@ -70,4 +74,13 @@ void session_stored(struct session *session, uint64_t request, const struct dige
 
     wire_digest_set(&stored.digest, digest);
     session_reply(session, request, &envelope);
+}
+
+struct job *session_job(struct session *session, uint64_t id, struct error *err)
+{
+    struct job *job = queue_find(&session->server->farm.queue, id);
+
+    if (!job)
+        error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %" PRIu64, id);
+    return job;
 }

@@ -8,6 +8,7 @@
 #include "coordinator/farm/develop.h"
 #include "coordinator/farm/extend.h"
 #include "coordinator/net/server.h"
+#include "coordinator/net/session_audit.h"
 #include "coordinator/net/session.h"
 #include "coordinator/net/session_table.h"
 #include "coordinator/net/task.h"
@@ -236,6 +237,8 @@ struct submit_task {
     uint64_t estimate;    /* the estimate that this job continues; 0: none */
     status refused;       /* why no job can be accepted now (OK: it can); its error is `refusal` */
     struct error refusal;
+    struct audit_actor actor;
+    char name[JOB_NAME_MAX + 1];
 };
 
 static void submit_run(struct task *task)
@@ -310,6 +313,8 @@ static void submit_end(struct task *task)
     if (task->result == STATUS_OK)
         task->result = submit_take(t, &number, &spp);
     task->server->submits--;
+    session_audit_submission(task->server, &t->actor, t->name, number, t->existing != 0, task->result,
+                             &task->error);
     session = session_find(task->server, t->r.session);
     if (!session)
         return;
@@ -339,6 +344,8 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
         job_free(job);
         return;
     }
+    session_actor(session, &t->actor);
+    memcpy(t->name, job->name, sizeof t->name);
     /* A repeated submission is answered even when no new job can be accepted. */
     t->refused = farm_prepare(&session->server->farm, job, &t->refusal);
     if (t->refused == STATUS_OK)

@@ -2,6 +2,7 @@
 
 #include <assert.h>
 
+#include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "coordinator/net/server.h"
 
@@ -30,7 +31,9 @@ static void on_run(uv_work_t *request)
 {
     struct task *task = request->data;
 
+    task->begun_ns = clock_monotonic_ns();
     task->kind->run(task);
+    task->ended_ns = clock_monotonic_ns();
 }
 
 static void on_end(uv_work_t *request, int code)

@@ -26,7 +26,8 @@ struct task {
     uv_work_t request;
     struct server *server;
     const struct task_kind *kind;
-    status result;         /* of run */
+    status result;         /* of run, */
+    uint64_t begun_ns, ended_ns; /* and when it was run */
     struct error error;
 };
 

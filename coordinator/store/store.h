@@ -5,6 +5,7 @@
  * STORE/reserve           space kept back for queue.sqlite (reserve.h)
  * STORE/queue.sqlite      jobs, frames that are done or cut short, the history of their errors, the
  *                         workers that delivered results, the lease epoch (WAL, full sync)
+ * STORE/audit.log, .1 ... who did what (audit.h)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        unfinished uploads; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h)

@@ -210,6 +210,70 @@ static const char *const table[VERBS] = {
 };
 static const char letters[] = "qrdfckgpn";
 
+static const char *const words[VERBS] = {
+    [PAUSE] = "pause",   [RESUME] = "resume", [FINISH] = "finish", [PRIORITY] = "priority",
+    [RETRY] = "retry",   [RETRY_FRAME] = "retry --frames", [REMOVE] = "remove", [CANCEL] = "cancel",
+    [DISCARD] = "cancel --discard",
+};
+
+/* Does a verb lead from that state to the other? */
+static int verb_leads(enum job_state from, enum job_state to)
+{
+    for (int verb = 0; verb < VERBS; verb++)
+        if (table[verb][from] == letters[to])
+            return 1;
+    return 0;
+}
+
+/* The end of the state's row in docs/OPERATIONS.md: where it goes by itself, and what each verb does. */
+static void make_row(enum job_state from, char *out, size_t size)
+{
+    size_t used = 0;
+    int any = 0;
+
+    for (int to = 0; to < JOB_STATE_COUNT; to++)
+        if (has_edge(from, (enum job_state)to) &&
+            (from == JOB_STATE_CANCELLING || !verb_leads(from, (enum job_state)to)))
+            used += (size_t)snprintf(out + used, size - used, "%s%s", any++ ? ", " : "",
+                                     job_state_word((enum job_state)to));
+    used += (size_t)snprintf(out + used, size - used, "%s | ", any ? "" : "-");
+    any = 0;
+    for (int verb = 0; verb < VERBS; verb++) {
+        char outcome = table[verb][from];
+        const char *to = strchr(letters, outcome) ? job_state_word((enum job_state)(strchr(letters, outcome) - letters))
+                                                  : outcome == '0' ? "gone" : NULL;
+
+        if (outcome == '-' || (outcome == '=' && job_state_ended(from)))
+            continue;
+        used += (size_t)snprintf(out + used, size - used, "%s`%s`%s%s", any++ ? ", " : "", words[verb],
+                                 to ? " → " : "", to ? to : "");
+    }
+    snprintf(out + used, size - used, " |\n");
+}
+
+/* The table of states that people read has the diagram's edges and what every_verb_in_every_state proves. */
+static void the_documents_have_the_table(void **state)
+{
+    struct buffer text = BUFFER_INIT;
+    struct error err = {0};
+    char row[1024], begin[64];
+
+    (void)state;
+    assert_int_equal(file_read("docs/OPERATIONS.md", 1 << 20, &text, &err), STATUS_OK);
+    for (int s = 0; s < JOB_STATE_COUNT; s++) {
+        const char *at, *end;
+
+        make_row((enum job_state)s, row, sizeof row);
+        snprintf(begin, sizeof begin, "\n| **%s** |", job_state_word((enum job_state)s));
+        at = strstr(buffer_text(&text), begin);
+        end = at ? strchr(at + 1, '\n') : NULL;
+        if (!end || (size_t)(end + 1 - at) < strlen(row) || memcmp(end + 1 - strlen(row), row, strlen(row)) != 0)
+            fail_msg("docs/OPERATIONS.md: the row of '%s' must end with: %s", job_state_word((enum job_state)s), row);
+        assert_null(strstr(end, begin)); /* one row */
+    }
+    buffer_release(&text);
+}
+
 static void check_after(struct sim_stored *f, enum verb verb, enum job_state expected)
 {
     struct job *job;
@@ -593,6 +657,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(every_edge),
         TEST(every_verb_in_every_state),
+        TEST(the_documents_have_the_table),
         TEST(a_paused_job_stays_paused),
         TEST(a_finished_job_has_its_first_pass),
         TEST(a_covered_frame_ends_now),

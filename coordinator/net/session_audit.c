@@ -1,0 +1,225 @@
+#include "coordinator/net/session_audit.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/json_quote.h"
+#include "coordinator/net/server.h"
+#include "protocol/message.h"
+
+enum { STRING_MAX = 256, LIST_MAX = 16, DEPTH_MAX = 3 };
+
+void session_actor(const struct session *session, struct audit_actor *out)
+{
+    memset(out, 0, sizeof *out);
+    snprintf(out->who, sizeof out->who, "%s", session->who);
+    snprintf(out->address, sizeof out->address, "%s", session->peer);
+    snprintf(out->key, sizeof out->key, "%s", farm_role_name(session->role));
+    out->session = session->id;
+}
+
+/* Everything else changes something: a message that is new is noted unless it is listed here. */
+static int is_question(const Azulejo__Wire__Envelope *message)
+{
+    switch (message->body_case) {
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_QUERY:
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_GET:
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_PUT:
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY:
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_WATCH:
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LOG_GET:
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_TRACE_GET:
+    case AZULEJO__WIRE__ENVELOPE__BODY_HISTORY_GET:
+    case AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY:
+    case AZULEJO__WIRE__ENVELOPE__BODY_OUTPUT_GET:
+    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
+        return 1;
+    default:
+        return 0;
+    }
+}
+
+/* ---- a message's fields as JSON, whatever they are ------------------------------------------- */
+
+static void put_message(struct buffer *out, const ProtobufCMessage *message, int depth);
+
+/* The value at `at`; 0: it is not shown. */
+static int put_value(struct buffer *out, const ProtobufCFieldDescriptor *field, const void *at, int depth)
+{
+    char quoted[JSON_QUOTE_SIZE(STRING_MAX)];
+    const char *text;
+
+    switch (field->type) {
+    case PROTOBUF_C_TYPE_UINT32: case PROTOBUF_C_TYPE_FIXED32:
+        buffer_printf(out, "%" PRIu32, *(const uint32_t *)at);
+        return 1;
+    case PROTOBUF_C_TYPE_INT32: case PROTOBUF_C_TYPE_SINT32: case PROTOBUF_C_TYPE_SFIXED32:
+    case PROTOBUF_C_TYPE_ENUM:
+        buffer_printf(out, "%" PRId32, *(const int32_t *)at);
+        return 1;
+    case PROTOBUF_C_TYPE_UINT64: case PROTOBUF_C_TYPE_FIXED64:
+        buffer_printf(out, "%" PRIu64, *(const uint64_t *)at);
+        return 1;
+    case PROTOBUF_C_TYPE_INT64: case PROTOBUF_C_TYPE_SINT64: case PROTOBUF_C_TYPE_SFIXED64:
+        buffer_printf(out, "%" PRId64, *(const int64_t *)at);
+        return 1;
+    case PROTOBUF_C_TYPE_FLOAT:
+        buffer_printf(out, "\"%g\"", (double)*(const float *)at); /* a text: it may be infinite */
+        return 1;
+    case PROTOBUF_C_TYPE_DOUBLE:
+        buffer_printf(out, "\"%g\"", *(const double *)at);
+        return 1;
+    case PROTOBUF_C_TYPE_BOOL:
+        buffer_puts(out, *(const protobuf_c_boolean *)at ? "true" : "false");
+        return 1;
+    case PROTOBUF_C_TYPE_STRING:
+        text = *(const char *const *)at;
+        json_quote(quoted, text ? text : "", STRING_MAX);
+        buffer_puts(out, quoted);
+        return 1;
+    case PROTOBUF_C_TYPE_MESSAGE:
+        if (depth == DEPTH_MAX || !*(const ProtobufCMessage *const *)at)
+            return 0;
+        put_message(out, *(const ProtobufCMessage *const *)at, depth + 1);
+        return 1;
+    default:
+        return 0;
+    }
+}
+
+static size_t size_of(const ProtobufCFieldDescriptor *field)
+{
+    switch (field->type) {
+    case PROTOBUF_C_TYPE_BOOL: return sizeof(protobuf_c_boolean);
+    case PROTOBUF_C_TYPE_BYTES: return sizeof(ProtobufCBinaryData);
+    case PROTOBUF_C_TYPE_STRING: case PROTOBUF_C_TYPE_MESSAGE: return sizeof(void *);
+    case PROTOBUF_C_TYPE_UINT64: case PROTOBUF_C_TYPE_INT64: case PROTOBUF_C_TYPE_SINT64:
+    case PROTOBUF_C_TYPE_FIXED64: case PROTOBUF_C_TYPE_SFIXED64: case PROTOBUF_C_TYPE_DOUBLE: return 8;
+    default: return 4;
+    }
+}
+
+/* A field that was not sent has a value whose bytes are 0, or is empty text. */
+static int is_absent(const ProtobufCFieldDescriptor *field, const void *at)
+{
+    static const char zeros[16];
+    const char *text;
+
+    if (field->type == PROTOBUF_C_TYPE_STRING) {
+        text = *(const char *const *)at;
+        return !text || !text[0];
+    }
+    return field->type == PROTOBUF_C_TYPE_BYTES || memcmp(at, zeros, size_of(field)) == 0;
+}
+
+/* The first of several values, and how many there are. */
+static void put_list(struct buffer *out, const ProtobufCFieldDescriptor *field, const void *values, size_t count)
+{
+    size_t begin = out->size;
+
+    buffer_puts(out, "[");
+    for (size_t i = 0; i < count && i < LIST_MAX; i++) {
+        buffer_puts(out, i ? ", " : "");
+        if (!put_value(out, field, (const char *)values + i * size_of(field), DEPTH_MAX)) {
+            out->size = begin;
+            buffer_printf(out, "%zu", count);
+            return;
+        }
+    }
+    if (count > LIST_MAX)
+        buffer_printf(out, ", \"... %zu in all\"", count);
+    buffer_puts(out, "]");
+}
+
+static void put_message(struct buffer *out, const ProtobufCMessage *message, int depth)
+{
+    const ProtobufCMessageDescriptor *d = message->descriptor;
+    int any = 0;
+
+    buffer_puts(out, "{");
+    for (unsigned i = 0; i < d->n_fields; i++) {
+        const ProtobufCFieldDescriptor *field = &d->fields[i];
+        const char *at = (const char *)message + field->offset;
+        size_t begin = out->size, count = 0;
+        int repeated = field->label == PROTOBUF_C_LABEL_REPEATED;
+
+        if (repeated)
+            count = *(const size_t *)((const char *)message + field->quantifier_offset);
+        if ((depth == 0 && strcmp(field->name, "job") == 0) || (repeated ? count == 0 : is_absent(field, at)))
+            continue;
+        buffer_printf(out, "%s\"%s\": ", any ? ", " : "", field->name);
+        if (repeated) {
+            put_list(out, field, *(const void *const *)at, count);
+        } else if (!put_value(out, field, at, depth)) {
+            out->size = begin;
+            continue;
+        }
+        any = 1;
+    }
+    buffer_puts(out, "}");
+}
+
+/* ---- lines ----------------------------------------------------------------------------------- */
+
+/* The message in the envelope, by its case. */
+static const ProtobufCMessage *body_of(const Azulejo__Wire__Envelope *message)
+{
+    const ProtobufCFieldDescriptor *field = protobuf_c_message_descriptor_get_field(
+        &azulejo__wire__envelope__descriptor, (unsigned)message->body_case);
+
+    return field && field->type == PROTOBUF_C_TYPE_MESSAGE
+               ? *(const ProtobufCMessage *const *)((const char *)message + field->offset)
+               : NULL;
+}
+
+static uint64_t job_of(const ProtobufCMessage *body)
+{
+    const ProtobufCFieldDescriptor *field =
+        protobuf_c_message_descriptor_get_field_by_name(body->descriptor, "job");
+
+    return field && field->type == PROTOBUF_C_TYPE_UINT64 && field->label != PROTOBUF_C_LABEL_REPEATED
+               ? *(const uint64_t *)((const char *)body + field->offset)
+               : 0;
+}
+
+/* "job_pause" is the verb pause. */
+static const char *verb_of(const Azulejo__Wire__Envelope *message)
+{
+    const char *name = message_name(message);
+
+    return strncmp(name, "job_", 4) == 0 ? name + 4 : name;
+}
+
+void session_audit(struct session *session, const Azulejo__Wire__Envelope *message, status s,
+                   const struct error *err)
+{
+    const ProtobufCMessage *body = body_of(message);
+    int submission = message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
+    struct buffer details = BUFFER_INIT;
+    struct audit_actor actor;
+
+    if (!body || is_question(message))
+        return;
+    session_actor(session, &actor);
+    if (submission) {
+        if (s != STATUS_OK)
+            session_audit_submission(session->server, &actor, message->job_submit->name, 0, 0, s, err);
+        return;
+    }
+    put_message(&details, body, 0);
+    audit_note(&session->server->audit, &actor, verb_of(message), job_of(body),
+               buffer_ok(&details) && details.size > 2 ? buffer_text(&details) : NULL,
+               s == STATUS_OK ? NULL : err);
+    buffer_release(&details);
+}
+
+void session_audit_submission(struct server *server, const struct audit_actor *actor, const char *name,
+                              uint64_t number, int again, status s, const struct error *err)
+{
+    char quoted[JSON_QUOTE_SIZE(STRING_MAX)], details[sizeof quoted + 32];
+
+    json_quote(quoted, name, STRING_MAX);
+    snprintf(details, sizeof details, "{\"name\": %s%s}", quoted, again ? ", \"again\": true" : "");
+    audit_note(&server->audit, actor, "submit", number, details, s == STATUS_OK ? NULL : err);
+}

@@ -1,0 +1,17 @@
+/* session_audit: what clients asked for, in the audit log (coordinator/store/audit.h). */
+#ifndef AZULEJO_COORDINATOR_SESSION_AUDIT_H
+#define AZULEJO_COORDINATOR_SESSION_AUDIT_H
+
+#include "coordinator/net/session.h"
+#include "coordinator/store/audit.h"
+
+void session_actor(const struct session *session, struct audit_actor *out);
+/* Note a message that changes something and was answered with `s`, unless session_audit_submission does so
+ * later. What only asks or sends bytes is not noted. */
+void session_audit(struct session *session, const Azulejo__Wire__Envelope *message, status s,
+                   const struct error *err);
+/* Note a submission that was taken (job `number`) or not. */
+void session_audit_submission(struct server *server, const struct audit_actor *actor, const char *name,
+                              uint64_t number, int again, status s, const struct error *err);
+
+#endif

@@ -1,0 +1,48 @@
+#!/usr/bin/env python3
+"""What a verb that does nothing says: why, and what to do."""
+from farm import Farm, Tests
+from jobs import expect
+
+tests = Tests()
+ENDLESS = ("--size", "64x64", "--spp", "1000000")
+
+
+@tests.add
+def nothing_to_do():
+    """A name or filter whose jobs are in other states names them, instead of 'no job matches'"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        jobs = [farm.submit(farm.scene(), *ENDLESS, "--name", name) for name in ("walk", "walk-2", "walk-3", "run")]
+        farm.cli("pause", "walk", "--yes", expect=0)
+        result = farm.cli("pause", "walk", "--yes")
+        expect(result.code == 5 and "job %d (walk) is paused" % jobs[0] in result.err, result)
+        farm.cli("cancel", "walk-*", "--yes", expect=0)
+        result = farm.cli("finish", "walk-*", "--yes")
+        expect(result.code == 5 and "job %d (walk-2) is cancelled" % jobs[1] in result.err and
+               "job %d (walk-3) is cancelled" % jobs[2] in result.err, result)
+        for n in range(4):
+            farm.cli("cancel", farm.submit(farm.scene(), *ENDLESS, "--name", "many-%d" % n), expect=0)
+        result = farm.cli("pause", "many-*", "--yes")
+        expect(result.code == 5 and "and 1 more" in result.err and "(many-0) is cancelled" in result.err, result)
+        # A filter that no job fits, whatever its state.
+        result = farm.cli("pause", "--state", "failed", "--yes")
+        expect(result.code == 5 and "no job matches" in result.err, result)
+        # Of those that match some can be: they are.
+        result = farm.cli("resume", "*", "--yes", "--json", expect=0).json()
+        expect([j["job"] for j in result["jobs"]] == [jobs[0]], result)
+
+
+@tests.add
+def extend_says_what_to_do():
+    """extend in a state in which it does nothing says what to do instead"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        job = farm.submit(farm.scene(), *ENDLESS)
+        for verb, words in ((None, "let it end, or 'finish' it"), ("pause", "'resume'"), ("cancel", "'retry'")):
+            if verb:
+                farm.cli(verb, job, expect=0)
+            result = farm.cli("extend", job, "--spp", "1048576")
+            expect(result.code == 5 and words in result.err and "job %d is" % job in result.err, result)
+
+
+tests.run()
