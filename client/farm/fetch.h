@@ -11,6 +11,12 @@
 /* An 8 GiB output is 26,000 pixels square in 32-bit floats, far above what a job may have. */
 #define FETCH_BYTES_MAX ((uint64_t)8 << 30)
 
+/* What a preview shows; zeros: the coordinator did not say it. */
+struct preview_shows {
+    double covered; /* the share of its tiles that have samples, 0..1 */
+    double samples; /* of a pixel, the mean */
+};
+
 /* Append one output file to `data`. */
 status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
                     Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err) MUST_CHECK;
@@ -30,6 +36,7 @@ struct job_fetch {
     int finished_only;   /* frames that are not rendered yet do not count as missing */
     int json;            /* fill `files` and `missing` instead of printing a line for each file */
     json_t *files, *missing;
+    json_t *preview;     /* what job_fetch_preview brought */
     size_t fetched, failed, not_rendered; /* files; files; frames */
     struct claim claim;  /* made when the first file has arrived */
     struct error first;  /* the first file's failure */
@@ -40,9 +47,9 @@ void job_fetch_release(struct job_fetch *f);
     {"force", 'f', OPTION_FLAG, &(flag), NULL,                                                    \
      "name the files after the job even if that overwrites another job's", 0, 0, NULL}
 
-/* One file to `path`. */
-status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
-                      const char *path, struct error *err) MUST_CHECK;
+/* A preview to `path`. */
+status job_fetch_preview(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         const char *path, struct error *err) MUST_CHECK;
 
 /* The files of every finished frame, or of those of the list that has any. Files that the coordinator
  * cannot send do not stop the others: ERR_INCOMPLETE at the end, or, if there was no file at all,
@@ -51,7 +58,8 @@ status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Output
 status job_fetch_pictures(struct job_fetch *f, const struct frame_list *only,
                           struct error *err) MUST_CHECK;
 
-/* {"files": [...], "missing": [{"frame": 3, "file": "png", "error": "..."}]}; a new reference. */
+/* {"files": [...], "missing": [{"frame": 3, "file": "png", "error": "..."}]}, and of a preview
+ * "preview": {"frame": 3, "covered": 0.12, "samples": 2, "spp": 64}; a new reference. */
 json_t *job_fetch_json(const struct job_fetch *f);
 
 #endif

@@ -115,9 +115,11 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     if (first) {
         info->preview_frame = first->number;
         info->preview_ready = film_covered(first->film);
+        info->preview_covered = film_covered_share(first->film);
     } else {
         info->preview_frame = job->state == JOB_STATE_DONE ? job->last_frame : job->first_frame;
         info->preview_ready = job->state == JOB_STATE_DONE && job->output.png;
+        info->preview_covered = job->state == JOB_STATE_DONE;
     }
     info->samples_per_second =
         !job_state_is_open(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
@@ -293,6 +295,7 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.frames_resting = job_frames_left(job);
     info.finished_early = job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY);
     info.owner = job->owner;
+    info.queue_position = job_state_ended(job->state) ? 0 : (uint32_t)queue_position(&farm->queue, job) + 1;
     info.conflicts = job->conflicts;
     info.workers = job->leases ? workers_on(farm, job) : 0;
     report_cuts(report, &info, job);

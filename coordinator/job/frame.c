@@ -60,6 +60,8 @@ void job_frame_free(struct job_frame *frame)
     }
     film_file_close(frame->file);
     eta_release(&frame->eta);
+    for (int kind = 0; kind < PREVIEW_KINDS; kind++)
+        preview_release(&frame->previews[kind]);
     for (uint32_t g = 0; g < GROUPS; g++)
         tonemap_pixels_free(frame->display[g]);
     rounds_release(&frame->rounds);

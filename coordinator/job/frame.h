@@ -29,6 +29,7 @@
 #include "common/film/film.h"
 #include "coordinator/job/eta.h"
 #include "coordinator/job/history.h"
+#include "coordinator/job/preview.h"
 #include "coordinator/job/queue.h"
 #include "coordinator/job/rounds.h"
 #include "coordinator/film/store_film.h"
@@ -106,6 +107,7 @@ struct job_frame {
     struct tonemap_pixels *display[GROUPS]; /* how its pixels are shown; NULL: not frozen (freeze.h) */
     int freezing[GROUPS];        /* a measurement for that is on its way */
     struct work_stats stats;     /* measured of the results merged in this run */
+    struct preview previews[PREVIEW_KINDS];
     struct eta eta;
     struct history history;
     struct history_point spent;  /* its clock, samples and rays when figures_spend was called last */

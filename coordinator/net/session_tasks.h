@@ -6,13 +6,9 @@
 #include <stdint.h>
 
 struct job;
-struct job_frame;
 struct session;
 struct upload;
 
-/* Develop a preview of the frame, an EXR if `linear`, else a PNG, and send it. */
-void session_task_preview(struct session *session, uint64_t request, const struct job_frame *frame,
-                          int linear);
 /* Store a complete upload. Takes it. */
 void session_task_upload(struct session *session, uint64_t request, struct upload *upload);
 /* Store a job and put it in the queue. Takes it. */

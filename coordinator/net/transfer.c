@@ -23,6 +23,7 @@ struct transfer {
     int from_file;
     int waited;           /* waits for the store; logged already */
     uint64_t total, offset;
+    struct transfer_preview shows; /* of a preview; otherwise zeros */
 };
 
 static void transfer_free(struct transfer *t)
@@ -82,8 +83,19 @@ status transfer_file(struct transfers *transfers, uint64_t request, const struct
     return STATUS_OK;
 }
 
+status transfer_file_preview(struct transfers *transfers, uint64_t request, const char *path,
+                             const struct transfer_preview *shows, struct error *err)
+{
+    status s = transfer_file(transfers, request, NULL, path, err);
+
+    if (s == STATUS_OK)
+        transfers->last->shows = *shows;
+    return s;
+}
+
 status transfer_bytes(struct transfers *transfers, uint64_t request, struct buffer *bytes,
-                      const char *file_name, struct error *err)
+                      const char *file_name, const struct transfer_preview *shows,
+                      struct error *err)
 {
     struct transfer *t = NULL;
     status s = transfer_add(transfers, request, file_name, &t, err);
@@ -94,6 +106,7 @@ status transfer_bytes(struct transfers *transfers, uint64_t request, struct buff
     }
     t->bytes = *bytes;
     t->total = bytes->size;
+    t->shows = *shows;
     buffer_init(bytes);
     return STATUS_OK;
 }
@@ -173,6 +186,8 @@ static status send_output_piece(struct transfer *t, struct channel *channel, con
     piece.data.data = (uint8_t *)data;
     piece.data.len = size;
     piece.file_name = (char *)file_basename(t->path);
+    piece.preview_covered = t->shows.covered;
+    piece.preview_samples = t->shows.samples;
     envelope.request = t->request;
     return channel_send(channel, &envelope);
 }
