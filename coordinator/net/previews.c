@@ -12,9 +12,9 @@
 #include "coordinator/net/task.h"
 #include "coordinator/net/transfer.h"
 
-enum { ASKERS_MAX = 1024 }; /* that wait for the same preview */
+enum { PREVIEW_WAITING_MAX = 1024 }; /* that wait for the same preview */
 
-struct asker {
+struct request_of {
     uint32_t session;
     uint64_t request;
 };
@@ -29,8 +29,8 @@ struct preview_task {
     struct preview shows;  /* of the frame when it was taken; its `file` is not used */
     uint64_t pixels;
     uint64_t cost_ns;
-    struct asker *askers;
-    size_t asker_count, asker_capacity;
+    struct request_of *waiting;
+    size_t waiting_count, waiting_capacity;
 };
 
 static struct preview_now look_at(const struct job_frame *frame, uint64_t now_ns)
@@ -80,14 +80,14 @@ static void answer(struct preview_task *p)
     struct transfer_preview shows = {p->shows.covered,
                                      (double)p->shows.samples / (double)p->pixels};
 
-    for (size_t i = 0; i < p->asker_count; i++) {
-        struct session *session = session_find(p->task.server, p->askers[i].session);
+    for (size_t i = 0; i < p->waiting_count; i++) {
+        struct session *session = session_find(p->task.server, p->waiting[i].session);
         if (!session || session->state != SESSION_OPEN)
             continue;
         if (p->task.result == STATUS_OK)
-            send_copy(session, p->askers[i].request, p->frame, p->kind, &p->picture, &shows);
+            send_copy(session, p->waiting[i].request, p->frame, p->kind, &p->picture, &shows);
         else
-            session_fail(session, p->askers[i].request, &p->task.error);
+            session_fail(session, p->waiting[i].request, &p->task.error);
     }
 }
 
@@ -129,7 +129,7 @@ static void preview_free(struct task *task)
 
     development_free(p->development);
     buffer_release(&p->picture);
-    mem_free(p->askers);
+    mem_free(p->waiting);
 }
 
 static const struct task_kind preview_kind = {"a preview", sizeof(struct preview_task), preview_run,
@@ -137,7 +137,7 @@ static const struct task_kind preview_kind = {"a preview", sizeof(struct preview
 
 /* NULL: an error. The task has begun. */
 static struct preview_task *make(struct server *server, struct job_frame *frame,
-                                 enum preview_kind kind, const struct asker *asker,
+                                 enum preview_kind kind, const struct request_of *who,
                                  struct error *err)
 {
     struct preview_now now = look_at(frame, clock_monotonic_ns());
@@ -150,9 +150,9 @@ static struct preview_task *make(struct server *server, struct job_frame *frame,
         task_drop(&p->task);
         return NULL;
     }
-    if (asker && MEM_GROW(p->askers, p->asker_capacity, 1))
-        p->askers[p->asker_count++] = *asker;
-    if (asker && p->asker_count == 0) {
+    if (who && MEM_GROW(p->waiting, p->waiting_capacity, 1))
+        p->waiting[p->waiting_count++] = *who;
+    if (who && p->waiting_count == 0) {
         error_no_memory(err, "a preview");
         task_drop(&p->task);
         return NULL;
@@ -173,16 +173,16 @@ static struct preview_task *make(struct server *server, struct job_frame *frame,
 /* ---- asking --------------------------------------------------------------------------------- */
 
 /* Wait for the preview that is being made. */
-static status join(const struct preview *kept, const struct asker *asker, struct error *err)
+static status join(const struct preview *kept, const struct request_of *who, struct error *err)
 {
     struct preview_task *p = (struct preview_task *)kept->making;
 
-    if (p->asker_count >= ASKERS_MAX)
+    if (p->waiting_count >= PREVIEW_WAITING_MAX)
         return error_set(err, STATUS_ERR_LIMIT,
-                         "%d clients wait for this preview; try again in a second", ASKERS_MAX);
-    if (!MEM_GROW(p->askers, p->asker_capacity, p->asker_count + 1))
+                         "%d clients wait for this preview; try again in a second", PREVIEW_WAITING_MAX);
+    if (!MEM_GROW(p->waiting, p->waiting_capacity, p->waiting_count + 1))
         return error_no_memory(err, "a preview");
-    p->askers[p->asker_count++] = *asker;
+    p->waiting[p->waiting_count++] = *who;
     return STATUS_OK;
 }
 
@@ -192,7 +192,7 @@ void previews_ask(struct session *session, uint64_t request, struct job_frame *f
     struct server *server = session->server;
     struct preview *kept = &frame->previews[kind];
     struct preview_now now = look_at(frame, clock_monotonic_ns());
-    struct asker asker = {session->id, request};
+    struct request_of who = {session->id, request};
     double pixels = (double)film_width(frame->film) * film_height(frame->film);
     struct error err = {0};
     status s = STATUS_OK;
@@ -204,11 +204,11 @@ void previews_ask(struct session *session, uint64_t request, struct job_frame *f
         return;
     }
     if (kept->making && ((const struct preview_task *)kept->making)->shows.revision == now.revision)
-        s = join(kept, &asker, &err);
+        s = join(kept, &who, &err);
     else if (server->previews >= PREVIEWS_MAX)
         s = error_set(&err, STATUS_ERR_LIMIT, "%d previews are being made; try again in a second",
                       PREVIEWS_MAX);
-    else if (!make(server, frame, kind, &asker, &err))
+    else if (!make(server, frame, kind, &who, &err))
         s = err.code;
     if (s != STATUS_OK)
         session_fail(session, request, &err);
