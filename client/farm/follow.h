@@ -12,6 +12,7 @@ struct follow {
     double reconnect_s;              /* how long to wait for a coordinator that goes away */
     double limit_s;                  /* how long to follow the job; 0: until it ends */
     int quiet, json;
+    int workers;                     /* also show who renders it */
 };
 
 /* *c is a new connection if the first was lost, and NULL if it could not be replaced.

@@ -25,11 +25,11 @@ static int is_unsaved(const struct farm *farm, const struct job *job)
 }
 
 /* The reason why an active job makes no progress at the moment; empty if there is none. */
-static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
+static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job,
+                         size_t before)
 {
     char why[256] = "";
     uint32_t able = 0;
-    size_t before = queue_position(&farm->queue, job);
 
     out[0] = 0;
     if (job->state == JOB_STATE_PARKED || job->state == JOB_STATE_PAUSED) {
@@ -270,10 +270,13 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     stats.trace_ns = job->stats.trace_ns;
     report->stats = stats;
     report_work(report, job);
-    if (job_state_ended(job->state))
+    if (job_state_ended(job->state)) {
         explain_end(report->state_text, sizeof report->state_text, farm, job);
-    else
-        explain_wait(report->state_text, sizeof report->state_text, farm, job);
+    } else {
+        size_t before = queue_position(&farm->queue, job);
+        explain_wait(report->state_text, sizeof report->state_text, farm, job, before);
+        info.queue_position = (uint32_t)before + 1;
+    }
 
     info.job = job->id;
     info.name = job->name;
@@ -295,7 +298,6 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.frames_resting = job_frames_left(job);
     info.finished_early = job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY);
     info.owner = job->owner;
-    info.queue_position = job_state_ended(job->state) ? 0 : (uint32_t)queue_position(&farm->queue, job) + 1;
     info.conflicts = job->conflicts;
     info.workers = job->leases ? workers_on(farm, job) : 0;
     report_cuts(report, &info, job);
