@@ -240,7 +240,8 @@ void previews_tick(struct server *server, uint64_t now_ns)
         return;
     for (size_t i = 0; i < farm->queue.active_count && left > 0; i++)
         for (struct job_frame *frame = farm->queue.active[i]->frames; frame; frame = frame->next) {
-            keep(server, frame, now_ns);
-            left--;
+            if (frame->end == FRAME_END_NONE) /* else its pictures are on their way */
+                keep(server, frame, now_ns);
+            left -= left > 0;
         }
 }

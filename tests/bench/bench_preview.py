@@ -22,6 +22,7 @@ SIZES = ("640x360", "1920x1080")
 REFERENCE_SPP = 64
 REFERENCE_SIZE = SIZES[0]
 SQUARES = 32  # across
+ROWS_MAX = 6
 
 
 def squares(path):
@@ -81,8 +82,10 @@ def measure(scene, options, size, reference):
     with Farm() as farm:
         options = new_farm(farm, options)
         accepted, found = previews(farm, scene, options + ["--size", size, "--spp", "4096"])
+        new = [f for i, f in enumerate(found) if i == 0 or f[2] != found[i - 1][2]]  # not copies
+        step = (len(new) + ROWS_MAX - 1) // ROWS_MAX
         rows = [(seconds, covered, samples, distance(squares(path), reference))
-                for seconds, covered, samples, path in found]
+                for seconds, covered, samples, path in new[:-1:step] + new[-1:]]
     return accepted, rows, distance([0] * len(reference), reference)
 
 
@@ -95,8 +98,7 @@ def main():
         print("%s, %s: accepted after %.2f s; a black picture is %.0f codes away" % (
             os.path.basename(scene), size, accepted, black))
         print("%8s %8s %8s %8s" % ("s", "tiles", "spp", "codes"))
-        step = max(1, len(rows) // 12)
-        for row in rows[::step] + (rows[-1:] if (len(rows) - 1) % step else []):
+        for row in rows:
             print("%8.2f %7.1f%% %8.2f %8.1f" % (row[0], 100 * row[1], row[2], row[3]), flush=True)
 
 
