@@ -1,10 +1,44 @@
 #include "coordinator/job/preview.h"
 
+#include <assert.h>
+
 #include "common/base/clock.h"
+#include "common/base/memory.h"
+
+struct preview_file *preview_file_new(struct buffer *bytes)
+{
+    struct preview_file *file = mem_alloc(sizeof *file);
+
+    if (!file) {
+        buffer_release(bytes);
+        return NULL;
+    }
+    *file = (struct preview_file){.bytes = *bytes, .holders = 1};
+    buffer_init(bytes);
+    return file;
+}
+
+struct preview_file *preview_file_hold(struct preview_file *file)
+{
+    file->holders++;
+    return file;
+}
+
+void preview_file_drop(struct preview_file *file)
+{
+    if (!file)
+        return;
+    assert(file->holders > 0);
+    if (--file->holders > 0)
+        return;
+    buffer_release(&file->bytes);
+    mem_free(file);
+}
 
 void preview_release(struct preview *p)
 {
-    buffer_release(&p->file);
+    preview_file_drop(p->file);
+    p->file = NULL;
 }
 
 int preview_is_watched(const struct preview *p, uint64_t now_ns)
@@ -15,7 +49,7 @@ int preview_is_watched(const struct preview *p, uint64_t now_ns)
 /* It shows this film, developed as the job wants it. */
 static int fits(const struct preview *p, const struct preview_now *now)
 {
-    return p->file.size > 0 && p->revision == now->revision && p->samples <= now->samples;
+    return p->file && p->revision == now->revision && p->samples <= now->samples;
 }
 
 /* Has it been long enough, for what it costs? */
@@ -41,7 +75,7 @@ int preview_is_due(const struct preview *p, enum preview_kind kind, const struct
         return 0;
     if (p->made_ns == 0)
         return now->covered * PREVIEW_FIRST_SHARE >= 1;
-    if (p->file.size > 0 && p->samples == now->samples && p->revision == now->revision)
+    if (p->file && p->samples == now->samples && p->revision == now->revision)
         return 0;
     if (!fits(p, now))
         return has_rested(p, PREVIEW_COSTS_WATCHED, now->now_ns);
@@ -67,5 +101,5 @@ int preview_is_good(const struct preview *p, enum preview_kind kind, const struc
 void preview_age(struct preview *p, enum preview_kind kind, uint64_t now_ns)
 {
     if (kind == PREVIEW_EXR && !preview_is_watched(p, now_ns))
-        buffer_release(&p->file);
+        preview_release(p);
 }

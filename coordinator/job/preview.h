@@ -23,19 +23,29 @@ enum {
     PREVIEW_KEPT_BYTES = 64 << 20,    /* larger ones are made for each request */
 };
 
+/* A picture's bytes, shared by what is kept and by those that are being sent. One thread's. */
+struct preview_file {
+    struct buffer bytes;
+    uint32_t holders;
+};
+/* Takes the buffer's memory, also on failure; has one holder. NULL: out of memory. */
+struct preview_file *preview_file_new(struct buffer *bytes);
+struct preview_file *preview_file_hold(struct preview_file *file);
+void preview_file_drop(struct preview_file *file); /* NULL is fine */
+
 enum preview_kind { PREVIEW_PNG, PREVIEW_EXR, PREVIEW_KINDS };
 
 /* Zeroed: nothing is kept. */
 struct preview {
-    struct buffer file;    /* empty: none is kept */
-    double covered;        /* what it shows: the share of tiles that have samples, */
-    uint64_t samples;      /* the samples of the frame, */
-    uint32_t revision;     /* and the job's output settings */
-    uint64_t made_ns;      /* monotonic */
-    uint64_t cost_ns;      /* processor time that it took */
-    uint64_t asked_ns;     /* when a client asked last; 0: never */
-    int too_large;         /* to be kept */
-    const void *making;    /* the task that makes it; NULL: none */
+    struct preview_file *file; /* NULL: none is kept */
+    double covered;            /* what it shows: the share of tiles that have samples, */
+    uint64_t samples;          /* the samples of the frame, */
+    uint32_t revision;         /* and the job's output settings */
+    uint64_t made_ns;          /* monotonic */
+    uint64_t cost_ns;          /* processor time that it took */
+    uint64_t asked_ns;         /* when a client asked last; 0: never */
+    int too_large;             /* to be kept */
+    const void *making;        /* the task that makes it; NULL: none */
 };
 
 /* The frame as it is. */

@@ -26,6 +26,7 @@ struct preview_task {
     enum preview_kind kind;
     struct development *development;
     struct buffer picture;
+    struct preview_file *file; /* of these bytes, on the loop's thread */
     struct preview shows;  /* of the frame when it was taken; its `file` is not used */
     uint64_t pixels;
     uint64_t cost_ns;
@@ -41,24 +42,16 @@ static struct preview_now look_at(const struct job_frame *frame, uint64_t now_ns
                                 .revision = frame->job->revision};
 }
 
-static void send_copy(struct session *session, uint64_t request, uint32_t frame,
-                      enum preview_kind kind, const struct buffer *picture,
+static void send_file(struct session *session, uint64_t request, uint32_t frame,
+                      enum preview_kind kind, struct preview_file *file,
                       const struct transfer_preview *shows)
 {
-    struct buffer copy = BUFFER_INIT;
     struct error err = {0};
     char name[64];
-    status s;
 
     snprintf(name, sizeof name, "frame-%04u-preview.%s", frame, kind == PREVIEW_EXR ? "exr" : "png");
-    buffer_append(&copy, picture->data, picture->size);
-    if (buffer_ok(&copy))
-        s = transfer_bytes(&session->transfers, request, &copy, name, shows, &err);
-    else
-        s = error_no_memory(&err, "a preview");
-    if (s != STATUS_OK)
+    if (transfer_bytes(&session->transfers, request, file, name, shows, &err) != STATUS_OK)
         session_fail(session, request, &err);
-    buffer_release(&copy);
     transfers_pump(&session->transfers, session->channel);
 }
 
@@ -75,6 +68,7 @@ static void preview_run(struct task *task)
     p->cost_ns += clock_thread_cpu_ns() - begin_ns;
 }
 
+/* Answer those that wait. */
 static void answer(struct preview_task *p)
 {
     struct transfer_preview shows = {p->shows.covered,
@@ -85,7 +79,7 @@ static void answer(struct preview_task *p)
         if (!session || session->state != SESSION_OPEN)
             continue;
         if (p->task.result == STATUS_OK)
-            send_copy(session, p->waiting[i].request, p->frame, p->kind, &p->picture, &shows);
+            send_file(session, p->waiting[i].request, p->frame, p->kind, p->file, &shows);
         else
             session_fail(session, p->waiting[i].request, &p->task.error);
     }
@@ -101,13 +95,15 @@ static void preview_end(struct task *task)
     task->server->previews--;
     log_debug("job %llu, frame %u: a preview took %.0f ms of processor time", (unsigned long long)p->job,
               p->frame, (double)p->cost_ns / 1e6);
+    if (task->result == STATUS_OK && !(p->file = preview_file_new(&p->picture)))
+        task->result = error_no_memory(&task->error, "a preview");
     answer(p);
     if (!kept || kept->making != task) /* the frame was closed, and perhaps opened again */
         return;
     kept->making = NULL;
     kept->made_ns = clock_monotonic_ns();
     kept->cost_ns = p->cost_ns;
-    buffer_release(&kept->file);
+    preview_release(kept);
     if (task->result != STATUS_OK) {
         log_debug("job %llu, frame %u: no preview: %s", (unsigned long long)p->job, p->frame,
                   task->error.text);
@@ -116,11 +112,9 @@ static void preview_end(struct task *task)
     kept->covered = p->shows.covered;
     kept->samples = p->shows.samples;
     kept->revision = p->shows.revision;
-    kept->too_large = p->picture.size > PREVIEW_KEPT_BYTES;
-    if (!kept->too_large) {
-        kept->file = p->picture;
-        buffer_init(&p->picture);
-    }
+    kept->too_large = p->file->bytes.size > PREVIEW_KEPT_BYTES;
+    if (!kept->too_large)
+        kept->file = preview_file_hold(p->file);
 }
 
 static void preview_free(struct task *task)
@@ -129,6 +123,7 @@ static void preview_free(struct task *task)
 
     development_free(p->development);
     buffer_release(&p->picture);
+    preview_file_drop(p->file);
     mem_free(p->waiting);
 }
 
@@ -200,7 +195,7 @@ void previews_ask(struct session *session, uint64_t request, struct job_frame *f
     kept->asked_ns = now.now_ns;
     if (preview_is_good(kept, kind, &now)) {
         struct transfer_preview shows = {kept->covered, (double)kept->samples / pixels};
-        send_copy(session, request, frame->number, kind, &kept->file, &shows);
+        send_file(session, request, frame->number, kind, kept->file, &shows);
         return;
     }
     if (kept->making && ((const struct preview_task *)kept->making)->shows.revision == now.revision)

@@ -19,7 +19,7 @@ struct transfer {
     struct digest digest;
     char *path;           /* of the file, or the name to send with bytes */
     int fd;               /* -1: not open yet */
-    struct buffer bytes;  /* when there is no file */
+    struct preview_file *bytes; /* when there is no file */
     int from_file;
     int waited;           /* waits for the store; logged already */
     uint64_t total, offset;
@@ -30,7 +30,7 @@ static void transfer_free(struct transfer *t)
 {
     if (t->fd >= 0)
         close(t->fd);
-    buffer_release(&t->bytes);
+    preview_file_drop(t->bytes);
     mem_free(t->path);
     mem_free(t);
 }
@@ -93,21 +93,18 @@ status transfer_file_preview(struct transfers *transfers, uint64_t request, cons
     return s;
 }
 
-status transfer_bytes(struct transfers *transfers, uint64_t request, struct buffer *bytes,
+status transfer_bytes(struct transfers *transfers, uint64_t request, struct preview_file *file,
                       const char *file_name, const struct transfer_preview *shows,
                       struct error *err)
 {
     struct transfer *t = NULL;
     status s = transfer_add(transfers, request, file_name, &t, err);
 
-    if (s != STATUS_OK) {
-        buffer_release(bytes);
+    if (s != STATUS_OK)
         return s;
-    }
-    t->bytes = *bytes;
-    t->total = bytes->size;
+    t->bytes = preview_file_hold(file);
+    t->total = file->bytes.size;
     t->shows = *shows;
-    buffer_init(bytes);
     return STATUS_OK;
 }
 
@@ -140,7 +137,7 @@ static status next_piece(struct transfer *t, uint8_t *scratch, const uint8_t **d
     *size = blob_piece_size(t->total, t->offset);
     *data = scratch;
     if (!t->from_file) {
-        *data = t->bytes.data + t->offset;
+        *data = t->bytes->bytes.data + t->offset;
         return STATUS_OK;
     }
     while (got < *size) {

@@ -7,9 +7,9 @@
 
 #include <stdint.h>
 
-#include "common/base/buffer.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
+#include "coordinator/job/preview.h"
 #include "protocol/channel.h"
 
 enum { TRANSFERS_MAX = 4096 }; /* waiting, of one session */
@@ -35,8 +35,8 @@ struct transfer_preview {
 /* The same, of a preview. */
 status transfer_file_preview(struct transfers *transfers, uint64_t request, const char *path,
                              const struct transfer_preview *shows, struct error *err) MUST_CHECK;
-/* A preview's bytes as OutputData; takes the buffer's memory, also on failure. */
-status transfer_bytes(struct transfers *transfers, uint64_t request, struct buffer *bytes,
+/* A preview's bytes as OutputData; holds them until they are sent. */
+status transfer_bytes(struct transfers *transfers, uint64_t request, struct preview_file *file,
                       const char *file_name, const struct transfer_preview *shows,
                       struct error *err) MUST_CHECK;
 
