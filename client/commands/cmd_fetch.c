@@ -60,7 +60,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         JOB_FETCH_FORCE_ROW(f.force),
         {"preview", 0, OPTION_STRING, &preview, "FILE",
          "fetch instead the unfinished frame as it is, tone mapped (.png) or in linear light "
-         "(.exr)",
+         "(.exr); says which share has samples, the rest is filled from its neighbours",
          0, 0, NULL},
         VIDEO_OPTION_ROW(f.video),
         {"follow", 0, OPTION_FLAG, &follow, NULL,
@@ -122,8 +122,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
         f.job = job_list_find(answer->job_list, job);
         result = frame_choice_of(&choice, f.job->first_frame, f.job->last_frame, &frames, err);
         if (result == STATUS_OK && preview)
-            result = job_fetch_file(&f, frames.count ? frames.items[0] : f.job->preview_frame, kind,
-                                    preview, err);
+            result = job_fetch_preview(&f, frames.count ? frames.items[0] : f.job->preview_frame, kind,
+                                       preview, err);
         else if (result == STATUS_OK)
             result = job_fetch_pictures(&f, &frames, err);
         for (size_t i = 0; result == STATUS_OK && !preview && i < f.job->n_cut_frames; i++)

@@ -3,21 +3,27 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "client/commands/command.h"
 #include "client/farm/figures_view.h"
 #include "client/terminal/format.h"
+#include "client/farm/job_choice.h"
 #include "client/farm/job_info.h"
 #include "client/terminal/table.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-static const char *const titles[] = {">JOB",   "<NAME", "STATE",    ">FRAMES",   ">DONE",
-                                     ">ERROR", ">LEFT", ">WORKERS", "SUBMITTED", "~NOTE"};
-enum { COLUMNS = sizeof titles / sizeof titles[0] };
-
-/* Jobs that have ended and are shown without --all. */
-enum { ENDED_SHOWN = 2000 };
+/* A terminal with fewer columns than NARROW gets the first table without the last columns of the second. */
+enum { NARROW = 120 };
+static const char *const titles_narrow[] = {">JOB",    "<NAME", "<OWNER", ">PRIO", "STATE",
+                                            ">FRAMES", ">DONE", ">LEFT",  "~NOTE"};
+static const char *const titles_wide[] = {">JOB",  "<NAME",  "<OWNER", ">PRIO",    "STATE",     ">FRAMES",
+                                          ">DONE", ">ERROR", ">LEFT",  ">WORKERS", "SUBMITTED", "~NOTE"};
+enum {
+    COLUMNS_NARROW = sizeof titles_narrow / sizeof titles_narrow[0],
+    COLUMNS_WIDE = sizeof titles_wide / sizeof titles_wide[0],
+};
 
 struct job_rows {
     Azulejo__Wire__Envelope **answers; /* own the data that `jobs` points at */
@@ -81,15 +87,14 @@ static int by_number(const void *a, const void *b)
     return ((*one)->job > (*other)->job) - ((*one)->job < (*other)->job);
 }
 
-/* All active jobs, and the newest of those that have ended. */
-static status rows_get(struct connection *c, int all, struct job_rows *r, struct error *err)
+/* All active jobs, and the `newest` of those that have ended. */
+static status rows_get(struct connection *c, size_t newest, struct job_rows *r, struct error *err)
 {
-    size_t kept = 0;
+    size_t kept = 0, first = 0, ended = 0;
     status result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ACTIVE, SIZE_MAX, r, err);
 
     if (result == STATUS_OK)
-        result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ENDED, all ? SIZE_MAX : ENDED_SHOWN, r,
-                         err);
+        result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ENDED, newest, r, err);
     if (r->count > 0)
         qsort(r->jobs, r->count, sizeof *r->jobs, by_number);
     /* A job that ended between the two requests is in both answers. */
@@ -97,39 +102,85 @@ static status rows_get(struct connection *c, int all, struct job_rows *r, struct
         if (kept == 0 || r->jobs[i]->job != r->jobs[kept - 1]->job)
             r->jobs[kept++] = r->jobs[i];
     r->count = kept;
+    /* Pages are larger than what is wanted of them. */
+    for (size_t i = 0; i < r->count; i++)
+        ended += (size_t)job_state_is_final(r->jobs[i]->state);
+    for (size_t i = 0; i < r->count; i++) {
+        if (job_state_is_final(r->jobs[i]->state) && ended > newest) {
+            ended--;
+            r->not_shown++;
+        } else {
+            r->jobs[first++] = r->jobs[i];
+        }
+    }
+    r->count = first;
     return result;
+}
+
+/* Only the jobs that the filter lets through, which may be none. */
+static status rows_choose(struct connection *c, const struct job_choice *choice,
+                          struct chosen_jobs *chosen, struct job_rows *r, struct error *err)
+{
+    static const struct positionals none;
+    status result = job_choice_find(c, choice, &none, ~0u, chosen, err);
+
+    if (result == STATUS_ERR_NOT_FOUND)
+        return STATUS_OK;
+    if (result != STATUS_OK)
+        return result;
+    if (!MEM_GROW(r->jobs, r->capacity, chosen->count))
+        return error_no_memory(err, "a list of jobs");
+    for (size_t i = 0; i < chosen->count; i++)
+        r->jobs[r->count++] = chosen->items[i].info;
+    return STATUS_OK;
+}
+
+static void add_error(struct table *table, const Azulejo__Wire__JobInfo *job)
+{
+    char text[FORMAT_SIZE];
+    const Azulejo__Wire__Figures *figures = job->now ? job->now->figures : NULL;
+
+    table_add(table, "%s%s", figures ? figures_display_text(text, figures->display) : "-",
+              figures && !figures->reliable ? "?" : "");
+}
+
+static void add_job(struct table *table, const Azulejo__Wire__JobInfo *job, int wide)
+{
+    char text[FORMAT_SIZE];
+    const char *when;
+
+    table_add(table, "%" PRIu64, job->job);
+    table_add(table, "%s", job->name);
+    table_add(table, "%s", job->owner[0] ? job->owner : "-");
+    table_add(table, "%d", job->priority);
+    table_add(table, "%s", job_state_name(job->state));
+    table_add(table, "%u/%u", job->frames_done, job->last_frame - job->first_frame + 1);
+    table_add(table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
+                                                         (double)job->samples_total
+                                                   : 0.0);
+    if (wide)
+        add_error(table, job);
+    table_add(table, "%s", job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING
+                               ? format_duration(text, job->seconds_left)
+                               : "-");
+    if (wide) {
+        table_add(table, "%u", job->workers);
+        /* Month to minute; 'azulejo show' has the full time. */
+        when = format_time(text, job->submitted_at);
+        table_add(table, "%.11s", strlen(when) > 5 ? when + 5 : when);
+    }
+    table_add(table, "%s", job->state_text);
 }
 
 static status print_table(const struct job_rows *list, struct error *err)
 {
+    int wide = !isatty(STDOUT_FILENO) || terminal_columns(STDOUT_FILENO) >= NARROW;
     struct table table;
-    char text[FORMAT_SIZE];
-    const char *when;
     status result;
 
-    table_init(&table, titles, COLUMNS);
-    for (size_t i = 0; i < list->count; i++) {
-        const Azulejo__Wire__JobInfo *job = list->jobs[i];
-        int running = job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING;
-        table_add(&table, "%" PRIu64, job->job);
-        table_add(&table, "%s", job->name);
-        table_add(&table, "%s", job_state_name(job->state));
-        table_add(&table, "%u/%u", job->frames_done, job->last_frame - job->first_frame + 1);
-        table_add(&table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
-                                                              (double)job->samples_total
-                                                        : 0.0);
-        table_add(&table, "%s%s",
-                  job->now && job->now->figures
-                      ? figures_display_text(text, job->now->figures->display)
-                      : "-",
-                  job->now && job->now->figures && !job->now->figures->reliable ? "?" : "");
-        table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
-        table_add(&table, "%u", job->workers);
-        /* Month to minute; 'azulejo show' has the full time. */
-        when = format_time(text, job->submitted_at);
-        table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
-        table_add(&table, "%s", job->state_text);
-    }
+    table_init(&table, wide ? titles_wide : titles_narrow, wide ? COLUMNS_WIDE : COLUMNS_NARROW);
+    for (size_t i = 0; i < list->count; i++)
+        add_job(&table, list->jobs[i], wide);
     result = table_print(&table, err);
     table_release(&table);
     return result;
@@ -150,11 +201,18 @@ static status run(const struct command *command, int argc, char *const *argv, in
                   struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
+    struct job_choice choice = {0};
+    struct chosen_jobs chosen = {0};
     struct job_rows rows = {0};
-    int all = 0, json = 0, done;
+    int64_t newest = -1; /* all */
+    int json = 0, done, filtered;
     const struct option table[] = {
-        {"all", 'a', OPTION_FLAG, &all, NULL,
-         "also the oldest jobs that have ended (without it: the newest 2000 of these)", 0, 0, NULL},
+        {"state", 0, OPTION_STRING, &choice.states, "STATE,...",
+         "only jobs in these states, as in queued,failed", 0, 0, NULL},
+        {"mine", 0, OPTION_FLAG, &choice.mine, NULL,
+         "only jobs that you submitted from this machine", 0, 0, NULL},
+        {"newest", 'n', OPTION_INT, &newest, "N",
+         "of the jobs that have ended, only the newest N (default: all)", 0, 1e9, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
@@ -166,15 +224,22 @@ static status run(const struct command *command, int argc, char *const *argv, in
     (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    result = connection_open(&connection, &where, err);
+    filtered = choice.states || choice.mine;
+    if (filtered && newest >= 0)
+        return error_set(err, STATUS_ERR_USAGE, "--newest cannot be combined with --state and --mine");
+    if (filtered)
+        result = job_choice_check(&choice, &rest, err);
     if (result == STATUS_OK)
-        result = rows_get(connection, all, &rows, err);
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
+        result = filtered ? rows_choose(connection, &choice, &chosen, &rows, err)
+                          : rows_get(connection, newest < 0 ? SIZE_MAX : (size_t)newest, &rows, err);
     if (result == STATUS_OK)
         result = json ? print_json(&rows, err) : print_table(&rows, err);
     if (result == STATUS_OK && rows.not_shown > 0 && !json)
-        fprintf(stderr, "%" PRIu64 " older jobs that have ended are not shown (--all shows them)\n",
-                rows.not_shown);
+        fprintf(stderr, "%" PRIu64 " older jobs that have ended are not shown\n", rows.not_shown);
     rows_release(&rows);
+    chosen_jobs_release(&chosen);
     connection_close(connection);
     return result;
 }
@@ -184,6 +249,7 @@ const struct command command_list = {
     .group = COMMAND_JOBS,
     .usage = "azulejo list [OPTION]...",
     .summary = "list the jobs",
-    .description = "List the farm's jobs: the running and queued ones, and those that have ended.",
+    .description = "List the farm's jobs: the running and queued ones, and those that have ended. The notes say why a job\n"
+                   "waits or failed.",
     .run = run,
 };

@@ -11,6 +11,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"limit", 0, OPTION_REAL, &how.limit_s, "SECONDS",
          "stop watching after this long, with exit status 7; the job continues (default: never)",
          0.01, 1e9, NULL},
+        {"workers", 'w', OPTION_FLAG, &how.workers, NULL, "also a line for each worker that renders the job",
+         0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON when the job has ended", 0, 0, NULL},
         {"quiet", 'q', OPTION_FLAG, &how.quiet, NULL,
          "only wait; the exit status shows how the job ended", 0, 0, NULL},
@@ -35,7 +37,7 @@ const struct command command_watch = {
     .group = COMMAND_JOBS,
     .usage = "azulejo watch JOB [OPTION]...",
     .summary = "follow a job until it ends",
-    .description = "Show how far a job is until it is done, failed or cancelled, then a summary. Ctrl-C leaves\n"
+    .description = "Show a job's name, its time in work and how far it is until it is done, failed or cancelled, then a summary. Ctrl-C leaves\n"
                    "the job alone. A coordinator that goes away is waited for (--reconnect). Exit status 6 when the job failed or\n"
                    "was cancelled.",
     .run = run,

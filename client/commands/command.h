@@ -27,6 +27,7 @@ extern const struct command command_accuracy, command_cancel, command_compare, c
     command_extend, command_fetch, command_import, command_keygen, command_list, command_render, command_resume, command_show,
     command_submit, command_tonemap, command_watch,
     command_workers,
+    command_top,
     command_pause, command_finish, command_priority, command_retry, command_remove, command_log,
     command_prune, command_gc,
     command_trace, command_completion;

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,17 +29,10 @@ static status append_piece(struct buffer *data, size_t start, const Azulejo__Wir
     return buffer_ok(data) ? STATUS_OK : error_no_memory(err, "an output");
 }
 
-status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
-                    Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err)
-{
-    int unchanged;
-
-    return fetch_output_unless(c, job, frame, kind, NULL, &unchanged, data, err);
-}
-
-status fetch_output_unless(struct connection *c, uint64_t job, uint32_t frame,
-                           Azulejo__Wire__OutputKind kind, const struct digest *have,
-                           int *unchanged, struct buffer *data, struct error *err)
+/* `have`: NULL, or of the file that is there. *unchanged and *shows are set from the answer. */
+static status fetch_answer(struct connection *c, uint64_t job, uint32_t frame,
+                           Azulejo__Wire__OutputKind kind, const struct digest *have, int *unchanged,
+                           struct preview_shows *shows, struct buffer *data, struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__OutputGet get = AZULEJO__WIRE__OUTPUT_GET__INIT;
@@ -71,12 +65,31 @@ status fetch_output_unless(struct connection *c, uint64_t job, uint32_t frame,
             *unchanged = 1;
         } else {
             total = answer->output_data->total_bytes;
+            *shows = (struct preview_shows){answer->output_data->preview_covered,
+                                            answer->output_data->preview_samples};
             result = append_piece(data, start, answer->output_data, err);
         }
         first = 0;
         message_free(answer);
     }
     return result;
+}
+
+status fetch_output_unless(struct connection *c, uint64_t job, uint32_t frame,
+                           Azulejo__Wire__OutputKind kind, const struct digest *have,
+                           int *unchanged, struct buffer *data, struct error *err)
+{
+    struct preview_shows shows;
+
+    return fetch_answer(c, job, frame, kind, have, unchanged, &shows, data, err);
+}
+
+status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
+                    Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err)
+{
+    int unchanged;
+
+    return fetch_output_unless(c, job, frame, kind, NULL, &unchanged, data, err);
 }
 
 status fetch_check_folder(const char *folder, struct error *err)
@@ -120,6 +133,7 @@ void job_fetch_release(struct job_fetch *f)
 {
     json_decref(f->files);
     json_decref(f->missing);
+    json_decref(f->preview);
     claim_release(&f->claim);
     buffer_release(&f->found);
     destination_release(&f->to);
@@ -152,25 +166,50 @@ static void note_file(struct job_fetch *f, const char *path, const char *what)
         append_row(&f->files, json_text(path));
 }
 
+/* `note`: for people, after the size; NULL: none. */
 static status write_file(struct job_fetch *f, const char *path, const struct buffer *data,
-                         struct error *err)
+                         const char *note, struct error *err)
 {
-    char size[FORMAT_SIZE];
+    char size[FORMAT_SIZE], what[256];
     status result = file_write_atomic(path, data->data, data->size, err);
 
+    if (result == STATUS_OK && note)
+        snprintf(what, sizeof what, "%s  %s", format_bytes(size, data->size), note);
     if (result == STATUS_OK)
-        note_file(f, path, format_bytes(size, data->size));
+        note_file(f, path, note ? what : format_bytes(size, data->size));
     return result;
 }
 
-status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
-                      const char *path, struct error *err)
+/* "a preview: 2 of 64 samples a pixel; 37 % of the tiles have any, the others are filled from those
+ * around them" */
+static void describe_preview(struct buffer *out, const struct preview_shows *shows, uint32_t spp)
 {
-    struct buffer data = BUFFER_INIT;
-    status result = fetch_output(f->connection, f->job->job, frame, kind, &data, err);
+    if (!(shows->covered > 0))
+        return; /* an older coordinator */
+    buffer_printf(out, "a preview: %.3g of %u samples a pixel", shows->samples, spp);
+    if (shows->covered < 1)
+        buffer_printf(out, "; %.*f %% of the tiles have any, the others are filled from those around them",
+                      shows->covered < 0.1 ? 1 : 0, floor(shows->covered * 1000) / 10);
+}
 
+status job_fetch_preview(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         const char *path, struct error *err)
+{
+    struct buffer data = BUFFER_INIT, note = BUFFER_INIT;
+    struct preview_shows shows = {0};
+    uint32_t spp = f->job->settings ? f->job->settings->spp : 0;
+    int unchanged;
+    status result = fetch_answer(f->connection, f->job->job, frame, kind, NULL, &unchanged, &shows,
+                                 &data, err);
+
+    describe_preview(&note, &shows, spp);
     if (result == STATUS_OK)
-        result = write_file(f, path, &data, err);
+        result = write_file(f, path, &data, note.size ? buffer_text(&note) : NULL, err);
+    if (result == STATUS_OK && f->json && shows.covered > 0)
+        f->preview = json_pack("{s:I, s:o, s:o, s:I}", "frame", (json_int_t)frame, "covered",
+                               json_number(shows.covered), "samples", json_number(shows.samples),
+                               "spp", (json_int_t)spp);
+    buffer_release(&note);
     buffer_release(&data);
     return result;
 }
@@ -270,7 +309,7 @@ static status fetch_one(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Outp
     } else if (result == STATUS_OK) {
         result = output_path(f, frame, kind, &path, err);
         if (result == STATUS_OK)
-            result = write_file(f, path, &data, err);
+            result = write_file(f, path, &data, NULL, err);
         claim_unlock(&f->claim);
     } else if (is_of_the_file(result)) {
         result = STATUS_OK;
@@ -450,5 +489,7 @@ json_t *job_fetch_json(const struct job_fetch *f)
 
     if (f->video)
         json_object_set_new(out, "video", json_text(f->video));
+    if (f->preview)
+        json_object_set(out, "preview", f->preview);
     return out;
 }

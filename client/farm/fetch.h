@@ -14,6 +14,12 @@
 /* An 8 GiB output is 26,000 pixels square in 32-bit floats, far above what a job may have. */
 #define FETCH_BYTES_MAX ((uint64_t)8 << 30)
 
+/* What a preview shows; zeros: the coordinator did not say it. */
+struct preview_shows {
+    double covered; /* the share of its tiles that have samples, 0..1 */
+    double samples; /* of a pixel, the mean */
+};
+
 /* Append one output file to `data`. */
 status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
                     Azulejo__Wire__OutputKind kind, struct buffer *data, struct error *err) MUST_CHECK;
@@ -38,6 +44,7 @@ struct job_fetch {
     const char *video;   /* a video of the pictures that are there; NULL: none */
     int json;            /* fill `files` and `missing` instead of printing a line for each file */
     json_t *files, *missing;
+    json_t *preview;     /* what job_fetch_preview brought */
     size_t fetched, failed, not_rendered; /* files that are here; files; frames */
     size_t unchanged;    /* of the files that are here, those that were there already */
     struct claim claim;  /* made when the first file has arrived */
@@ -75,9 +82,9 @@ int job_frame_listed(const Azulejo__Wire__JobInfo *job, const ProtobufCBinaryDat
 status job_fetch_some(struct job_fetch *f, uint32_t frame, unsigned kinds,
                       struct error *err) MUST_CHECK;
 
-/* One file to `path`. */
-status job_fetch_file(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
-                      const char *path, struct error *err) MUST_CHECK;
+/* A preview to `path`. */
+status job_fetch_preview(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
+                         const char *path, struct error *err) MUST_CHECK;
 
 /* The files of every finished frame, or of those of the list that has any. Files that the coordinator
  * cannot send do not stop the others: ERR_INCOMPLETE at the end, or, if there was no file at all,
@@ -92,7 +99,8 @@ status job_fetch_video(struct job_fetch *f, const struct frame_list *only, struc
 status job_fetch_picture(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
                          struct buffer *data, struct error *err) MUST_CHECK;
 
-/* {"files": [...], "unchanged": 2, "missing": [{"frame": 3, "file": "png", "error": "..."}]}; a new reference. */
+/* {"files": [...], "unchanged": 2, "missing": [{"frame": 3, "file": "png", "error": "..."}]}, and of a preview
+ * "preview": {"frame": 3, "covered": 0.12, "samples": 2, "spp": 64}; a new reference. */
 json_t *job_fetch_json(const struct job_fetch *f);
 
 /* fetch_follow.c: bring the chosen files of a job as they are finished, until it has ended, over as

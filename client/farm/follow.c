@@ -39,14 +39,16 @@ static status watch_through(struct connection **c, uint64_t job, const struct fo
     struct reconnect again = {.where = how->where, .patience_s = how->reconnect_s,
                               .deadline_ns = limit_ns ? clock_monotonic_ns() + limit_ns : 0,
                               .quiet = how->quiet};
+    struct watch_how watch = {.quiet = how->quiet, .named = 1, .workers = how->workers,
+                              .deadline_ns = again.deadline_ns,
+                              .update = how->update, .update_user = how->update_user};
     status result;
 
     again.where.watch = stop_wanted;
     again.where.watch_user = &job;
     connection_set_watch(*c, stop_wanted, &job);
     do {
-        result = watch_job_updates(*c, job, how->quiet, again.deadline_ns, how->update,
-                                   how->update_user, last, err);
+        result = watch_job_as(*c, job, &watch, last, err);
         if (result == STATUS_OK || !reconnect_is_loss(result))
             break;
         if (!again.deadline_ns || clock_monotonic_ns() < again.deadline_ns)

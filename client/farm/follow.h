@@ -15,6 +15,7 @@ struct follow {
     int quiet, json;
     watch_update_fn *update;         /* NULL: none */
     void *update_user;
+    int workers;                     /* also show who renders it */
 };
 
 /* *c is a new connection if the first was lost, and NULL if it could not be replaced.

@@ -207,10 +207,10 @@ static status check_found(const struct filter *f, const struct chosen_jobs *jobs
 
         if (!f->seen[i] && is_number(text))
             return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "there is no job %s ('azulejo list --all' shows which there are)", text);
+                             "there is no job %s ('azulejo list' shows which there are)", text);
         if (!f->seen[i])
             return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "no job is named '%s' ('azulejo list --all' shows which there are)", text);
+                             "no job is named '%s' ('azulejo list' shows which there are)", text);
     }
     if (jobs->count == 0 && f->idle_count > 0)
         return report_idle(f, err);

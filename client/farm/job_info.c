@@ -333,6 +333,8 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "conflicts", json_integer((json_int_t)job->conflicts));
     json_object_set_new(root, "preview_frame", json_integer(job->preview_frame));
     json_object_set_new(root, "preview_ready", json_boolean(job->preview_ready));
+    json_object_set_new(root, "preview_covered", json_number(job->preview_covered));
+    json_object_set_new(root, "queue_position", json_integer(job->queue_position));
     return root;
 }
 

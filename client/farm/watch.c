@@ -27,16 +27,44 @@ static double fraction_of(const Azulejo__Wire__JobInfo *job)
     return (double)job->samples_done / (double)job->samples_total;
 }
 
-static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job)
+/* How long it has been in work, or else since it was submitted. */
+static double elapsed_s(const Azulejo__Wire__JobInfo *job)
+{
+    int64_t now_s = clock_wall_s();
+
+    if (job->seconds_active > 0)
+        return job->seconds_active;
+    return now_s > job->submitted_at ? (double)(now_s - job->submitted_at) : 0;
+}
+
+/* "shot-40  1:07  " */
+static void describe_name(struct buffer *line, const Azulejo__Wire__JobInfo *job)
+{
+    char name[256], number[FORMAT_SIZE];
+
+    buffer_printf(line, "%s  %s  ", message_text(name, sizeof name, job->name),
+                  format_duration(number, elapsed_s(job)));
+}
+
+static void describe_waiting(struct buffer *line, const Azulejo__Wire__JobInfo *job, int named)
+{
+    buffer_puts(line, job_state_name(job->state));
+    if (named && job->queue_position > 0 && job->state == AZULEJO__WIRE__JOB_STATE__JOB_QUEUED)
+        buffer_printf(line, ", number %u in the queue", job->queue_position);
+    if (job->state_text[0])
+        buffer_printf(line, ": %s", job->state_text);
+}
+
+static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job, int named)
 {
     char number[FORMAT_SIZE];
     uint32_t frames = job->last_frame - job->first_frame + 1;
     size_t before;
 
+    if (named)
+        describe_name(line, job);
     if (job->state != AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
-        buffer_puts(line, job_state_name(job->state));
-        if (job->state_text[0])
-            buffer_printf(line, ": %s", job->state_text);
+        describe_waiting(line, job, named);
         return;
     }
     if (frames > 1)
@@ -53,13 +81,48 @@ static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job)
         buffer_printf(line, " (%s)", job->state_text);
 }
 
-static void draw(struct progress *progress, const Azulejo__Wire__JobInfo *job)
+/* A line for each worker: "  node-12, process 4711   32 threads   1.2 M samples/s   96 units". */
+static status describe_workers(struct connection *c, uint64_t job, struct buffer *lines,
+                               struct error *err)
 {
-    struct buffer line = BUFFER_INIT;
+    Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
+    Azulejo__Wire__WorkerQuery query = AZULEJO__WIRE__WORKER_QUERY__INIT;
+    Azulejo__Wire__Envelope *answer = NULL;
+    status s;
 
-    describe(&line, job);
-    progress_draw(progress, fraction_of(job), buffer_text(&line));
+    query.job = job;
+    envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY;
+    envelope.worker_query = &query;
+    s = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST, &answer, err);
+    if (s != STATUS_OK)
+        return s;
+    for (size_t i = 0; i < answer->worker_list->n_workers; i++) {
+        const Azulejo__Wire__WorkerInfo *w = answer->worker_list->workers[i];
+        char host[128], number[FORMAT_SIZE];
+        buffer_printf(lines, "  %s, process %u   %u thread%s   %s samples/s   %u units\n",
+                      message_text(host, sizeof host, w->host), w->process, w->threads,
+                      w->threads == 1 ? "" : "s", format_count(number, w->samples_per_second),
+                      w->units_leased);
+    }
+    message_free(answer);
+    return STATUS_OK;
+}
+
+static status draw(struct connection *c, struct progress *progress,
+                   const Azulejo__Wire__JobInfo *job, const struct watch_how *how,
+                   struct error *err)
+{
+    struct buffer line = BUFFER_INIT, lines = BUFFER_INIT;
+    status s = STATUS_OK;
+
+    describe(&line, job, how->named);
+    if (how->workers && !how->quiet && job->workers > 0)
+        s = describe_workers(c, job->job, &lines, err);
+    if (s == STATUS_OK)
+        progress_draw_lines(progress, fraction_of(job), buffer_text(&line), buffer_text(&lines));
+    buffer_release(&lines);
     buffer_release(&line);
+    return s;
 }
 
 static status start_watching(struct connection *c, uint64_t job, int terminal, uint64_t *request,
@@ -80,12 +143,13 @@ static status start_watching(struct connection *c, uint64_t job, int terminal, u
 status watch_job(struct connection *c, uint64_t job, int quiet, uint64_t deadline_ns,
                  Azulejo__Wire__Envelope **last, struct error *err)
 {
-    return watch_job_updates(c, job, quiet, deadline_ns, NULL, NULL, last, err);
+    struct watch_how how = {.quiet = quiet, .deadline_ns = deadline_ns};
+
+    return watch_job_as(c, job, &how, last, err);
 }
 
-status watch_job_updates(struct connection *c, uint64_t job, int quiet, uint64_t deadline_ns,
-                         watch_update_fn *update, void *user, Azulejo__Wire__Envelope **last,
-                         struct error *err)
+status watch_job_as(struct connection *c, uint64_t job, const struct watch_how *how,
+                    Azulejo__Wire__Envelope **last, struct error *err)
 {
     Azulejo__Wire__Envelope *message = NULL;
     const Azulejo__Wire__JobInfo *info;
@@ -94,7 +158,7 @@ status watch_job_updates(struct connection *c, uint64_t job, int quiet, uint64_t
     status result;
 
     *last = NULL;
-    progress_init(&progress, quiet);
+    progress_init(&progress, how->quiet);
     result = start_watching(c, job, progress.terminal, &request, err);
     while (result == STATUS_OK) {
         result = connection_receive(c, request, &message, err);
@@ -108,9 +172,9 @@ status watch_job_updates(struct connection *c, uint64_t job, int quiet, uint64_t
                                "the coordinator has no job %" PRIu64 " any more", job);
             break;
         }
-        if (update) {
+        if (how->update) {
             progress_clear(&progress); /* it may print */
-            result = update(user, c, info, err);
+            result = how->update(how->update_user, c, info, err);
             if (result != STATUS_OK)
                 break;
         }
@@ -119,10 +183,10 @@ status watch_job_updates(struct connection *c, uint64_t job, int quiet, uint64_t
             message = NULL;
             break;
         }
-        draw(&progress, info);
+        result = draw(c, &progress, info, how, err);
         message_free(message);
         message = NULL;
-        if (deadline_ns && clock_monotonic_ns() >= deadline_ns)
+        if (result == STATUS_OK && how->deadline_ns && clock_monotonic_ns() >= how->deadline_ns)
             result = error_set(err, STATUS_ERR_TIMEOUT, "job %" PRIu64 " has not ended in time",
                                job);
     }

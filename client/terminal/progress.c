@@ -57,7 +57,38 @@ static void draw_in_place(struct progress *p, double fraction, const char *text)
     p->drawn = 1;
 }
 
+/* Draw below the line, and go back up to it. */
+static void draw_below(struct progress *p, const char *lines)
+{
+    size_t width = terminal_columns(STDERR_FILENO) - 1, rows = terminal_rows(STDERR_FILENO);
+    size_t room = rows > 2 ? rows - 2 : 0, count = 0, hidden = 0;
+    char line[LINE_MAX_BYTES];
+
+    for (const char *end; (end = strchr(lines, '\n')); lines = end + 1) {
+        if (count == room) {
+            hidden++;
+            continue;
+        }
+        snprintf(line, sizeof line, "%.*s", (int)(end - lines), lines);
+        text_cut(line, width);
+        fprintf(stderr, "\n\r\033[K%s", line);
+        count++;
+    }
+    if (hidden && count > 0)
+        fprintf(stderr, "\r\033[K... and %zu more", hidden + 1);
+    fputs("\033[J", stderr);
+    if (count > 0)
+        fprintf(stderr, "\033[%zuA\r", count);
+    fflush(stderr);
+    p->below = count;
+}
+
 void progress_draw(struct progress *p, double fraction, const char *text)
+{
+    progress_draw_lines(p, fraction, text, "");
+}
+
+void progress_draw_lines(struct progress *p, double fraction, const char *text, const char *lines)
 {
     uint64_t now = clock_monotonic_ns();
     char line[LINE_MAX_BYTES];
@@ -68,6 +99,8 @@ void progress_draw(struct progress *p, double fraction, const char *text)
         fraction = 1;
     if (p->terminal) {
         draw_in_place(p, fraction, text);
+        if (p->below > 0 || lines[0])
+            draw_below(p, lines);
         return;
     }
     if (p->last_ns == 0) {
@@ -82,13 +115,18 @@ void progress_draw(struct progress *p, double fraction, const char *text)
         fprintf(stderr, "%3d%%  %s\n", (int)(fraction * 100), line);
     else
         fprintf(stderr, "%s\n", line);
+    for (const char *end; (end = strchr(lines, '\n')); lines = end + 1) {
+        snprintf(line, sizeof line, "%.*s", (int)(end - lines), lines);
+        fprintf(stderr, "%s\n", line);
+    }
 }
 
 void progress_clear(struct progress *p)
 {
     if (p->drawn) {
-        fputs("\r\033[K", stderr);
+        fputs(p->below ? "\r\033[J" : "\r\033[K", stderr);
         fflush(stderr);
     }
     p->drawn = 0;
+    p->below = 0;
 }

@@ -11,7 +11,7 @@
 #include "protocol/message.h"
 
 #define CUT_MARK ".."
-enum { CUT_MIN = 8, COLUMNS_DEFAULT = 80 };
+enum { CUT_MIN = 8, COLUMNS_DEFAULT = 80, ROWS_DEFAULT = 24 };
 
 void table_init(struct table *t, const char *const *titles, size_t column_count)
 {
@@ -61,6 +61,17 @@ size_t terminal_columns(int fd)
     if (ioctl(fd, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
         return size.ws_col;
     return named > 0 && named < 10000 ? (size_t)named : COLUMNS_DEFAULT;
+}
+
+size_t terminal_rows(int fd)
+{
+    struct winsize size;
+    const char *lines = getenv("LINES");
+    long named = lines ? strtol(lines, NULL, 10) : 0;
+
+    if (ioctl(fd, TIOCGWINSZ, &size) == 0 && size.ws_row > 0)
+        return size.ws_row;
+    return named > 0 && named < 10000 ? (size_t)named : ROWS_DEFAULT;
 }
 
 void table_add(struct table *t, const char *format, ...)

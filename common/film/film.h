@@ -124,6 +124,8 @@ struct film_coverage {
     uint32_t tiles, tiles_empty; /* all; those without any sample, which develop to black */
 };
 struct film_coverage film_coverage(const struct film *film);
+/* The share of the tiles that have samples, 0..1. */
+double film_covered_share(const struct film *film);
 
 /* ---- developing (film_develop.c) ---- */
 

@@ -197,6 +197,11 @@ int film_level_is_complete(const struct film *film, uint32_t group, uint32_t lev
     return film->at_level[group][level] == film->tiles_total;
 }
 
+double film_covered_share(const struct film *film)
+{
+    return (double)film->tiles_started / (double)film->tiles_total;
+}
+
 struct film_coverage film_coverage(const struct film *film)
 {
     struct film_coverage c = {.samples = film->samples, .least = UINT32_MAX,

@@ -153,6 +153,13 @@ struct picture_options {
     int bits;    /* of a PNG's channel: 8 (0 too) or 16 */
     int plain;   /* round instead of dithering */
     int quality; /* of a JPEG, 1..100; 0: JPEG_QUALITY_DEFAULT */
+    int fast;    /* a PNG is made several times faster, and is larger; the same pixels */
+    /* Texts of a PNG (tEXt): Latin-1, keywords of 1 to 79 characters. */
+    const struct picture_text *texts;
+    size_t text_count;
+};
+struct picture_text {
+    const char *keyword, *text;
 };
 enum { JPEG_QUALITY_DEFAULT = 92 };
 

@@ -14,6 +14,7 @@ enum {
     PNG_TEXT_CHUNKS_MAX = 64,
     PNG_CHUNK_BYTES_MAX = 8 << 20, /* of ancillary chunks: profiles, texts */
     PNG_DEFLATE_LEVEL = 6,
+    PNG_DEFLATE_LEVEL_FAST = 1,
 };
 #define PNG_BLOCK_BYTES_MAX ((size_t)1 << 30)
 #define DEFLATE_EXPANSION_MAX 1100.0 /* a byte of deflate becomes at most 1032 */
@@ -185,7 +186,9 @@ struct png_rows {
     uint32_t width, height, channels;
     int bits, is_srgb; /* is_srgb: an sRGB chunk says so */
     const void *source;
-    int plain;
+    int plain, fast;
+    const struct picture_text *texts;
+    size_t text_count;
     void (*fill)(const struct png_rows *rows, uint32_t y, uint8_t *row);
 };
 
@@ -249,6 +252,18 @@ static void fill_bytes(const struct png_rows *rows, uint32_t y, uint8_t *row)
     }
 }
 
+/* libpng copies the texts. */
+static void add_texts(png_structp png, png_infop info, const struct png_rows *rows)
+{
+    for (size_t i = 0; i < rows->text_count; i++) {
+        png_text text = {.compression = PNG_TEXT_COMPRESSION_NONE,
+                         .key = (char *)rows->texts[i].keyword,
+                         .text = (char *)rows->texts[i].text,
+                         .text_length = strlen(rows->texts[i].text)};
+        png_set_text(png, info, &text, 1);
+    }
+}
+
 /* Everything that may longjmp. */
 static status write_png(png_structp png, png_infop info, struct png_stream *stream,
                         const struct png_rows *rows, uint8_t *row, struct error *err)
@@ -262,12 +277,13 @@ static status write_png(png_structp png, png_infop info, struct png_stream *stre
                    : error_no_memory(err, "a PNG");
     png_set_user_limits(png, IMAGE_SIDE_MAX, IMAGE_SIDE_MAX);
     png_set_write_fn(png, stream, png_write_bytes, png_flush_nothing);
-    png_set_compression_level(png, PNG_DEFLATE_LEVEL);
-    png_set_filter(png, 0, PNG_ALL_FILTERS);
+    png_set_compression_level(png, rows->fast ? PNG_DEFLATE_LEVEL_FAST : PNG_DEFLATE_LEVEL);
+    png_set_filter(png, 0, rows->fast ? PNG_FILTER_SUB : PNG_ALL_FILTERS);
     png_set_IHDR(png, info, rows->width, rows->height, rows->bits, kinds[rows->channels],
                  PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     if (rows->is_srgb)
         png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+    add_texts(png, info, rows);
     png_write_info(png, info);
     for (uint32_t y = 0; y < rows->height; y++) {
         rows->fill(rows, y, row);
@@ -314,6 +330,9 @@ status png_encode_as(struct buffer *out, const struct image *image,
                                   .bits = how->bits == 16 ? 16 : 8,
                                   .is_srgb = 1,
                                   .plain = how->plain,
+                                  .fast = how->fast,
+                                  .texts = how->texts,
+                                  .text_count = how->text_count,
                                   .source = image,
                                   .fill = image->channels < 4 ? fill_picture : fill_picture_alpha};
 

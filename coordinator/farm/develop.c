@@ -5,6 +5,7 @@
 #include "common/accuracy/schedule.h"
 #include "common/base/memory.h"
 #include "common/scene/manifest.h"
+#include "coordinator/farm/fill.h"
 
 static status take_schedule(struct development *d, struct error *err)
 {
@@ -112,6 +113,30 @@ status develop_with_alpha(struct image *out, const struct image *image, const fl
     return s;
 }
 
+/* Note which tiles have no samples, if there are any. */
+static status take_holes(struct development *d, struct error *err)
+{
+    if (film_covered(d->film))
+        return STATUS_OK;
+    d->there = mem_alloc(film_tile_count(d->film));
+    if (!d->there)
+        return error_no_memory(err, "a preview");
+    for (uint32_t i = 0; i < film_tile_count(d->film); i++)
+        d->there[i] = film_tile_samples(d->film, i) > 0;
+    return STATUS_OK;
+}
+
+static status fill_holes(struct development *d, struct error *err)
+{
+    status s = d->there ? fill_tiles(&d->image, d->there, err) : STATUS_OK;
+
+    if (s == STATUS_OK) {
+        mem_free(d->there);
+        d->there = NULL;
+    }
+    return s;
+}
+
 status development_new_frame(struct development **out, const struct job_frame *frame,
                              struct error *err)
 {
@@ -146,8 +171,11 @@ status development_new_preview(struct development **out, const struct job_frame 
     status s = development_new(out, frame->job, frame->number, frame, err);
 
     if (s == STATUS_OK)
+        s = take_holes(*out, err);
+    if (s == STATUS_OK)
         s = take_pixels(*out, err);
     if (s == STATUS_OK) {
+        (*out)->is_preview = 1;
         (*out)->film = NULL; /* a copy, because the film keeps changing */
         if (history_last(&frame->history))
             (*out)->point = *history_last(&frame->history);
@@ -169,6 +197,7 @@ void development_free(struct development *development)
     scene_release(&development->description);
     mem_free(development->tile_errors);
     mem_free(development->alpha);
+    mem_free(development->there);
     mem_free(development);
 }
 
@@ -188,6 +217,8 @@ status develop_encode(struct development *d, const struct store *store, struct b
     struct toning t;
     status s = take_pixels(d, err);
 
+    if (s == STATUS_OK)
+        s = fill_holes(d, err);
     if (s == STATUS_OK && exr)
         s = d->film ? development_find_figures(d, store, err) : development_describe(d, store, err);
     if (s == STATUS_OK && exr)

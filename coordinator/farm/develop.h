@@ -54,7 +54,8 @@ status develop_manifest(struct development *development, const struct store *sto
 
 /* The files' bytes, for previews and for tests; either buffer may be NULL. `store` may be NULL when
  * the tone mapping needs no file. A preview has no AOVs and averages no statistics, because earlier
- * frames may not be done. */
+ * frames may not be done. Its tiles without samples are filled from those around them (fill.h); its
+ * header says which share has samples: azulejo:covered, 0..1. */
 status develop_encode(struct development *development, const struct store *store,
                       struct buffer *exr, struct buffer *png, struct error *err) MUST_CHECK;
 

@@ -54,6 +54,9 @@ status develop_encode_display(const struct development *d, const struct toning *
                              struct buffer *png, struct buffer *jpg, struct error *err)
 {
     struct image display = {0};
+    struct picture_options how = d->output.picture;
+    char covered[16], samples[32];
+    const struct picture_text texts[] = {{"azulejo:covered", covered}, {"azulejo:samplesMean", samples}};
     status s;
 
     if (d->alpha && png) {
@@ -63,8 +66,15 @@ status develop_encode_display(const struct development *d, const struct toning *
         png = NULL;
     }
     s = tonemap_apply(&display, &d->image, t->settings, &t->context, err);
+    if (d->is_preview) {
+        snprintf(covered, sizeof covered, "%.4f", development_covered(d));
+        snprintf(samples, sizeof samples, "%.2f", development_mean_samples(d));
+        how.fast = 1;
+        how.texts = texts;
+        how.text_count = sizeof texts / sizeof *texts;
+    }
     if (s == STATUS_OK && png)
-        s = png_encode_as(png, &display, &d->output.picture, err);
+        s = png_encode_as(png, &display, &how, err);
     if (s == STATUS_OK && jpg)
         s = jpeg_encode(jpg, &display, &d->output.picture, err);
     image_release(&display);

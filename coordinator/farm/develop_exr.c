@@ -46,6 +46,8 @@ static void add_samples(struct attributes *a, const struct development *d)
     add_number(a, "azulejo:samplesMean", development_mean_samples(d));
     add_number(a, "azulejo:samplesMax", d->coverage.most);
     add_number(a, "azulejo:tilesWithoutSamples", d->coverage.tiles_empty);
+    if (d->is_preview)
+        add_number(a, "azulejo:covered", development_covered(d));
 }
 
 /* What the film contains, and what went wrong in it: the same on every farm. */

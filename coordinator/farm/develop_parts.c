@@ -11,6 +11,11 @@ double development_mean_samples(const struct development *d)
     return (double)d->coverage.samples / ((double)d->settings.width * d->settings.height);
 }
 
+double development_covered(const struct development *d)
+{
+    return 1 - (double)d->coverage.tiles_empty / (double)d->coverage.tiles;
+}
+
 int development_is_full(const struct development *d)
 {
     return d->coverage.least == d->settings.spp;

@@ -33,10 +33,13 @@ struct development {
     struct work_stats stats;
     struct buffer schedule;  /* text (common/accuracy/schedule.h); empty: the rules alone reproduce
                                 the picture */
+    int is_preview;
     const struct film *film; /* NULL: `image` holds a copy, and there are no AOVs */
     int taken;               /* `image` holds the film's means */
     struct image image;
     float *alpha;            /* [pixels], for AOV_ALPHA, by which the image is multiplied; else NULL */
+    uint8_t *there;          /* of a preview: which tiles have samples; the others are to be filled; NULL: nothing
+                                to fill */
     int looked, described;   /* `description` was read; it is the job's scene */
     struct scene description;
 };
@@ -57,6 +60,7 @@ uint64_t development_effects(const struct development *d);
 /* The command that renders the frame again, in the folder of its scene. */
 void develop_command(const struct development *d, struct buffer *out);
 double development_mean_samples(const struct development *d); /* of a pixel */
+double development_covered(const struct development *d); /* the share of its tiles that have samples */
 int development_is_full(const struct development *d);  /* every pixel has all samples */
 int development_is_whole(const struct development *d); /* it ended by its rules, not by a limit or a
                                                           cancel */

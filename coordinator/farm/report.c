@@ -25,11 +25,11 @@ static int is_unsaved(const struct farm *farm, const struct job *job)
 }
 
 /* The reason why an active job makes no progress at the moment; empty if there is none. */
-static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job)
+static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job,
+                         size_t before)
 {
     char why[256] = "";
     uint32_t able = 0;
-    size_t before = queue_position(&farm->queue, job);
 
     out[0] = 0;
     if (job->state == JOB_STATE_PARKED || job->state == JOB_STATE_PAUSED) {
@@ -115,9 +115,11 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     if (first) {
         info->preview_frame = first->number;
         info->preview_ready = film_covered(first->film);
+        info->preview_covered = film_covered_share(first->film);
     } else {
         info->preview_frame = job->state == JOB_STATE_DONE ? job->last_frame : job->first_frame;
         info->preview_ready = job->state == JOB_STATE_DONE && job->output.png;
+        info->preview_covered = job->state == JOB_STATE_DONE;
     }
     info->samples_per_second =
         !job_state_is_open(job->state) ? 0 : rate_per_second(&job->rate, now_ns);
@@ -268,10 +270,13 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     stats.trace_ns = job->stats.trace_ns;
     report->stats = stats;
     report_work(report, job);
-    if (job_state_ended(job->state))
+    if (job_state_ended(job->state)) {
         explain_end(report->state_text, sizeof report->state_text, farm, job);
-    else
-        explain_wait(report->state_text, sizeof report->state_text, farm, job);
+    } else {
+        size_t before = queue_position(&farm->queue, job);
+        explain_wait(report->state_text, sizeof report->state_text, farm, job, before);
+        info.queue_position = (uint32_t)before + 1;
+    }
 
     info.job = job->id;
     info.name = job->name;

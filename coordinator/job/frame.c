@@ -5,6 +5,7 @@
 
 #include "common/base/memory.h"
 #include "common/tonemap/tonemap.h"
+#include "coordinator/job/spread.h"
 
 enum { BUCKETS_MIN = 64, BUCKETS_MAX = 1 << 16 };
 
@@ -24,15 +25,17 @@ struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width
     frame->bucket_mask = buckets - 1;
     frame->film = film_new_aovs(width, height, spp, aovs);
     frame->buckets = mem_calloc(buckets, sizeof(struct unit *));
+    frame->spread = mem_alloc_array(tiles, sizeof *frame->spread);
     frame->durable = mem_calloc(tiles, sizeof *frame->durable);
     frame->slot = mem_calloc(tiles, 1);
     frame->dirty_mark = mem_calloc(tiles, 1);
     frame->dirty = mem_calloc(tiles, sizeof *frame->dirty);
-    if (!frame->film || !frame->buckets || !frame->durable || !frame->slot ||
+    if (!frame->film || !frame->buckets || !frame->spread || !frame->durable || !frame->slot ||
         !frame->dirty_mark || !frame->dirty) {
         job_frame_free(frame);
         return NULL;
     }
+    spread_order(width, height, frame->spread);
     frame->file = file;
     return frame;
 }
@@ -57,6 +60,8 @@ void job_frame_free(struct job_frame *frame)
     }
     film_file_close(frame->file);
     eta_release(&frame->eta);
+    for (int kind = 0; kind < PREVIEW_KINDS; kind++)
+        preview_release(&frame->previews[kind]);
     for (uint32_t g = 0; g < GROUPS; g++)
         tonemap_pixels_free(frame->display[g]);
     rounds_release(&frame->rounds);
@@ -65,6 +70,7 @@ void job_frame_free(struct job_frame *frame)
     mem_free(frame->dirty_mark);
     mem_free(frame->slot);
     mem_free(frame->durable);
+    mem_free(frame->spread);
     mem_free(frame->buckets);
     mem_free(frame->returned);
     film_free(frame->film);
@@ -93,11 +99,32 @@ uint64_t job_frame_cpu_ns(const struct job_frame *frame)
 
 /* ---- the pool of units that no lease holds --------------------------------------------------- */
 
-static int name_before(struct unit_name a, struct unit_name b)
+/* Are the tiles of this pass lent in the order of spread.h? Of the others neighbours are lent
+ * together. */
+static int is_spread(struct unit_name name)
+{
+    return name.pass == 0 && name.group == 0;
+}
+
+static struct unit_name unit_at(const struct job_frame *frame, struct unit_name cursor)
+{
+    if (is_spread(cursor))
+        cursor.tile = frame->spread[cursor.tile];
+    return cursor;
+}
+
+static uint32_t rank_in_pass(const struct job_frame *frame, struct unit_name name)
+{
+    return is_spread(name) ? spread_rank(film_width(frame->film), film_height(frame->film), name.tile)
+                           : name.tile;
+}
+
+static int name_before(const struct job_frame *frame, struct unit_name a, struct unit_name b)
 {
     if (a.pass != b.pass)
         return a.pass < b.pass;
-    return a.group != b.group ? a.group < b.group : a.tile < b.tile;
+    return a.group != b.group ? a.group < b.group
+                              : rank_in_pass(frame, a) < rank_in_pass(frame, b);
 }
 
 void job_frame_wish(struct job_frame *frame)
@@ -116,7 +143,7 @@ void job_frame_return(struct job_frame *frame, struct unit_name name)
         return;
     }
     frame->returned_count++;
-    while (i > 0 && name_before(name, frame->returned[(i - 1) / 2])) {
+    while (i > 0 && name_before(frame, name, frame->returned[(i - 1) / 2])) {
         frame->returned[i] = frame->returned[(i - 1) / 2];
         i = (i - 1) / 2;
     }
@@ -133,9 +160,9 @@ static struct unit_name returned_pop(struct job_frame *frame)
         size_t child = 2 * i + 1;
         if (child >= count)
             break;
-        if (child + 1 < count && name_before(heap[child + 1], heap[child]))
+        if (child + 1 < count && name_before(frame, heap[child + 1], heap[child]))
             child++;
-        if (!name_before(heap[child], last))
+        if (!name_before(frame, heap[child], last))
             break;
         heap[i] = heap[child];
         i = child;
@@ -177,7 +204,7 @@ int job_frame_take(struct job_frame *frame, struct unit_name *out)
             return 1;
     }
     while (frame->cursor_left > 0) {
-        *out = frame->cursor;
+        *out = unit_at(frame, frame->cursor);
         if (!is_wanted(frame, *out)) {
             cursor_advance(frame, &frame->cursor);
             continue;
@@ -203,7 +230,7 @@ int job_frame_take_early(struct job_frame *frame, struct unit_name *out)
         most = ahead[g] > most ? ahead[g] : most;
     }
     while (frame->early.pass < most) {
-        *out = frame->early;
+        *out = unit_at(frame, frame->early);
         cursor_advance(frame, &frame->early);
         if (out->pass < ahead[out->group] && !is_wanted(frame, *out) && unit_is_free(frame, *out))
             return 1;

@@ -6,8 +6,9 @@
  *   any --job ends or is parked--> closed, as soon as no commit or develop is in flight
  * job_frame_set_state is the only function that changes it.
  *
- * Units are granted in the order (pass, group, tile), so that a preview covers the frame early, as
- * far as the film wants them: first those that workers returned (`returned`), then from the cursor
+ * Units are granted in the order (pass, group, tile), and the first pass of group 0 with its tiles
+ * spread over the frame (spread.h), so that a preview shows the whole frame early, as far as the
+ * film wants them: first those that workers returned (`returned`), then from the cursor
  * on. When these are lent, units of the next round can be lent early (job_frame_take_early); their
  * results wait in the film.
  *
@@ -28,6 +29,7 @@
 #include "common/film/film.h"
 #include "coordinator/job/eta.h"
 #include "coordinator/job/history.h"
+#include "coordinator/job/preview.h"
 #include "coordinator/job/queue.h"
 #include "coordinator/job/rounds.h"
 #include "coordinator/film/store_film.h"
@@ -83,7 +85,8 @@ struct job_frame {
     uint64_t begun_ns;           /* monotonic: its first lease of this run; 0: none yet */
     struct frame_clock clock;    /* of earlier runs */
 
-    struct unit_name cursor;
+    uint32_t *spread;            /* [tiles] the order of the first pass of group 0 */
+    struct unit_name cursor;     /* `tile` counts in the order of the pass */
     uint64_t cursor_left;        /* units from the cursor on */
     struct unit_name early;      /* the same of units that are lent early */
     struct unit_name *returned;  /* a binary heap, earliest unit first */
@@ -104,6 +107,7 @@ struct job_frame {
     struct tonemap_pixels *display[GROUPS]; /* how its pixels are shown; NULL: not frozen (freeze.h) */
     int freezing[GROUPS];        /* a measurement for that is on its way */
     struct work_stats stats;     /* measured of the results merged in this run */
+    struct preview previews[PREVIEW_KINDS];
     struct eta eta;
     struct history history;
     struct history_point spent;  /* its clock, samples and rays when figures_spend was called last */

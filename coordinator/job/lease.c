@@ -94,6 +94,7 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame,
     lease->epoch = ++table->epoch;
     lease->granted_ns = now_ns;
     lease->deadline_ns = now_ns + table->duration_ns;
+    holder->job = frame->job->id;
     bucket = &table->buckets[lease->id % LEASE_BUCKETS];
     lease->chain = *bucket;
     *bucket = lease;

@@ -27,6 +27,7 @@ struct lease_holder {
     uint32_t leases, units;
     uint64_t samples;            /* pixel samples of the units */
     uint64_t counted;            /* the report's: the last round that met it */
+    uint64_t job;                /* of the newest lease */
 };
 
 struct lease {

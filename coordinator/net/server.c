@@ -10,6 +10,7 @@
 #include "common/math/elementary.h"
 #include "coordinator/net/farm_tasks.h"
 #include "coordinator/farm/merge.h"
+#include "coordinator/net/previews.h"
 #include "coordinator/net/session_table.h"
 
 /* ---- what the farm asks for ----------------------------------------------------------------- */
@@ -156,6 +157,7 @@ static void on_tick(uv_timer_t *timer)
     farm_tick(&server->farm, now_ns);
     if (server->state == SERVER_LISTENING)
         collector_tick(server, now_ns);
+    previews_tick(server, now_ns);
     for (struct session *s = server->sessions, *next; s; s = next) {
         next = s->next;
         session_tick(s, now_ns);

@@ -42,6 +42,16 @@ static size_t select_jobs(const struct queue *queue, const Azulejo__Wire__JobQue
     return count;
 }
 
+/* The first jobs in the order of service. */
+static size_t select_first(const struct queue *queue, uint32_t most, struct job *out[JOB_LIST_MAX])
+{
+    size_t count = most < JOB_LIST_MAX ? most : JOB_LIST_MAX;
+
+    count = count < queue->active_count ? count : queue->active_count;
+    memcpy(out, queue->active, count * sizeof *out);
+    return count;
+}
+
 /* The frames for which `is` holds, as bits; `bits` has room for SETTINGS_FRAMES_MAX. */
 static void list_frames(const struct job *job, int (*is)(const struct job *job, uint32_t frame),
                         uint8_t *bits, ProtobufCBinaryData *out)
@@ -67,9 +77,12 @@ static void list_single(const struct job *job, Azulejo__Wire__JobInfo *info)
     list_frames(job, job_frame_is_developed, bits[DEVELOPED], &info->developed);
 }
 
+/* `states`: also how many jobs the farm has in each. */
 static status send_list(struct session *session, uint64_t request, struct job *const *jobs,
-                        size_t count, uint64_t older, uint64_t now_ns, struct error *err)
+                        size_t count, uint64_t older, int states, uint64_t now_ns,
+                        struct error *err)
 {
+    uint32_t in_state[JOB_STATE_COUNT] = {0};
     struct job_report *reports = mem_alloc_array(count, sizeof *reports);
     Azulejo__Wire__JobInfo **pointers = mem_alloc_array(count, sizeof(Azulejo__Wire__JobInfo *));
     Azulejo__Wire__JobList list = AZULEJO__WIRE__JOB_LIST__INIT;
@@ -86,6 +99,10 @@ static status send_list(struct session *session, uint64_t request, struct job *c
         list.n_jobs = count;
         list.jobs = pointers;
         list.older = older;
+        for (size_t i = 0; states && i < session->server->farm.queue.count; i++)
+            in_state[session->server->farm.queue.all[i]->state]++;
+        list.n_states = states ? JOB_STATE_COUNT : 0;
+        list.states = in_state;
         session_reply(session, request, &envelope);
     }
     mem_free(pointers);
@@ -103,9 +120,13 @@ static status send_jobs(struct session *session, uint64_t request, struct job *o
     size_t count;
 
     if (only)
-        return send_list(session, request, &only, 1, 0, now_ns, err);
+        return send_list(session, request, &only, 1, 0, 0, now_ns, err);
+    if (query && query->first) {
+        count = select_first(&session->server->farm.queue, query->first, jobs);
+        return send_list(session, request, jobs, count, 0, 1, now_ns, err);
+    }
     count = select_jobs(&session->server->farm.queue, query ? query : &any, jobs, &older);
-    return send_list(session, request, jobs, count, older, now_ns, err);
+    return send_list(session, request, jobs, count, older, 0, now_ns, err);
 }
 
 static status query(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -256,6 +277,7 @@ static void fill_worker(Azulejo__Wire__WorkerInfo *info, struct session *s, uint
     info->samples_per_second = rate_per_second(&s->worker->rate, now_ns);
     info->connected_s = (now_ns - s->begun_ns) / NS_PER_SECOND;
     info->note = s->worker->note;
+    info->job = s->worker->held.units ? s->worker->held.job : 0;
 }
 
 static status list_workers(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -263,6 +285,7 @@ static status list_workers(struct session *session, const Azulejo__Wire__Envelop
 {
     struct server *server = session->server;
     size_t room = server->farm.worker_count, count = 0;
+    uint64_t job = message->worker_query->job;
     Azulejo__Wire__WorkerInfo *infos = mem_alloc_array(room, sizeof *infos);
     Azulejo__Wire__WorkerInfo **pointers =
         mem_alloc_array(room, sizeof(Azulejo__Wire__WorkerInfo *));
@@ -273,7 +296,8 @@ static status list_workers(struct session *session, const Azulejo__Wire__Envelop
     if (s == STATUS_OK) {
         for (struct session *other = server->sessions; other && count < room; other = other->next) {
             Azulejo__Wire__WorkerInfo info = AZULEJO__WIRE__WORKER_INFO__INIT;
-            if (!other->worker)
+            if (!other->worker ||
+                (job && (other->worker->held.units == 0 || other->worker->held.job != job)))
                 continue;
             infos[count] = info;
             fill_worker(&infos[count], other, now_ns);

@@ -4,14 +4,16 @@
 #include "common/base/file.h"
 #include "common/scene/manifest.h"
 #include "coordinator/job/wire.h"
+#include "coordinator/net/previews.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_messages.h"
 #include "coordinator/net/session_tasks.h"
 #include "protocol/message.h"
 
+/* `shows`: it is sent as a preview; NULL: it is not. */
 static status send_file(struct session *session, const struct job *job,
                         const Azulejo__Wire__OutputGet *message, const char *extension,
-                        uint64_t request, struct error *err)
+                        uint64_t request, const struct transfer_preview *shows, struct error *err)
 {
     struct buffer path = BUFFER_INIT;
     struct digest have;
@@ -31,6 +33,8 @@ static status send_file(struct session *session, const struct job *job,
                       job->id, frame, extension);
     else if (message->have.len)
         session_task_output(session, request, buffer_text(&path), &have);
+    else if (shows)
+        s = transfer_file_preview(&session->transfers, request, buffer_text(&path), shows, err);
     else
         s = transfer_file(&session->transfers, request, NULL, buffer_text(&path), err);
     buffer_release(&path);
@@ -74,7 +78,22 @@ static status send_picture(struct session *session, const struct job *job,
                          "moment",
                          job->id, message->frame, trouble_is(&job->pictures) ? ": " : "",
                          job->pictures.text);
-    return send_file(session, job, message, extension, request, err);
+    return send_file(session, job, message, extension, request, NULL, err);
+}
+
+/* What the picture of a finished frame shows. */
+static struct transfer_preview finished_shows(const struct job *job, uint32_t number)
+{
+    struct transfer_preview shows = {.covered = 1, .samples = job->settings.spp};
+
+    for (size_t i = 0; i < job->cut_count; i++) {
+        const struct film_coverage *c = &job->cuts[i].coverage;
+        if (job->cuts[i].frame != number || c->tiles == 0)
+            continue;
+        shows.covered = 1 - (double)c->tiles_empty / c->tiles;
+        shows.samples = (double)c->samples / ((double)job->settings.width * job->settings.height);
+    }
+    return shows;
 }
 
 /* The frame so far; its file if the frame is finished. */
@@ -87,16 +106,22 @@ static status send_preview(struct session *session, const struct job *job,
     struct job_frame *frame = farm_frame_find(job, number);
 
     if (job_frame_is_done(job, number)) {
+        struct transfer_preview shows = finished_shows(job, number);
         if (linear ? job->output.exr : job->output.png && job_frame_is_developed(job, number))
-            return send_file(session, job, message, linear ? "exr" : "png", request, err);
+            return send_file(session, job, message, linear ? "exr" : "png", request, &shows, err);
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 ", frame %u is finished: fetch its files without --preview",
                          job->id, number);
     }
+    if (!frame && !job_state_is_open(job->state))
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 " is %s: frames in work have previews only while it runs%s",
+                         job->id, job_state_word(job->state),
+                         job_state_ended(job->state) ? "" : " ('azulejo resume' continues it)");
     if (!frame || film_samples(frame->film) == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet",
                          job->id, number);
-    session_task_preview(session, request, frame, linear);
+    previews_ask(session, request, frame, linear ? PREVIEW_EXR : PREVIEW_PNG);
     return STATUS_OK;
 }
 
@@ -117,7 +142,7 @@ static status send_output(struct session *session, const struct job *job,
         return send_picture(session, job, message, request, err);
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON:
         s = check_done(job, number, err);
-        return s == STATUS_OK ? send_file(session, job, message, MANIFEST_EXTENSION, request, err)
+        return s == STATUS_OK ? send_file(session, job, message, MANIFEST_EXTENSION, request, NULL, err)
                               : s;
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR:

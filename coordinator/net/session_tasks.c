@@ -1,11 +1,8 @@
-/* session_tasks: the sessions' work outside the loop's thread: previews, uploads, jobs. */
+/* session_tasks: the sessions' work outside the loop's thread: uploads, jobs. */
 #include "coordinator/net/session_tasks.h"
-
-#include <stdio.h>
 
 #include "common/base/log.h"
 #include "common/base/memory.h"
-#include "coordinator/farm/develop.h"
 #include "coordinator/farm/extend.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_audit.h"
@@ -40,79 +37,6 @@ static struct session *request_session(const struct request_task *r)
     struct session *session = session_find(r->task.server, r->session);
 
     return session && session->state == SESSION_OPEN ? session : NULL;
-}
-
-/* ---- previews ------------------------------------------------------------------------------- */
-
-struct preview_task {
-    struct request_task r;
-    struct development *development;
-    struct buffer picture;
-    int linear; /* an EXR, not a PNG */
-    char name[64];
-};
-
-static void preview_run(struct task *task)
-{
-    struct preview_task *p = (struct preview_task *)task;
-
-    task->result = develop_encode(p->development, task->server->store,
-                                  p->linear ? &p->picture : NULL, p->linear ? NULL : &p->picture,
-                                  &task->error);
-}
-
-static void preview_end(struct task *task)
-{
-    struct preview_task *p = (struct preview_task *)task;
-    struct session *session = request_session(&p->r);
-
-    task->server->previews--;
-    if (!session)
-        return;
-    if (task->result == STATUS_OK)
-        task->result = transfer_bytes(&session->transfers, p->r.request, &p->picture, p->name,
-                                      &task->error);
-    if (task->result != STATUS_OK)
-        session_fail(session, p->r.request, &task->error);
-    transfers_pump(&session->transfers, session->channel);
-}
-
-static void preview_release(struct task *task)
-{
-    struct preview_task *p = (struct preview_task *)task;
-
-    development_free(p->development);
-    buffer_release(&p->picture);
-}
-
-static const struct task_kind preview_kind = {"a preview", sizeof(struct preview_task), preview_run,
-                                              preview_end, preview_release};
-
-void session_task_preview(struct session *session, uint64_t request, const struct job_frame *frame,
-                          int linear)
-{
-    struct server *server = session->server;
-    struct preview_task *p = NULL;
-    struct error err = {0};
-    status s = STATUS_OK;
-
-    if (server->previews >= PREVIEWS_MAX)
-        s = error_set(&err, STATUS_ERR_LIMIT, "%d previews are being made; try again in a second",
-                      PREVIEWS_MAX);
-    else if (!(p = request_new(session, request, &preview_kind, &err)))
-        s = STATUS_ERR_NO_MEMORY;
-    else
-        s = development_new_preview(&p->development, frame, &err);
-    if (s != STATUS_OK) {
-        session_fail(session, request, &err);
-        task_drop(p ? &p->r.task : NULL);
-        return;
-    }
-    p->linear = linear;
-    snprintf(p->name, sizeof p->name, "frame-%04u-preview.%s", frame->number,
-             linear ? "exr" : "png");
-    server->previews++;
-    task_start(&p->r.task);
 }
 
 /* ---- files that the client may have --------------------------------------------------------- */

@@ -8,13 +8,9 @@
 #include "common/base/digest.h"
 
 struct job;
-struct job_frame;
 struct session;
 struct upload;
 
-/* Develop a preview of the frame, an EXR if `linear`, else a PNG, and send it. */
-void session_task_preview(struct session *session, uint64_t request, const struct job_frame *frame,
-                          int linear);
 /* Send the file, unless its digest is `have`: then say that it is unchanged. */
 void session_task_output(struct session *session, uint64_t request, const char *path,
                          const struct digest *have);

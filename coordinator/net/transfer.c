@@ -19,17 +19,18 @@ struct transfer {
     struct digest digest;
     char *path;           /* of the file, or the name to send with bytes */
     int fd;               /* -1: not open yet */
-    struct buffer bytes;  /* when there is no file */
+    struct preview_file *bytes; /* when there is no file */
     int from_file;
     int waited;           /* waits for the store; logged already */
     uint64_t total, offset;
+    struct transfer_preview shows; /* of a preview; otherwise zeros */
 };
 
 static void transfer_free(struct transfer *t)
 {
     if (t->fd >= 0)
         close(t->fd);
-    buffer_release(&t->bytes);
+    preview_file_drop(t->bytes);
     mem_free(t->path);
     mem_free(t);
 }
@@ -82,19 +83,28 @@ status transfer_file(struct transfers *transfers, uint64_t request, const struct
     return STATUS_OK;
 }
 
-status transfer_bytes(struct transfers *transfers, uint64_t request, struct buffer *bytes,
-                      const char *file_name, struct error *err)
+status transfer_file_preview(struct transfers *transfers, uint64_t request, const char *path,
+                             const struct transfer_preview *shows, struct error *err)
+{
+    status s = transfer_file(transfers, request, NULL, path, err);
+
+    if (s == STATUS_OK)
+        transfers->last->shows = *shows;
+    return s;
+}
+
+status transfer_bytes(struct transfers *transfers, uint64_t request, struct preview_file *file,
+                      const char *file_name, const struct transfer_preview *shows,
+                      struct error *err)
 {
     struct transfer *t = NULL;
     status s = transfer_add(transfers, request, file_name, &t, err);
 
-    if (s != STATUS_OK) {
-        buffer_release(bytes);
+    if (s != STATUS_OK)
         return s;
-    }
-    t->bytes = *bytes;
-    t->total = bytes->size;
-    buffer_init(bytes);
+    t->bytes = preview_file_hold(file);
+    t->total = file->bytes.size;
+    t->shows = *shows;
     return STATUS_OK;
 }
 
@@ -127,7 +137,7 @@ static status next_piece(struct transfer *t, uint8_t *scratch, const uint8_t **d
     *size = blob_piece_size(t->total, t->offset);
     *data = scratch;
     if (!t->from_file) {
-        *data = t->bytes.data + t->offset;
+        *data = t->bytes->bytes.data + t->offset;
         return STATUS_OK;
     }
     while (got < *size) {
@@ -173,6 +183,8 @@ static status send_output_piece(struct transfer *t, struct channel *channel, con
     piece.data.data = (uint8_t *)data;
     piece.data.len = size;
     piece.file_name = (char *)file_basename(t->path);
+    piece.preview_covered = t->shows.covered;
+    piece.preview_samples = t->shows.samples;
     envelope.request = t->request;
     return channel_send(channel, &envelope);
 }

@@ -7,9 +7,9 @@
 
 #include <stdint.h>
 
-#include "common/base/buffer.h"
 #include "common/base/digest.h"
 #include "common/base/status.h"
+#include "coordinator/job/preview.h"
 #include "protocol/channel.h"
 
 enum { TRANSFERS_MAX = 4096 }; /* waiting, of one session */
@@ -27,9 +27,18 @@ void transfers_release(struct transfers *transfers);
  * ERR_LIMIT, ERR_NO_MEMORY. A file that cannot be read is answered with a Failure. */
 status transfer_file(struct transfers *transfers, uint64_t request, const struct digest *digest,
                      const char *path, struct error *err) MUST_CHECK;
-/* Bytes as OutputData; takes the buffer's memory, also on failure. */
-status transfer_bytes(struct transfers *transfers, uint64_t request, struct buffer *bytes,
-                      const char *file_name, struct error *err) MUST_CHECK;
+/* What a preview shows. */
+struct transfer_preview {
+    double covered;  /* the share of its tiles that have samples */
+    double samples;  /* of a pixel, the mean */
+};
+/* The same, of a preview. */
+status transfer_file_preview(struct transfers *transfers, uint64_t request, const char *path,
+                             const struct transfer_preview *shows, struct error *err) MUST_CHECK;
+/* A preview's bytes as OutputData; holds them until they are sent. */
+status transfer_bytes(struct transfers *transfers, uint64_t request, struct preview_file *file,
+                      const char *file_name, const struct transfer_preview *shows,
+                      struct error *err) MUST_CHECK;
 
 /* Send what the channel takes now. */
 void transfers_pump(struct transfers *transfers, struct channel *channel);

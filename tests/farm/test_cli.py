@@ -20,7 +20,7 @@ from odd import Proxy
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
             "develop", "cancel", "extend", "pause", "resume", "finish",
-            "priority", "retry", "remove", "log", "prune", "gc", "workers", "keygen", "tonemap", "compare", "debug-pixel"]
+            "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "keygen", "tonemap", "compare", "debug-pixel"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -705,30 +705,37 @@ def lists_on_a_terminal():
 
 @tests.add
 def lists_of_many_jobs():
-    """list shows every active job, says how many ended ones it leaves out, and --all shows those"""
+    """list shows every job, in pages of 1,000; --newest leaves old ones out and says how many"""
     with Farm() as farm:
         farm.start_coordinator()
         active = farm.submit(farm.scene(), *SMALL)
         ended = farm.submit(farm.scene(), *SMALL)
         farm.cli("cancel", ended, expect=0)
         farm.coordinator.stop()
-        # 3,500 more like the one that has ended, as years of use would leave them.
+        # 10,000 more like the one that has ended, as years of use would leave them.
         with contextlib.closing(sqlite3.connect(farm.path("store", "queue.sqlite"))) as db:
             columns = ", ".join(row[1] for row in db.execute("PRAGMA table_info(jobs)")
                                 if row[1] not in ("id", "token"))
             db.executemany("INSERT INTO jobs (%s) SELECT %s FROM jobs WHERE id=?" %
-                           (columns, columns), [(ended, )] * 3500)
+                           (columns, columns), [(ended, )] * 10000)
             db.commit()
         farm.restart_coordinator()
         shown = farm.cli("list", "--json", expect=0).json()
-        numbers = [job["job"] for job in shown["jobs"]]
-        expect(numbers == [active] + list(range(1503, 3503)), (numbers[:3], len(numbers)))
-        expect(shown["not_shown"] == 1501, shown["not_shown"])
+        expect([job["job"] for job in shown["jobs"]] == list(range(1, 10003)), len(shown["jobs"]))
+        expect(shown["not_shown"] == 0, shown["not_shown"])
         result = farm.cli("list", expect=0)
-        expect("1501 older" in result.err and "--all" in result.err, result.err)
-        shown = farm.cli("list", "--all", "--json", expect=0).json()
-        expect([job["job"] for job in shown["jobs"]] == list(range(1, 3503)), len(shown["jobs"]))
-        expect(shown["not_shown"] == 0 and farm.cli("list", "-a", expect=0).err == "", "--all")
+        expect(result.out.count("\n") == 10003 and result.err == "", result.err)
+        shown = farm.cli("list", "--newest", "1500", "--json", expect=0).json()
+        numbers = [job["job"] for job in shown["jobs"]]
+        expect(numbers == [active] + list(range(8503, 10003)), (numbers[:3], len(numbers)))
+        expect(shown["not_shown"] == 8501, shown["not_shown"])
+        result = farm.cli("list", "-n", "2", expect=0)
+        expect(result.out.count("\n") == 4 and "9999 older" in result.err, result)
+        shown = farm.cli("list", "--state", "queued,running", "--mine", "--json", expect=0).json()
+        expect([job["job"] for job in shown["jobs"]] == [active], shown)
+        expect(farm.cli("list", "--state", "failed", expect=0).out.count("\n") == 1, "none failed")
+        farm.cli("list", "--state", "asleep", expect=2)
+        farm.cli("list", "--mine", "--newest", "1", expect=2)
 
 
 @tests.add

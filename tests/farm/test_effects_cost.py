@@ -146,7 +146,7 @@ def auto_on_a_farm():
                           "--target-error", "2/255", expect=0)
         expect("nothing is left out" in result.err, result.err)
         expect(farm.wait_for_job(int(result.out))["settings"]["without"] == [], result)
-        names = [job["name"] for job in farm.cli("list", "--all", "--json", expect=0).json()["jobs"]]
+        names = [job["name"] for job in farm.cli("list", "--json", expect=0).json()["jobs"]]
         expect(names.count("pilot") == 8 and "cornell-area" in names, names)
 
 
@@ -322,7 +322,7 @@ def study_on_a_farm():
         client.communicate(timeout=60)
 
         def all_over():
-            jobs = farm.cli("list", "--all", "--json", expect=0).json()["jobs"]
+            jobs = farm.cli("list", "--json", expect=0).json()["jobs"]
             return all(job["state"] in ("done", "cancelled") for job in jobs)
         wait_for(all_over, "no job to be left")
 

@@ -10,6 +10,7 @@
 #include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "coordinator/job/lease.h"
+#include "coordinator/job/spread.h"
 #include "tests/support/sim_farm.h"
 
 #define DURATION_NS (10 * NS_PER_SECOND)
@@ -70,15 +71,17 @@ static void units_are_granted_in_passes_and_once(void **state)
 {
     struct fixture f;
     struct unit_name unit;
+    uint32_t spread[12];
 
     (void)state;
     set_up(&f);
+    spread_order(64, 48, spread);
     for (uint32_t i = 0; i < 72; i++) {
         assert_int_equal(job_frame_unleased(f.frame), 72 - i);
         assert_true(job_frame_take(f.frame, &unit));
         assert_int_equal(unit.pass, i / 24);
         assert_int_equal(unit.group, i / 12 % 2);
-        assert_int_equal(unit.tile, i % 12);
+        assert_int_equal(unit.tile, i < 12 ? spread[i] : i % 12);
         assert_non_null(lease_grant(&f.table, f.frame, &f.a, &unit, 1, T0));
     }
     assert_false(job_frame_take(f.frame, &unit));
@@ -109,9 +112,11 @@ static void a_lapsed_lease_returns_what_is_left(void **state)
     struct fixture f;
     struct lease *lease, *again;
     struct unit_name first;
+    uint32_t spread[12];
 
     (void)state;
     set_up(&f);
+    spread_order(64, 48, spread);
     lease = grant(&f, &f.a, 5, T0);
     first = lease->units[0];
     assert_null(lease_lapsed(&f.table, T0 + DURATION_NS - 1));
@@ -124,8 +129,8 @@ static void a_lapsed_lease_returns_what_is_left(void **state)
     again = grant(&f, &f.b, 4, T0);
     for (uint32_t i = 0; i < 4;
          i++) /* returned ones come first, in order, without the settled one */
-        assert_int_equal(again->units[i].tile, i < 2 ? i : i + 1);
-    assert_int_equal(first.tile, 0);
+        assert_int_equal(again->units[i].tile, spread[i < 2 ? i : i + 1]);
+    assert_int_equal(first.tile, spread[0]);
     tear_down(&f);
 }
 

@@ -260,6 +260,41 @@ static void test_sixteen_bits_and_rounding(void **state)
     buffer_release(&file);
 }
 
+/* A fast file has the same pixels; texts stand in it, and change nothing else. */
+static void test_fast_files_and_texts(void **state)
+{
+    static const struct picture_text texts[] = {{"azulejo:covered", "0.5"}, {"Comment", "two"}};
+    static const struct picture_options usual, ways[] = {
+        {.fast = 1}, {.texts = texts, .text_count = 2}, {.bits = 16, .fast = 1}};
+    struct image in;
+    struct buffer first = BUFFER_INIT, file = BUFFER_INIT;
+
+    (void)state;
+    assert_int_equal(image_init(&in, 61, 31, 3, NULL), STATUS_OK);
+    for (size_t i = 0; i < 61 * 31 * 3; i++)
+        in.pixels[i] = (float)(i % 97) / 97;
+    for (size_t w = 0; w < sizeof ways / sizeof *ways; w++) {
+        struct picture_options slow = usual;
+        struct image8 one, other;
+        slow.bits = ways[w].bits;
+        buffer_clear(&first);
+        buffer_clear(&file);
+        assert_int_equal(png_encode_as(&first, &in, &slow, NULL), STATUS_OK);
+        assert_int_equal(png_encode_as(&file, &in, &ways[w], NULL), STATUS_OK);
+        assert_int_equal(png_decode(&one, first.data, first.size, "x.png", NULL), STATUS_OK);
+        assert_int_equal(png_decode(&other, file.data, file.size, "x.png", NULL), STATUS_OK);
+        assert_int_equal(one.bits, other.bits);
+        assert_memory_equal(one.pixels, other.pixels, (size_t)61 * 31 * 3 * one.bits / 8);
+        assert_int_equal(memmem(file.data, file.size, "tEXtazulejo:covered\0" "0.5", 23) != NULL,
+                         ways[w].text_count > 0);
+        image8_release(&one);
+        image8_release(&other);
+    }
+    image_release(&in);
+    buffer_release(&first);
+    buffer_release(&file);
+}
+
 static void test_hostile_values_and_repeatability(void **state)
 {
     static const float values[] = {NAN, INFINITY, -INFINITY, -1.0f, 2.0f, 1e30f, 0.0f, 1.0f, 0.5f};
@@ -430,6 +465,7 @@ int main(void)
         cmocka_unit_test(test_textures_survive),
         cmocka_unit_test(test_dither),
         cmocka_unit_test(test_sixteen_bits_and_rounding),
+        cmocka_unit_test(test_fast_files_and_texts),
         cmocka_unit_test(test_hostile_values_and_repeatability),
         cmocka_unit_test(test_damage),
         cmocka_unit_test(test_size_bomb),
