@@ -131,6 +131,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
     if (strcmp(job->kernel, worker->kernel) != 0) {
         snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
         snprintf(job->release, sizeof job->release, "%s", AZULEJO_VERSION);
+        queue_frames_changed(&farm->queue, job); /* its lane is another one now */
         changed = 1;
     }
     if (job->state == JOB_STATE_QUEUED) {

@@ -221,9 +221,10 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         work_stats_add(&frame->stats, &result->stats);
         rate_add(&frame->job->rate, result->work.samples, now_ns);
         figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
-        scheduler_learn(worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
+        scheduler_learn(farm, worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
                         now_ns);
-        farm->pump_wanted = 1;
+        workforce_due(farm, worker);
+        farm->pump_wanted |= farm->workforce.hungry > 0 && job_frame_unleased(frame) > 0;
     }
     if (merged == FILM_MERGED && !job_frame_is_watched(frame, name))
         job_frame_mark_dirty(frame, name.tile, now_ns);
@@ -244,14 +245,20 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
 
 /* ---- onto the disk -------------------------------------------------------------------------- */
 
+/* Only jobs with open frames have something to write. */
+static struct job *next_in_work(const struct farm *farm, const struct job *after)
+{
+    return queue_next(&farm->queue, CANDIDATES_BIT(CANDIDATES_WORKING), after);
+}
+
 int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
 {
     *due_ns = UINT64_MAX;
     *tiles = 0;
     if (trouble_is(&farm->trouble))
         return 0;
-    for (size_t i = 0; i < farm->queue.active_count; i++) {
-        for (const struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+    for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job)) {
+        for (const struct job_frame *f = job->frames; f; f = f->next) {
             uint64_t frame_ns = trouble_is(&f->trouble)
                                     ? f->trouble.next_ns
                                     : f->dirty_since_ns + COMMIT_DELAY_MS * NS_PER_MS;
@@ -312,8 +319,8 @@ struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
 
     if (trouble_is(&farm->trouble) && now_ns != UINT64_MAX)
         return NULL;
-    for (size_t i = 0; i < farm->queue.active_count; i++) {
-        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+    for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job)) {
+        for (const struct job_frame *f = job->frames; f; f = f->next) {
             uint32_t take = COMMIT_TILES_MAX - count;
             if (take > f->dirty_count)
                 take = f->dirty_count;
@@ -338,8 +345,8 @@ struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
         commit_free(commit);
         return NULL;
     }
-    for (size_t i = 0; i < farm->queue.active_count; i++)
-        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next)
+    for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job))
+        for (struct job_frame *f = job->frames; f; f = f->next)
             if (!trouble_waits(&f->trouble, now_ns))
                 commit_take(commit, f, count, &used);
     return commit;

@@ -28,6 +28,8 @@ static void lease_free(struct lease_table *table, struct lease *lease)
     *at = lease->chain;
     *(lease->older ? &lease->older->newer : &table->oldest) = lease->newer;
     *(lease->newer ? &lease->newer->older : &table->newest) = lease->older;
+    *(lease->holder_older ? &lease->holder_older->holder_newer : &lease->holder->oldest) = lease->holder_newer;
+    *(lease->holder_newer ? &lease->holder_newer->holder_older : &lease->holder->newest) = lease->holder_older;
     table->count--;
     lease->frame->job->leases--;
     lease->holder->leases--;
@@ -100,6 +102,9 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame,
     lease->older = table->newest;
     *(table->newest ? &table->newest->newer : &table->oldest) = lease;
     table->newest = lease;
+    lease->holder_older = holder->newest;
+    *(holder->newest ? &holder->newest->holder_newer : &holder->oldest) = lease;
+    holder->newest = lease;
     table->count++;
     holder->leases++;
     frame->job->leases++;
@@ -132,13 +137,10 @@ void lease_end(struct lease_table *table, struct lease *lease)
     lease_free(table, lease);
 }
 
-void lease_end_all_of(struct lease_table *table, const struct lease_holder *holder)
+void lease_end_all_of(struct lease_table *table, struct lease_holder *holder)
 {
-    for (struct lease *lease = table->oldest, *newer; lease; lease = newer) {
-        newer = lease->newer;
-        if (lease->holder == holder)
-            lease_end(table, lease);
-    }
+    while (holder->oldest)
+        lease_end(table, holder->oldest);
 }
 
 void lease_return_unit(struct lease_table *table, struct lease *lease, struct unit_name name)

@@ -19,7 +19,7 @@
 #include "protocol/key.h"
 
 enum {
-    SESSION_BUCKETS = 1024,
+    SESSION_BUCKETS = 1 << 14,
     SERVER_TICK_MS = 100,
     SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk suspended us */
     SERVER_BACKLOG = 4096,
@@ -64,7 +64,8 @@ struct server {
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */
     uint32_t previews;
-    int acks_due, watches_due; /* some session has something to send */
+    struct session *due;       /* sessions that have something to send, a list */
+    struct session *watching;  /* sessions with watches, a list */
 };
 
 /* Run until a signal ends it. Prints "listening on HOST:PORT" to standard output. */
