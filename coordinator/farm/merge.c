@@ -251,8 +251,19 @@ static struct job *next_in_work(const struct farm *farm, const struct job *after
     return queue_next(&farm->queue, CANDIDATES_BIT(CANDIDATES_WORKING), after);
 }
 
+uint64_t merge_delay_ns(uint64_t sync_ns)
+{
+    uint64_t least = COMMIT_DELAY_MIN_MS * NS_PER_MS, most = COMMIT_DELAY_MAX_MS * NS_PER_MS;
+
+    if (sync_ns > most / COMMIT_DELAY_SYNCS)
+        return most;
+    return COMMIT_DELAY_SYNCS * sync_ns < least ? least : COMMIT_DELAY_SYNCS * sync_ns;
+}
+
 int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
 {
+    const uint64_t delay_ns = merge_delay_ns(farm->sync_ns);
+
     *due_ns = UINT64_MAX;
     *tiles = 0;
     if (trouble_is(&farm->trouble))
@@ -261,7 +272,7 @@ int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
         for (const struct job_frame *f = job->frames; f; f = f->next) {
             uint64_t frame_ns = trouble_is(&f->trouble)
                                     ? f->trouble.next_ns
-                                    : f->dirty_since_ns + COMMIT_DELAY_MS * NS_PER_MS;
+                                    : f->dirty_since_ns + (f->state == FRAME_COMPLETE ? 0 : delay_ns);
             if (f->dirty_count == 0)
                 continue;
             if (!trouble_is(&f->trouble))
@@ -352,9 +363,10 @@ struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
     return commit;
 }
 
-static void part_run(const struct commit *commit, struct commit_part *part)
+static void part_run(struct commit *commit, struct commit_part *part)
 {
     struct film_file *file = part->frame->file;
+    uint64_t begin_ns, took_ns;
 
     if (!file)
         return;
@@ -363,8 +375,12 @@ static void part_run(const struct commit *commit, struct commit_part *part)
         part->result = film_file_write(file, item->tile, item->slot, commit->data + item->offset,
                                        item->size, &part->error);
     }
+    begin_ns = clock_monotonic_ns();
     if (part->result == STATUS_OK)
         part->result = film_file_sync(file, &part->error);
+    took_ns = clock_monotonic_ns() - begin_ns;
+    if (took_ns > commit->sync_ns)
+        commit->sync_ns = took_ns;
 }
 
 void merge_commit_run(struct commit *commit)
@@ -428,6 +444,7 @@ static void part_end(struct farm *farm, const struct commit *commit, const struc
 
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
 {
+    farm->sync_ns = commit->sync_ns;
     for (uint32_t i = 0; i < commit->part_count; i++) {
         part_end(farm, commit, &commit->parts[i], now_ns);
         farm_frame_unpin(farm, commit->parts[i].frame);

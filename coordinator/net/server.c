@@ -105,7 +105,7 @@ static void commit_when_due(struct server *server, uint64_t now_ns)
         due_ns = now_ns;
     if (now_ns >= due_ns || server->state != SERVER_LISTENING)
         farm_task_commit(server);
-    else if (!uv_is_active((uv_handle_t *)&server->commit_timer))
+    else
         uv_timer_start(&server->commit_timer, on_commit_timer,
                        (due_ns - now_ns) / NS_PER_MS + 1, 0);
 }
