@@ -11,6 +11,7 @@ void lease_table_init(struct lease_table *table, uint64_t epoch, uint64_t durati
     memset(table, 0, sizeof *table);
     table->epoch = epoch;
     table->duration_ns = duration_ns;
+    table->lapse_ns = UINT64_MAX;
 }
 
 void lease_table_release(struct lease_table *table)
@@ -96,6 +97,8 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame,
     lease->epoch = ++table->epoch;
     lease->granted_ns = now_ns;
     lease->deadline_ns = now_ns + table->duration_ns;
+    if (lease->deadline_ns < table->lapse_ns)
+        table->lapse_ns = lease->deadline_ns;
     bucket = &table->buckets[lease->id % LEASE_BUCKETS];
     lease->chain = *bucket;
     *bucket = lease;
@@ -175,10 +178,16 @@ void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struc
     job_frame_unit_settle(frame, unit);
 }
 
-struct lease *lease_lapsed(const struct lease_table *table, uint64_t now_ns)
+struct lease *lease_lapsed(struct lease_table *table, uint64_t now_ns)
 {
-    for (struct lease *lease = table->oldest; lease; lease = lease->newer)
+    if (now_ns < table->lapse_ns)
+        return NULL;
+    table->lapse_ns = UINT64_MAX;
+    for (struct lease *lease = table->oldest; lease; lease = lease->newer) {
+        if (lease->deadline_ns < table->lapse_ns)
+            table->lapse_ns = lease->deadline_ns;
         if (lease->deadline_ns <= now_ns)
             return lease;
+    }
     return NULL;
 }

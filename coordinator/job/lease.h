@@ -50,6 +50,7 @@ struct lease_table {
     uint64_t last_id;
     uint64_t epoch;              /* of the newest grant */
     uint64_t duration_ns;        /* a lease without any result lapses after this long */
+    uint64_t lapse_ns;           /* no deadline is earlier */
 };
 
 /* `epoch` is one that was never granted; those after it must be free as well. */
@@ -77,6 +78,6 @@ void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struc
                        void (*others)(void *user, uint32_t session, uint64_t lease), void *user);
 
 /* The oldest lease whose deadline has passed; NULL: none. */
-struct lease *lease_lapsed(const struct lease_table *table, uint64_t now_ns);
+struct lease *lease_lapsed(struct lease_table *table, uint64_t now_ns);
 
 #endif

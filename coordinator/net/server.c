@@ -143,6 +143,7 @@ static void on_prepare(uv_prepare_t *handle)
     if (server->state == SERVER_LISTENING)
         grant_due(server, now_ns);
     commit_when_due(server, now_ns);
+    channel_turn_begin(SERVER_TURN_MS * NS_PER_MS);
     for (struct session *s; (s = session_next_due(server));)
         session_flush(s, now_ns);
     if (server->state == SERVER_DRAINING) {

@@ -21,6 +21,7 @@
 enum {
     SESSION_BUCKETS = 1 << 14,
     SERVER_TICK_MS = 100,
+    SERVER_TURN_MS = 20,       /* then reading stops for commits, acknowledgements and grants */
     SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk suspended us */
     SERVER_BACKLOG = 4096,
     PREVIEWS_MAX = 4,          /* being developed at once */

@@ -29,6 +29,7 @@
 
 enum {
     WORKERS = 20000,
+    THREADS = 4,          /* of a worker */
     ROOM_ALL = 16384, ROOM_MIN = 2, ROOM_MAX = 256, /* units that workers ask for, together and each */
     CONNECTING_MAX = 64,
     SUBMITS_MAX = 64,     /* on their way */
@@ -126,6 +127,8 @@ static void send_result(struct bench *b, const struct waiting *w)
     result.sums.len = wire_sums_count(&b->settings, w->tile, w->group, w->pass) * 4;
     work.samples = result.sums.len / 24 * (end - begin);
     stats.cpu_ns = work.samples * 50; /* as a quick renderer would: sizes the leases */
+    if (b->rate > 0)
+        stats.cpu_ns = (uint64_t)(THREADS * 1e9 * (double)b->worker_count / (double)b->rate);
     result.work = &work;
     result.stats = &stats;
     send_to(w->peer, &e);
@@ -323,7 +326,7 @@ static void on_open(struct channel *channel, void *user)
     hello.software = software;
     hello.host = host;
     hello.kernel = kernel;
-    hello.threads = 4;
+    hello.threads = THREADS;
     hello.isa_mask = 1u << ISA_SSE2 | 1u << ISA_AVX2;
     hello.arithmetic = elementary_fingerprint();
     send_to(peer, &e);

@@ -91,6 +91,16 @@ static void holders_are_right(const struct sim *sim)
     }
 }
 
+/* The lease that lapsed first by the list, or none. */
+static void lapses_are_right(struct sim *sim)
+{
+    const struct lease *expected = sim->farm.leases.oldest;
+
+    while (expected && expected->deadline_ns > sim->now_ns)
+        expected = expected->newer;
+    assert_ptr_equal(lease_lapsed(&sim->farm.leases, sim->now_ns), expected);
+}
+
 static void submit_some(struct sim *sim)
 {
     struct job *job = sim_submit(sim, 16 + sim_random(sim, 3) * 16, 32, 1 + sim_random(sim, 6), 1,
@@ -191,9 +201,35 @@ static void lists_hold_what_a_walk_finds(void **state)
             lanes_are_complete(&sim->farm.queue);
             threads_are_right(sim);
             holders_are_right(sim);
+            lapses_are_right(sim);
         }
         sim_free(sim);
     }
+}
+
+/* Far more units than tiles are lent, and each is found. */
+static void many_units_are_found(void **state)
+{
+    struct sim *sim = *state;
+    struct lease lease = {0};
+    struct job_frame *frame;
+    struct unit_name name;
+
+    sim_submit(sim, 32, 32, 1 << 20, 1, 1, 0); /* 4 tiles */
+    frame = farm_frame_open(&sim->farm, sim->farm.queue.active[0], 1, sim->now_ns);
+    assert_non_null(frame);
+    for (int lent = 1; lent >= 0; lent--) {
+        for (uint32_t i = 0; i < 4 * GROUPS * 100; i++) {
+            name = (struct unit_name){i % 4, i / 4 % GROUPS, i / 4 / GROUPS};
+            assert_int_equal(job_frame_unit_find(frame, name) != NULL, !lent);
+            if (lent)
+                assert_int_equal(job_frame_unit_lend(frame, name, &lease, sim->now_ns), STATUS_OK);
+            else
+                job_frame_unit_settle(frame, job_frame_unit_find(frame, name));
+        }
+    }
+    assert_int_equal(frame->outstanding_count, 0);
+    assert_true(frame->bucket_mask >= 4 * GROUPS * 100 / 4);
 }
 
 /* A long queue does not hide work: jobs that the worker cannot serve stand before the one it can, and it
@@ -269,6 +305,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists_hold_what_a_walk_finds),
+        cmocka_unit_test_setup_teardown(many_units_are_found, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_lane_is_skipped_and_told_once, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_resumed_job_ends_a_barren_time, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_result_asks_for_its_worker_and_a_job_for_all, sim_set_up,
