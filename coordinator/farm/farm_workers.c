@@ -1,4 +1,5 @@
 /* farm_workers: workers join and leave, and cannot render some jobs. */
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -19,6 +20,7 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
 
 struct farm_worker *farm_worker_of(const struct lease *lease)
 {
+    _Static_assert(offsetof(struct farm_worker, held) == 0, "a lease's holder is its worker");
     return (struct farm_worker *)lease->holder;
 }
 
