@@ -18,6 +18,8 @@ struct write_request {
     char bytes[];
 };
 
+static _Thread_local uint64_t turn_limit_ns, turn_since_ns; /* 0: no limit; it has read nothing yet */
+
 static uint32_t fault_limit_ms; /* 0: the limits are unchanged */
 
 static void close_gently(struct channel *c);
@@ -241,6 +243,23 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
 
 /* ---- reading --------------------------------------------------------------------------- */
 
+void channel_turn_begin(uint64_t limit_ns)
+{
+    turn_limit_ns = limit_ns;
+    turn_since_ns = 0;
+}
+
+static int turn_is_over(void)
+{
+    if (turn_limit_ns == 0)
+        return 0;
+    if (turn_since_ns == 0) {
+        turn_since_ns = clock_monotonic_ns();
+        return 0;
+    }
+    return clock_monotonic_ns() - turn_since_ns >= turn_limit_ns;
+}
+
 /* One buffer for all channels of a thread: libuv fills it and calls on_read at once, and on_read
  * passes the bytes on before it calls anything that could read again. */
 static void on_allocate(uv_handle_t *handle, size_t suggested, uv_buf_t *out)
@@ -250,6 +269,8 @@ static void on_allocate(uv_handle_t *handle, size_t suggested, uv_buf_t *out)
     (void)handle;
     (void)suggested;
     *out = uv_buf_init(bytes, READ_BYTES);
+    if (turn_is_over())
+        *out = uv_buf_init(NULL, 0); /* on_read gets UV_ENOBUFS, and libuv polls the socket again */
 }
 
 static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
@@ -257,7 +278,7 @@ static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
     struct channel *c = stream->data;
     struct error err = {0};
 
-    if (got == 0 || c->state == DEAD)
+    if (got == 0 || got == UV_ENOBUFS || c->state == DEAD)
         return;
     if (got < 0) {
         c->peer_ended = 1;

@@ -123,6 +123,10 @@ void channel_address(const struct channel *c, uint8_t out[CHANNEL_ADDRESS_BYTES]
 /* A new owner: its callbacks are called from now on. */
 void channel_adopt(struct channel *c, const struct channel_callbacks *callbacks, void *user);
 
+/* A turn of this thread's loop begins: its channels read for `limit_ns` from their first byte on, then leave
+ * what arrives in their sockets until the next turn. So peers that send without end cannot keep the loop from its
+ * other work. Call it once in each iteration; without any call there is no limit. 0 ends it. */
+void channel_turn_begin(uint64_t limit_ns);
 /* Tests: this limit instead of each of the four above, for what begins from now on; 0: as above. */
 void channel_fault_handshake_ms(uint32_t limit_ms);
 

@@ -172,8 +172,9 @@ static void park(struct farm *farm, struct job *job, uint64_t now_ns)
 struct job *closing_suspected(const struct farm *farm, const struct farm_worker *worker,
                               uint64_t *lent_ns)
 {
-    for (const struct lease *lease = farm->leases.oldest; lease; lease = lease->newer) {
-        if (lease->holder != &worker->held || lease->frame->job->id == worker->delivered_job)
+    (void)farm;
+    for (const struct lease *lease = worker->held.oldest; lease; lease = lease->holder_newer) {
+        if (lease->frame->job->id == worker->delivered_job)
             continue;
         *lent_ns = lease->granted_ns;
         return lease->frame->job;

@@ -165,12 +165,10 @@ static void trouble_tick(struct farm *farm, uint64_t now_ns)
         resume_all_films(farm, now_ns);
     }
     save_again(farm, now_ns);
-    for (size_t i = 0; i < farm->queue.active_count; i++) {
-        struct job *job = farm->queue.active[i];
-        if (job_state_is_open(job->state) && trouble_is(&job->trouble) &&
-            !trouble_waits(&job->trouble, now_ns))
+    for (struct job *job = queue_next(&farm->queue, CANDIDATES_BIT(CANDIDATES_TROUBLED), NULL); job;
+         job = queue_next(&farm->queue, CANDIDATES_BIT(CANDIDATES_TROUBLED), job))
+        if (job_state_is_open(job->state) && !trouble_waits(&job->trouble, now_ns))
             (void)farm_frame_open_next(farm, job, now_ns);
-    }
 }
 
 /* The coordinator was killed after the job's end was stored, and before its films were removed. */
@@ -222,13 +220,15 @@ void farm_pause(struct farm *farm, uint64_t paused_ns)
 
 static void worker_lapsed(struct farm *farm, const struct lease *lease, uint64_t now_ns)
 {
-    for (uint32_t i = 0; i < farm->worker_count; i++)
-        if (&farm->workers[i]->held == lease->holder)
-            credit_lapsed(&farm->workers[i]->credit, lease->granted_ns, now_ns);
+    struct farm_worker *worker = farm_worker_of(lease);
+
+    credit_lapsed(&worker->credit, lease->granted_ns, now_ns);
+    workforce_counts(farm, worker);
 }
 
 void farm_tick(struct farm *farm, uint64_t now_ns)
 {
+    const unsigned in_work = CANDIDATES_BIT(CANDIDATES_WORKING) | CANDIDATES_BIT(CANDIDATES_CLOSING);
     struct lease *lease;
 
     trouble_tick(farm, now_ns);
@@ -241,8 +241,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
         lease_end(&farm->leases, lease);
         farm->pump_wanted = 1;
     }
-    for (size_t i = 0; i < farm->queue.active_count; i++) {
-        struct job *job = farm->queue.active[i];
+    for (struct job *job = queue_next(&farm->queue, in_work, NULL), *next; job; job = next) {
         for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
             freeze_step(farm, frame, now_ns);
             farm_frame_decide(farm, frame, now_ns);
@@ -254,6 +253,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
         }
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             farm_job_save(farm, job, now_ns);
+        next = queue_next(&farm->queue, in_work, job);
         closing_step(farm, job, now_ns); /* the last: it may end the job */
     }
     farm_pictures_next(farm, now_ns);

@@ -17,12 +17,13 @@
 #include "coordinator/job/lease.h"
 #include "coordinator/job/queue.h"
 #include "coordinator/job/trace.h"
+#include "coordinator/farm/workforce.h"
 #include "coordinator/store/store.h"
 
 enum {
     FRAMES_OPEN_MAX = 16,        /* films in memory */
     FRAMES_OPEN_PER_JOB = 3,     /* of those, of one job; also counts frames being developed */
-    WORKERS_MAX = 4096,
+    WORKERS_MAX = 20000,
     WORKER_NAME_MAX = 127,
     DELIVERER_TEXT_MAX = 256,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
@@ -31,7 +32,8 @@ enum {
 #define FRAMES_OPEN_BYTES ((uint64_t)16 << 30)
 
 struct farm_worker {
-    struct lease_holder held;
+    struct lease_holder held;    /* first: a lease's holder is its worker (farm_worker_of) */
+    struct workforce_place place;
     uint32_t threads;            /* that it claims; >= 1 */
     struct credit credit;        /* the number of them that it is trusted with */
     uint64_t machine;            /* machine_identity */
@@ -82,15 +84,22 @@ struct farm {
     struct farm_events events;
     struct farm_worker *workers[WORKERS_MAX];
     uint32_t worker_count;
+    struct workforce workforce;
     uint32_t last_deliverer;
     uint32_t open_frames;
     uint64_t open_bytes;
     uint64_t conflicts;
     int64_t wall_s;              /* set by the owner as time passes */
-    int pump_wanted;             /* there may be something to grant */
+    int pump_wanted;             /* there may be something to grant, to any worker */
+    int overdue_wanted;          /* units may have become overdue: ask for hungry workers */
+    struct {                     /* the last walk over these lanes found no frame to begin, */
+        unsigned lanes;          /* 0: not known */
+        uint64_t changes, open_bytes; /* and since then nothing has changed */
+    } barren;
     struct job *to_develop;      /* jobs with pictures to be made again, a list */
     struct job *developing;      /* one of this job is being made */
     struct trouble trouble;      /* the store cannot be used */
+    uint64_t sync_ns;            /* what the last sync of films took */
     int resume_wanted;           /* films on disk are to be opened */
     int unsaved;                 /* some job is `unsaved` */
     struct trace trace;
@@ -125,6 +134,8 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
 /* `died`: its connection was lost. Jobs that it held leases of may be parked for that
  * (suspicion.h). */
 void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died, uint64_t now_ns);
+/* The worker that holds the lease. */
+struct farm_worker *farm_worker_of(const struct lease *lease);
 /* Give the worker its number in the films' logs, if it has none. */
 void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker);
 /* The worker with this deliverer number, in words. */
@@ -144,6 +155,8 @@ struct job_frame *farm_frame_find(const struct job *job, uint32_t number);
  * job waiting. */
 struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
                                   uint64_t now_ns);
+/* Could the frame of some job be opened, as far as the limits of all jobs go? */
+int farm_may_begin(const struct farm *farm);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
 /* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for

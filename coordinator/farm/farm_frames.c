@@ -25,6 +25,9 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
     while (*at != frame)
         at = &(*at)->next;
     *at = frame->next;
+    if (frame->number < frame->job->begin_from) /* it may have to be begun again */
+        frame->job->begin_from = frame->number;
+    queue_frames_changed(&farm->queue, frame->job);
     farm->open_frames--;
     farm->open_bytes -= farm_film_bytes(film_width(frame->film), film_height(frame->film),
                                    film_aovs(frame->film));

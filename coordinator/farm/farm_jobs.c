@@ -130,6 +130,7 @@ void farm_job_started(struct farm *farm, struct job *job, const struct farm_work
         job->active_since_ns = now_ns ? now_ns : 1;
     /* The pinned kernel changes: the workers that held its units disconnected without a result. */
     if (strcmp(job->kernel, worker->kernel) != 0) {
+        /* A job without one is QUEUED: its change to RUNNING moves it to its new lane (candidates.h). */
         snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
         snprintf(job->release, sizeof job->release, "%s", AZULEJO_VERSION);
         changed = 1;

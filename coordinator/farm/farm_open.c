@@ -93,6 +93,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
         at = &(*at)->next;
     frame->next = *at;
     *at = frame;
+    queue_frames_changed(&farm->queue, job);
     farm->open_frames++;
     farm->open_bytes += farm_film_bytes(settings->width, settings->height, settings->aovs);
     if (film_samples(frame->film) > 0)
@@ -105,13 +106,22 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     return frame;
 }
 
+int farm_may_begin(const struct farm *farm)
+{
+    return farm->open_frames < FRAMES_OPEN_MAX &&
+           (farm->open_frames == 0 || farm->open_bytes < FRAMES_OPEN_BYTES);
+}
+
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     if (!frame_may_open(farm, job) || job->state == JOB_STATE_FINISHING)
         return NULL;
-    for (uint64_t number = job->first_frame; number <= job->last_frame; number++)
+    for (uint64_t number = job->begin_from; number <= job->last_frame; number++) {
         if (!job_frame_is_done(job, (uint32_t)number) &&
             !job_frame_is_resting(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number))
             return farm_frame_open(farm, job, (uint32_t)number, now_ns);
+        job->begin_from = (uint32_t)number;
+    }
+    queue_all_begun(&farm->queue, job);
     return NULL;
 }

@@ -33,6 +33,7 @@ void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, stru
     snprintf(text, sizeof text, "frame %u%s%s: %.200s", frame, what[0] ? " " : "", what, why->text);
     if (!trouble_note(trouble, text, now_ns) && !trouble->quiet)
         return;
+    queue_frames_changed(&farm->queue, (struct job *)job);
     trouble->quiet = trouble_is(&farm->trouble);
     if (!trouble->quiet)
         farm_note(farm, job, NULL, "waits: %s", text);
@@ -48,6 +49,7 @@ void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *troub
 
     if (!trouble_end(trouble, now_ns, &lasted_ns))
         return;
+    queue_frames_changed(&farm->queue, job);
     if (!quiet)
         farm_note(farm, job, NULL, "continues after %.1f s", (double)lasted_ns / 1e9);
     if (!quiet)
@@ -103,6 +105,7 @@ void farm_store_check(struct farm *farm, uint64_t now_ns)
         return;
     log_info("the store can be used again after %.1f s: jobs continue", (double)lasted_ns / 1e9);
     farm->pump_wanted = 1;
+    farm->barren.lanes = 0;
     farm->resume_wanted = 1;
     tell_jobs(farm);
 }

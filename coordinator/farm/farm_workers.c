@@ -1,4 +1,5 @@
 /* farm_workers: workers join and leave, and cannot render some jobs. */
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -11,9 +12,16 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
     if (farm->worker_count == WORKERS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%d workers are connected already", WORKERS_MAX);
     credit_init(&worker->credit, worker->threads);
+    worker->place.index = farm->worker_count;
     farm->workers[farm->worker_count++] = worker;
-    farm->pump_wanted = 1;
+    workforce_due(farm, worker);
     return STATUS_OK;
+}
+
+struct farm_worker *farm_worker_of(const struct lease *lease)
+{
+    _Static_assert(offsetof(struct farm_worker, held) == 0, "a lease's holder is its worker");
+    return (struct farm_worker *)lease->holder;
 }
 
 void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker)
@@ -57,12 +65,9 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died,
     lease_end_all_of(&farm->leases, &worker->held);
     if (job)
         closing_note_death(farm, job, worker, lent_ns, now_ns);
-    for (uint32_t i = 0; i < farm->worker_count; i++) {
-        if (farm->workers[i] == worker) {
-            farm->workers[i] = farm->workers[--farm->worker_count];
-            break;
-        }
-    }
+    workforce_leave(farm, worker);
+    farm->workers[worker->place.index] = farm->workers[--farm->worker_count];
+    farm->workers[worker->place.index]->place.index = worker->place.index;
     farm->pump_wanted = 1;
 }
 
@@ -110,9 +115,9 @@ void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *wor
     status s = STATUS_OK;
     char why[256];
 
-    for (struct lease *lease = farm->leases.oldest, *newer; lease; lease = newer) {
-        newer = lease->newer;
-        if (lease->holder != &worker->held || lease->frame->job != job)
+    for (struct lease *lease = worker->held.oldest, *newer; lease; lease = newer) {
+        newer = lease->holder_newer;
+        if (lease->frame->job != job)
             continue;
         lease_end(&farm->leases, lease);
         held++;

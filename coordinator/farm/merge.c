@@ -235,9 +235,10 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         work_stats_add(&frame->stats, &result->stats);
         rate_add(&frame->job->rate, result->work.samples, now_ns);
         figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
-        scheduler_learn(worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
+        scheduler_learn(farm, worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
                         now_ns);
-        farm->pump_wanted = 1;
+        workforce_due(farm, worker);
+        farm->pump_wanted |= farm->workforce.hungry > 0 && job_frame_unleased(frame) > 0;
     }
     trace_unit(farm, worker, result, merged != FILM_MERGED && merged != FILM_WAITING, now_ns);
     if (merged == FILM_MERGED && !job_frame_is_watched(frame, name))
@@ -259,17 +260,34 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
 
 /* ---- onto the disk -------------------------------------------------------------------------- */
 
+/* Only jobs with open frames have something to write. */
+static struct job *next_in_work(const struct farm *farm, const struct job *after)
+{
+    return queue_next(&farm->queue, CANDIDATES_BIT(CANDIDATES_WORKING), after);
+}
+
+uint64_t merge_delay_ns(uint64_t sync_ns)
+{
+    uint64_t least = COMMIT_DELAY_MIN_MS * NS_PER_MS, most = COMMIT_DELAY_MAX_MS * NS_PER_MS;
+
+    if (sync_ns > most / COMMIT_DELAY_SYNCS)
+        return most;
+    return COMMIT_DELAY_SYNCS * sync_ns < least ? least : COMMIT_DELAY_SYNCS * sync_ns;
+}
+
 int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
 {
+    const uint64_t delay_ns = merge_delay_ns(farm->sync_ns);
+
     *due_ns = UINT64_MAX;
     *tiles = 0;
     if (trouble_is(&farm->trouble))
         return 0;
-    for (size_t i = 0; i < farm->queue.active_count; i++) {
-        for (const struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+    for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job)) {
+        for (const struct job_frame *f = job->frames; f; f = f->next) {
             uint64_t frame_ns = trouble_is(&f->trouble)
                                     ? f->trouble.next_ns
-                                    : f->dirty_since_ns + COMMIT_DELAY_MS * NS_PER_MS;
+                                    : f->dirty_since_ns + (f->state == FRAME_COMPLETE ? 0 : delay_ns);
             if (f->dirty_count == 0)
                 continue;
             if (!trouble_is(&f->trouble))
@@ -327,8 +345,8 @@ struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
 
     if (trouble_is(&farm->trouble) && now_ns != UINT64_MAX)
         return NULL;
-    for (size_t i = 0; i < farm->queue.active_count; i++) {
-        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
+    for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job)) {
+        for (const struct job_frame *f = job->frames; f; f = f->next) {
             uint32_t take = COMMIT_TILES_MAX - count;
             if (take > f->dirty_count)
                 take = f->dirty_count;
@@ -353,14 +371,14 @@ struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
         commit_free(commit);
         return NULL;
     }
-    for (size_t i = 0; i < farm->queue.active_count; i++)
-        for (struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next)
+    for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job))
+        for (struct job_frame *f = job->frames; f; f = f->next)
             if (!trouble_waits(&f->trouble, now_ns))
                 commit_take(commit, f, count, &used);
     return commit;
 }
 
-static void part_run(const struct commit *commit, struct commit_part *part)
+static void part_run(struct commit *commit, struct commit_part *part)
 {
     struct film_file *file = part->frame->file;
 
@@ -376,6 +394,8 @@ static void part_run(const struct commit *commit, struct commit_part *part)
     if (part->result == STATUS_OK)
         part->result = film_file_sync(file, &part->error);
     part->ended_ns = clock_monotonic_ns();
+    if (part->ended_ns - part->written_ns > commit->sync_ns)
+        commit->sync_ns = part->ended_ns - part->written_ns;
 }
 
 void merge_commit_run(struct commit *commit)
@@ -449,6 +469,7 @@ static void trace_part(struct farm *farm, const struct commit_part *part)
 
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
 {
+    farm->sync_ns = commit->sync_ns;
     for (uint32_t i = 0; i < commit->part_count; i++) {
         trace_part(farm, &commit->parts[i]);
         part_end(farm, commit, &commit->parts[i], now_ns);

@@ -7,7 +7,10 @@
  *
  * A result is acknowledged only when the passes up to it are on disk, or when it is not part of the
  * picture. One commit is in flight at a time; each takes every dirty tile, up to COMMIT_TILES_MAX,
- * so results that arrive during a commit share the next one.
+ * so results that arrive during a commit share the next one. Syncs run beside the loop, which goes on
+ * receiving. The slower the disk, the longer a first dirty tile waits for others, so that the disk spends
+ * at most a fifth of its time on syncs of sparse results; nobody waits for an acknowledgement but a
+ * worker's memory. A frame that is complete does not wait: its picture does.
  */
 #ifndef AZULEJO_COORDINATOR_MERGE_H
 #define AZULEJO_COORDINATOR_MERGE_H
@@ -16,7 +19,9 @@
 
 enum {
     COMMIT_TILES_MAX = 1024,
-    COMMIT_DELAY_MS = 20,        /* how long a first dirty tile waits for others */
+    COMMIT_DELAY_MIN_MS = 20,    /* how long a first dirty tile waits for others: */
+    COMMIT_DELAY_SYNCS = 4,      /* so many times what the last sync took, */
+    COMMIT_DELAY_MAX_MS = 1000,  /* and at most this */
     COMMIT_TILES_ENOUGH = 256,   /* this many dirty tiles do not wait */
 };
 
@@ -70,12 +75,15 @@ struct commit {
     struct commit_part *parts;
     uint32_t part_count;
     uint8_t *data;
+    uint64_t sync_ns;            /* of the slowest part */
     status result;               /* of the first part that failed */
     struct error error;
 };
 
-/* Is there anything to write, and when is it due? *due_ns: COMMIT_DELAY_MS after the first dirty
- * tile, or when a frame in trouble is tried again. 0: no, or the store is in trouble. */
+/* How long a first dirty tile waits for others, when the last sync took so long. */
+uint64_t merge_delay_ns(uint64_t sync_ns);
+/* Is there anything to write, and when is it due? *due_ns: merge_delay_ns after the first dirty
+ * tile, at once for a complete frame, or when a frame in trouble is tried again. 0: no, or the store is in trouble. */
 int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles);
 /* The tiles that may be written at now_ns; with UINT64_MAX all of them, despite trouble. NULL:
  * nothing, or out of memory (try again later). */

@@ -153,6 +153,8 @@ static uint32_t workers_on(const struct farm *farm, const struct job *job)
     static uint64_t round;
     uint32_t count = 0;
 
+    if (job->leases == 0)
+        return 0;
     round++;
     for (const struct lease *lease = farm->leases.oldest; lease; lease = lease->newer) {
         if (lease->frame->job != job || lease->holder->counted == round)

@@ -17,22 +17,8 @@ static double samples_in(const struct farm_worker *worker, uint32_t milliseconds
     return milliseconds * 1e6 * worker->credit.threads / worker->cost_ns;
 }
 
-/* The threads that share a frame's last units: this worker's, and those of workers that deliver. */
-static uint64_t threads_at_work(const struct farm *farm, const struct farm_worker *worker,
-                                uint64_t now_ns)
-{
-    uint64_t threads = 0;
-
-    for (uint32_t i = 0; i < farm->worker_count; i++) {
-        const struct farm_worker *other = farm->workers[i];
-        if (other == worker || credit_is_proven(&other->credit, now_ns))
-            threads += other->credit.threads;
-    }
-    return threads;
-}
-
 /* 0: the worker holds enough. */
-static int budget_for(const struct farm *farm, const struct farm_worker *worker,
+static int budget_for(struct farm *farm, const struct farm_worker *worker,
                       const struct job_frame *frame, int early, uint64_t now_ns,
                       struct budget *budget)
 {
@@ -52,7 +38,7 @@ static int budget_for(const struct farm *farm, const struct farm_worker *worker,
             return 0;
         budget->samples = samples_in(worker, film_covered(frame->film) ? LEASE_WORK_MS
                                                                        : LEASE_WORK_FIRST_MS);
-        share = early ? threads : job_frame_unleased(frame) * threads / (2 * threads_at_work(farm, worker, now_ns));
+        share = early ? threads : job_frame_unleased(frame) * threads / (2 * workforce_threads(farm, worker, now_ns));
     }
     if (share < 1)
         share = 1;
@@ -89,24 +75,15 @@ static uint64_t overdue_limit_ns(const struct job *job)
     return limit_ns < OVERDUE_LEAST_MS * NS_PER_MS ? OVERDUE_LEAST_MS * NS_PER_MS : limit_ns;
 }
 
-static struct farm_worker *worker_of(const struct farm *farm, const struct lease *lease)
-{
-    for (uint32_t i = 0; i < farm->worker_count; i++)
-        if (&farm->workers[i]->held == lease->holder)
-            return farm->workers[i];
-    return NULL;
-}
-
 /* The unproven worker's lease that holds the unit longest; NULL: none. */
-static struct lease *unproven_holder(const struct farm *farm, const struct unit *unit,
-                                     uint64_t now_ns)
+static struct lease *unproven_holder(const struct unit *unit, uint64_t now_ns)
 {
     struct lease *found = NULL;
 
     for (uint32_t i = 0; i < unit->holder_count; i++) {
         struct lease *lease = unit->holders[i];
-        const struct farm_worker *worker = worker_of(farm, lease);
-        if (worker && !credit_is_proven(&worker->credit, now_ns) &&
+        const struct farm_worker *worker = farm_worker_of(lease);
+        if (!credit_is_proven(&worker->credit, now_ns) &&
             (!found || lease->id < found->id))
             found = lease;
     }
@@ -128,11 +105,12 @@ static int make_place(struct farm *farm, const struct unit *unit, const struct f
             return 0;
     if (unit->holder_count < places)
         return 1;
-    lease = unproven_holder(farm, unit, now_ns);
-    loser = lease ? worker_of(farm, lease) : NULL;
-    if (!loser)
+    lease = unproven_holder(unit, now_ns);
+    if (!lease)
         return 0;
+    loser = farm_worker_of(lease);
     credit_lapsed(&loser->credit, lease->granted_ns, now_ns);
+    workforce_counts(farm, loser);
     lease_return_unit(&farm->leases, lease, unit->name);
     return 1;
 }
@@ -259,52 +237,118 @@ static int has_clock(const struct job *job)
     return job->stop.time_limit_ms > 0 || job->stop.core_limit_ms > 0;
 }
 
-struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
+/* The lanes of waiting jobs that the worker may be able to serve. Of each of the others, it is told once
+ * why it gets none of the first job. */
+static unsigned lanes_of(struct farm *farm, struct farm_worker *worker)
 {
-    const struct queue *queue = &farm->queue;
-    int full = 0;
+    unsigned lanes = 0;
 
-    if (worker->room == 0)
-        return NULL;
-    for (size_t i = 0; i < queue->active_count; i++) {
-        struct job *job = queue->active[i];
+    for (unsigned lane = CANDIDATES_LANES; lane < CANDIDATES_LISTS; lane++) {
+        const struct job *job = queue_next(&farm->queue, CANDIDATES_BIT(lane), NULL);
+        if (job && worker->isa_mask >> job->settings.isa & 1)
+            lanes |= CANDIDATES_BIT(lane);
+        else if (job && (job->id > worker->noticed_job || !worker->note[0]))
+            (void)may_serve(farm, job, worker);
+    }
+    return lanes;
+}
+
+/* Is it known that no frame of these lanes can be begun by anybody? */
+static int is_barren(const struct farm *farm, unsigned lanes)
+{
+    return (lanes & ~farm->barren.lanes) == 0 && farm->barren.changes == farm->queue.candidates.changes &&
+           farm->barren.open_bytes == farm->open_bytes;
+}
+
+/* The lists whose jobs the worker is asked for: those with open frames, and if a frame can be begun, those
+ * that wait. */
+static unsigned lists_of(struct farm *farm, struct farm_worker *worker)
+{
+    unsigned lanes = farm_may_begin(farm) ? lanes_of(farm, worker) : 0;
+
+    return CANDIDATES_BIT(CANDIDATES_WORKING) | (is_barren(farm, lanes) ? 0 : lanes);
+}
+
+/* A unit that is wanted: of the first job that has one for the worker. */
+static struct lease *grant_wanted(struct farm *farm, struct farm_worker *worker, uint64_t now_ns, int *full)
+{
+    unsigned lists = lists_of(farm, worker);
+    uint64_t changes = farm->queue.candidates.changes, bytes = farm->open_bytes;
+    int refused = 0; /* some waiting job is not for this worker, or not now */
+
+    for (struct job *job = queue_next(&farm->queue, lists, NULL); job;
+         job = queue_next(&farm->queue, lists, job)) {
         struct lease *lease = NULL;
         struct job_frame *frame;
 
-        if (!may_serve(farm, job, worker))
+        if (!may_serve(farm, job, worker)) {
+            refused |= (job->candidate_lists & lists & CANDIDATES_ALL_LANES) != 0;
             continue;
-        lease = grant_of_job(farm, job, worker, 0, now_ns, &full);
-        /* A frame with a time limit has the farm to itself. */
-        if (!lease && !full && has_clock(job))
-            lease = grant_of_job(farm, job, worker, 1, now_ns, &full);
-        while (!lease && !full && (frame = farm_frame_open_next(farm, job, now_ns)))
-            lease = grant_fresh(farm, frame, worker, 0, now_ns, &full);
-        if (lease || full)
-            return lease;
-    }
-    for (size_t i = 0; i < queue->active_count; i++) {
-        struct job *job = queue->active[i];
-        struct lease *lease =
-            may_serve(farm, job, worker) ? grant_of_job(farm, job, worker, 1, now_ns, &full) : NULL;
-        if (lease || full)
-            return lease;
-    }
-    if (worker->held.units >= worker->credit.threads)
-        return NULL;
-    for (size_t i = 0; i < queue->active_count; i++) {
-        struct job *job = queue->active[i];
-        if (!may_serve(farm, job, worker))
-            continue;
-        for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
-            struct lease *lease = grant_overdue(farm, frame, worker, now_ns);
-            if (lease)
-                return lease;
         }
+        lease = grant_of_job(farm, job, worker, 0, now_ns, full);
+        /* A frame with a time limit has the farm to itself. */
+        if (!lease && !*full && has_clock(job))
+            lease = grant_of_job(farm, job, worker, 1, now_ns, full);
+        while (!lease && !*full && (frame = farm_frame_open_next(farm, job, now_ns)))
+            lease = grant_fresh(farm, frame, worker, 0, now_ns, full);
+        if (lease || *full)
+            return lease;
+        if (!farm_may_begin(farm))
+            lists = CANDIDATES_BIT(CANDIDATES_WORKING);
+    }
+    lists &= CANDIDATES_ALL_LANES;
+    if (lists && !refused) {
+        farm->barren.lanes = lists;
+        farm->barren.changes = changes;
+        farm->barren.open_bytes = bytes;
     }
     return NULL;
 }
 
-void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t samples,
+static struct lease *grant_early(struct farm *farm, struct farm_worker *worker, uint64_t now_ns, int *full)
+{
+    const unsigned working = CANDIDATES_BIT(CANDIDATES_WORKING);
+    struct lease *lease = NULL;
+
+    for (struct job *job = queue_next(&farm->queue, working, NULL); job && !lease && !*full;
+         job = queue_next(&farm->queue, working, job))
+        if (may_serve(farm, job, worker))
+            lease = grant_of_job(farm, job, worker, 1, now_ns, full);
+    return lease;
+}
+
+static struct lease *grant_again(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
+{
+    const unsigned working = CANDIDATES_BIT(CANDIDATES_WORKING);
+    struct lease *lease = NULL;
+
+    for (struct job *job = queue_next(&farm->queue, working, NULL); job && !lease;
+         job = queue_next(&farm->queue, working, job)) {
+        if (!may_serve(farm, job, worker))
+            continue;
+        for (struct job_frame *frame = job->frames; frame && !lease; frame = frame->next)
+            lease = grant_overdue(farm, frame, worker, now_ns);
+    }
+    return lease;
+}
+
+struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
+{
+    struct lease *lease = NULL;
+    int full = 0;
+
+    if (worker->room > 0) {
+        lease = grant_wanted(farm, worker, now_ns, &full);
+        if (!lease && !full)
+            lease = grant_early(farm, worker, now_ns, &full);
+        if (!lease && !full && worker->held.units < worker->credit.threads)
+            lease = grant_again(farm, worker, now_ns);
+    }
+    workforce_set_hungry(farm, worker, worker->room > 0 && !lease && !full);
+    return lease;
+}
+
+void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *job, uint64_t samples,
                      uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns)
 {
     double cost = 0;
@@ -312,6 +356,7 @@ void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t sampl
     rate_add(&worker->rate, samples, now_ns);
     worker->units_done++;
     worker->delivered_job = job->id;
+    farm->pump_wanted |= job->suspicion.deaths > 0; /* others may have its units again */
     suspicion_clear(&job->suspicion);
     worker->samples_done += samples;
     if (samples > 0 && cpu_ns > 0) {
@@ -326,6 +371,7 @@ void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t sampl
     }
     credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)samples),
                      now_ns);
+    workforce_counts(farm, worker);
     if (granted_ns && now_ns > granted_ns) {
         uint64_t turnaround = now_ns - granted_ns;
         job->turnaround_ns = job->turnaround_ns ? job->turnaround_ns - job->turnaround_ns / 16 +

@@ -38,7 +38,7 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
 
 /* A result of the worker was merged: learn its speed from the samples and their CPU time, and the
  * job's turnaround. granted_ns: when the unit was lent; 0: not known. */
-void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t samples,
+void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *job, uint64_t samples,
                      uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns);
 
 #endif

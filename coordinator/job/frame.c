@@ -307,10 +307,30 @@ static void age_append(struct job_frame *frame, struct unit *unit)
     frame->newest = unit;
 }
 
+/* Many workers hold many units: longer chains would cost more with each. Without memory they do. */
+static void buckets_grow(struct job_frame *frame)
+{
+    struct unit **old = frame->buckets;
+    uint32_t count = frame->bucket_mask + 1;
+    struct unit **more = count < UNIT_BUCKETS_MAX ? mem_calloc(2 * (size_t)count, sizeof(struct unit *)) : NULL;
+
+    if (!more)
+        return;
+    frame->buckets = more;
+    frame->bucket_mask = 2 * count - 1;
+    mem_free(old);
+    for (struct unit *unit = frame->oldest; unit; unit = unit->newer) {
+        struct unit **bucket = bucket_of(frame, unit->name);
+        unit->chain = *bucket;
+        *bucket = unit;
+    }
+}
+
 status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struct lease *lease,
                        uint64_t now_ns)
 {
     struct unit *unit = job_frame_unit_find(frame, name);
+    int added = 0;
 
     if (unit) {
         if (unit->holder_count == UNIT_HOLDERS_MAX)
@@ -324,11 +344,14 @@ status job_frame_unit_lend(struct job_frame *frame, struct unit_name name, struc
         unit->name = name;
         unit->chain = *bucket;
         *bucket = unit;
+        added = 1;
         frame->outstanding_count++;
     }
     unit->holders[unit->holder_count++] = lease;
     unit->granted_ns = now_ns;
     age_append(frame, unit);
+    if (added && frame->outstanding_count > 2 * frame->bucket_mask)
+        buckets_grow(frame);
     return STATUS_OK;
 }
 

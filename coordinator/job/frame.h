@@ -39,6 +39,7 @@ enum {
     UNIT_HOLDERS_UNPROVEN_MAX = UNIT_HOLDERS_MAX - 1, /* the last place is for a proven worker */
     FRAME_PASSES_AHEAD = 64,  /* how far a tile's granted passes may be ahead of its folded ones */
     FRAME_PASSES_UNFROZEN = 8,/* the same before the group is frozen (freeze.h) */
+    UNIT_BUCKETS_MAX = 1 << 20,
     FRAME_ACKS_MAX = 1 << 20, /* results that wait for the disk or for an earlier pass */
     /* While the frame cannot be written: units that are lent, and results that wait with their
      * workers for the disk. No lease is granted above this number, so it is exceeded by one lease

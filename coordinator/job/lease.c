@@ -11,6 +11,7 @@ void lease_table_init(struct lease_table *table, uint64_t epoch, uint64_t durati
     memset(table, 0, sizeof *table);
     table->epoch = epoch;
     table->duration_ns = duration_ns;
+    table->lapse_ns = UINT64_MAX;
 }
 
 void lease_table_release(struct lease_table *table)
@@ -28,6 +29,8 @@ static void lease_free(struct lease_table *table, struct lease *lease)
     *at = lease->chain;
     *(lease->older ? &lease->older->newer : &table->oldest) = lease->newer;
     *(lease->newer ? &lease->newer->older : &table->newest) = lease->older;
+    *(lease->holder_older ? &lease->holder_older->holder_newer : &lease->holder->oldest) = lease->holder_newer;
+    *(lease->holder_newer ? &lease->holder_newer->holder_older : &lease->holder->newest) = lease->holder_older;
     table->count--;
     lease->frame->job->leases--;
     lease->holder->leases--;
@@ -95,12 +98,17 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame,
     lease->granted_ns = now_ns;
     lease->deadline_ns = now_ns + table->duration_ns;
     holder->job = frame->job->id;
+    if (lease->deadline_ns < table->lapse_ns)
+        table->lapse_ns = lease->deadline_ns;
     bucket = &table->buckets[lease->id % LEASE_BUCKETS];
     lease->chain = *bucket;
     *bucket = lease;
     lease->older = table->newest;
     *(table->newest ? &table->newest->newer : &table->oldest) = lease;
     table->newest = lease;
+    lease->holder_older = holder->newest;
+    *(holder->newest ? &holder->newest->holder_newer : &holder->oldest) = lease;
+    holder->newest = lease;
     table->count++;
     holder->leases++;
     frame->job->leases++;
@@ -133,13 +141,10 @@ void lease_end(struct lease_table *table, struct lease *lease)
     lease_free(table, lease);
 }
 
-void lease_end_all_of(struct lease_table *table, const struct lease_holder *holder)
+void lease_end_all_of(struct lease_table *table, struct lease_holder *holder)
 {
-    for (struct lease *lease = table->oldest, *newer; lease; lease = newer) {
-        newer = lease->newer;
-        if (lease->holder == holder)
-            lease_end(table, lease);
-    }
+    while (holder->oldest)
+        lease_end(table, holder->oldest);
 }
 
 void lease_return_unit(struct lease_table *table, struct lease *lease, struct unit_name name)
@@ -174,10 +179,16 @@ void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struc
     job_frame_unit_settle(frame, unit);
 }
 
-struct lease *lease_lapsed(const struct lease_table *table, uint64_t now_ns)
+struct lease *lease_lapsed(struct lease_table *table, uint64_t now_ns)
 {
-    for (struct lease *lease = table->oldest; lease; lease = lease->newer)
+    if (now_ns < table->lapse_ns)
+        return NULL;
+    table->lapse_ns = UINT64_MAX;
+    for (struct lease *lease = table->oldest; lease; lease = lease->newer) {
+        if (lease->deadline_ns < table->lapse_ns)
+            table->lapse_ns = lease->deadline_ns;
         if (lease->deadline_ns <= now_ns)
             return lease;
+    }
     return NULL;
 }

@@ -19,13 +19,14 @@
 #include "common/base/status.h"
 #include "coordinator/job/frame.h"
 
-enum { LEASE_UNITS_MAX = 4096, LEASE_BUCKETS = 1024, LEASES_MAX = 1 << 16 };
+enum { LEASE_UNITS_MAX = 4096, LEASE_BUCKETS = 1 << 15, LEASES_MAX = 1 << 18 };
 
 /* What one worker holds. */
 struct lease_holder {
     uint32_t session;
     uint32_t leases, units;
     uint64_t samples;            /* pixel samples of the units */
+    struct lease *oldest, *newest; /* its leases, by id */
     uint64_t counted;            /* the report's: the last round that met it */
     uint64_t job;                /* of the newest lease */
 };
@@ -39,6 +40,7 @@ struct lease {
     uint32_t open_count;         /* of those, not yet merged */
     struct lease *chain;         /* in its hash bucket */
     struct lease *older, *newer; /* by id */
+    struct lease *holder_older, *holder_newer; /* of its holder, by id */
     struct unit_name units[];    /* settled ones stay; see job_frame_unit_find */
 };
 
@@ -49,6 +51,7 @@ struct lease_table {
     uint64_t last_id;
     uint64_t epoch;              /* of the newest grant */
     uint64_t duration_ns;        /* a lease without any result lapses after this long */
+    uint64_t lapse_ns;           /* no deadline is earlier */
 };
 
 /* `epoch` is one that was never granted; those after it must be free as well. */
@@ -65,7 +68,7 @@ void lease_renew(const struct lease_table *table, struct lease *lease, uint64_t 
 
 /* End the lease; its remaining units return to the pool. */
 void lease_end(struct lease_table *table, struct lease *lease);
-void lease_end_all_of(struct lease_table *table, const struct lease_holder *holder);
+void lease_end_all_of(struct lease_table *table, struct lease_holder *holder);
 /* One unit goes back unstarted. */
 void lease_return_unit(struct lease_table *table, struct lease *lease, struct unit_name name);
 
@@ -76,6 +79,6 @@ void lease_settle_unit(struct lease_table *table, struct job_frame *frame, struc
                        void (*others)(void *user, uint32_t session, uint64_t lease), void *user);
 
 /* The oldest lease whose deadline has passed; NULL: none. */
-struct lease *lease_lapsed(const struct lease_table *table, uint64_t now_ns);
+struct lease *lease_lapsed(struct lease_table *table, uint64_t now_ns);
 
 #endif

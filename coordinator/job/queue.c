@@ -59,6 +59,7 @@ void queue_release(struct queue *queue)
         job_free(queue->all[i]);
     mem_free(queue->all);
     mem_free(queue->active);
+    candidates_release(&queue->candidates);
     queue_init(queue);
 }
 
@@ -68,7 +69,7 @@ struct job *job_new(uint32_t first_frame, uint32_t last_frame)
 
     if (!job)
         return NULL;
-    job->first_frame = first_frame;
+    job->first_frame = job->begin_from = first_frame;
     job->map_max = NAN;
     job->last_frame = last_frame;
     job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
@@ -109,10 +110,7 @@ static size_t active_place(const struct queue *queue, const struct job *job)
 
     while (low < high) {
         size_t middle = low + (high - low) / 2;
-        const struct job *other = queue->active[middle];
-        int before = other->priority != job->priority ? other->priority > job->priority
-                                                      : other->id < job->id;
-        if (before)
+        if (job_is_before(queue->active[middle], job))
             low = middle + 1;
         else
             high = middle;
@@ -130,13 +128,17 @@ static void active_insert(struct queue *queue, struct job *job)
     queue->active[place] = job;
     queue->active_count++;
     queue->shut_count += (size_t)is_shut(job->state);
+    job->all_begun = 0;
+    job->begin_from = job->first_frame;
+    candidates_update(&queue->candidates, job, 1);
 }
 
-static void active_remove(struct queue *queue, const struct job *job)
+static void active_remove(struct queue *queue, struct job *job)
 {
     size_t place = active_place(queue, job);
 
     assert(place < queue->active_count && queue->active[place] == job);
+    candidates_remove(&queue->candidates, job);
     queue->active_count--;
     memmove(queue->active + place, queue->active + place + 1,
             (queue->active_count - place) * sizeof *queue->active);
@@ -160,7 +162,8 @@ status queue_add(struct queue *queue, struct job *job, struct error *err)
     if (!job_state_ended(job->state) && check_room(queue, err) != STATUS_OK)
         return STATUS_ERR_LIMIT;
     if (!MEM_GROW(queue->all, queue->capacity, queue->count + 1) ||
-        !MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1))
+        !MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1) ||
+        !candidates_reserve(&queue->candidates, queue->active_count + 1))
         return error_no_memory(err, "the queue");
     /* Ids are given in the store, perhaps by two threads: they arrive nearly in order. */
     for (; place > 0 && queue->all[place - 1]->id > job->id; place--)
@@ -213,6 +216,23 @@ void queue_set_priority(struct queue *queue, struct job *job, int32_t priority)
     active_insert(queue, job);
 }
 
+void queue_frames_changed(struct queue *queue, struct job *job)
+{
+    job->all_begun = 0;
+    candidates_update(&queue->candidates, job, !job->removed && !job_state_ended(job->state));
+}
+
+void queue_all_begun(struct queue *queue, struct job *job)
+{
+    job->all_begun = 1;
+    candidates_update(&queue->candidates, job, !job->removed && !job_state_ended(job->state));
+}
+
+struct job *queue_next(const struct queue *queue, unsigned lists, const struct job *after)
+{
+    return candidates_next(&queue->candidates, lists, after);
+}
+
 size_t queue_position(const struct queue *queue, const struct job *job)
 {
     size_t place = active_place(queue, job), before = 0;
@@ -258,6 +278,8 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
         job->finished_at = wall_s;
     }
     job->state = state;
+    if (!job_state_ended(state))
+        queue_frames_changed(queue, job);
     snprintf(job->state_text, sizeof job->state_text, "%s", text ? text : "");
 }
 
@@ -433,6 +455,7 @@ status job_reopen_check(struct queue *queue, struct job *job, struct error *err)
     if (check_room(queue, err) != STATUS_OK)
         return STATUS_ERR_LIMIT;
     return MEM_GROW(queue->active, queue->active_capacity, queue->active_count + 1) &&
+                   candidates_reserve(&queue->candidates, queue->active_count + 1) &&
                    MEM_GROW(job->cuts, job->cut_capacity, job_frame_count(job))
                ? STATUS_OK
                : error_no_memory(err, "the queue");

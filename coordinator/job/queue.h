@@ -40,6 +40,7 @@
 #include "common/scene/settings.h"
 #include "common/scene/stages.h"
 #include "common/tonemap/tonemap.h"
+#include "coordinator/job/candidates.h"
 #include "coordinator/job/eta.h"
 #include "coordinator/job/history.h"
 #include "coordinator/farm/rate.h"
@@ -179,6 +180,9 @@ struct job {
     uint32_t leases;                   /* live ones */
     uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
     uint64_t saved_ns;                 /* monotonic: when the progress was last stored */
+    unsigned candidate_lists;          /* the lists of candidates.h that it is in, as bits */
+    int all_begun;                     /* no frame is left to begin; queue_frames_changed resets it */
+    uint32_t begin_from;               /* all frames before this one are done, resting or open */
     uint32_t closing_frames;           /* closed ones that a commit or develop still holds */
     int removed;                       /* it is in no queue, and freed when nothing holds it */
 };
@@ -189,6 +193,7 @@ struct queue {
     struct job **active;
     size_t active_count, active_capacity;
     size_t shut_count;           /* of the active ones, those that are not open */
+    struct candidates candidates;
 };
 
 void queue_init(struct queue *queue);
@@ -208,6 +213,15 @@ struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
 void queue_remove(struct queue *queue, struct job *job);
 /* Give an active job another place. */
 void queue_set_priority(struct queue *queue, struct job *job, int32_t priority);
+
+/* A frame of the job was opened or closed, may be begun again, or its trouble began or ended: put it into the
+ * lists of candidates where it belongs. */
+void queue_frames_changed(struct queue *queue, struct job *job);
+/* The job has no frame left to begin, until the next call of queue_frames_changed. */
+void queue_all_begun(struct queue *queue, struct job *job);
+
+/* The next active job after `after` (NULL: the first) in one of the lists (a set of CANDIDATES_BIT); NULL: none. */
+struct job *queue_next(const struct queue *queue, unsigned lists, const struct job *after);
 
 /* The number of active jobs before this one. */
 size_t queue_position(const struct queue *queue, const struct job *job);

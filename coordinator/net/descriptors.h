@@ -17,7 +17,7 @@ enum {
     STRANGERS_MIN = 16,             /* connections before their handshake is done */
     STRANGERS_MAX = 4096,           /* of a smaller limit, up to all that sessions do not use */
     SESSIONS_MIN = 16,
-    SESSIONS_MAX = 8192,
+    SESSIONS_MAX = 20000,
 };
 
 struct descriptors {

@@ -45,10 +45,12 @@ static void on_job_changed(void *user, struct job *job)
 {
     struct server *server = user;
 
-    for (struct session *s = server->sessions; s; s = s->next)
+    for (struct session *s = server->watching; s; s = s->next_watching)
         for (uint32_t i = 0; i < s->watch_count; i++)
-            if (s->watches[i].job == 0 || s->watches[i].job == job->id)
-                s->watches[i].due = server->watches_due = 1;
+            if (s->watches[i].job == 0 || s->watches[i].job == job->id) {
+                s->watches[i].due = 1;
+                session_due(s);
+            }
 }
 
 /* ---- ending --------------------------------------------------------------------------------- */
@@ -104,17 +106,33 @@ static void commit_when_due(struct server *server, uint64_t now_ns)
         due_ns = now_ns;
     if (now_ns >= due_ns || server->state != SERVER_LISTENING)
         farm_task_commit(server);
-    else if (!uv_is_active((uv_handle_t *)&server->commit_timer))
+    else
         uv_timer_start(&server->commit_timer, on_commit_timer,
                        (due_ns - now_ns) / NS_PER_MS + 1, 0);
 }
 
-static void grant_all(struct server *server, uint64_t now_ns)
+/* To all workers with room, or to those that were left without work. */
+static void grant_all(struct server *server, int hungry_only, uint64_t now_ns)
 {
-    server->farm.pump_wanted = 0;
     for (struct session *s = server->sessions; s; s = s->next)
-        if (s->worker && s->worker->room > 0)
+        if (s->worker && s->worker->room > 0 && (!hungry_only || s->worker->place.is_hungry))
             session_grant(s, now_ns);
+}
+
+static void grant_due(struct server *server, uint64_t now_ns)
+{
+    struct farm *farm = &server->farm;
+    struct farm_worker *worker;
+    int all = farm->pump_wanted, overdue = farm->overdue_wanted && farm->workforce.hungry > 0;
+
+    farm->pump_wanted = farm->overdue_wanted = 0;
+    if (all || overdue)
+        grant_all(server, !all, now_ns);
+    while ((worker = workforce_next_due(farm))) {
+        struct session *s = all ? NULL : session_find(server, worker->held.session);
+        if (s)
+            session_grant(s, now_ns);
+    }
 }
 
 /* Once in each iteration of the loop, before it waits: everything that its events made due. */
@@ -123,14 +141,12 @@ static void on_prepare(uv_prepare_t *handle)
     struct server *server = handle->data;
     uint64_t now_ns = clock_monotonic_ns();
 
-    if (server->farm.pump_wanted && server->state == SERVER_LISTENING)
-        grant_all(server, now_ns);
+    if (server->state == SERVER_LISTENING)
+        grant_due(server, now_ns);
     commit_when_due(server, now_ns);
-    if (server->acks_due || server->watches_due) {
-        server->acks_due = server->watches_due = 0;
-        for (struct session *s = server->sessions; s; s = s->next)
-            session_flush(s, now_ns);
-    }
+    channel_turn_begin(SERVER_TURN_MS * NS_PER_MS);
+    for (struct session *s; (s = session_next_due(server));)
+        session_flush(s, now_ns);
     if (server->state == SERVER_DRAINING) {
         uint64_t due_ns;
         uint32_t tiles;
@@ -162,7 +178,7 @@ static void on_tick(uv_timer_t *timer)
         next = s->next;
         session_tick(s, now_ns);
     }
-    server->farm.pump_wanted = 1; /* work may have become overdue */
+    server->farm.overdue_wanted = 1;
 }
 
 static void on_connection(uv_stream_t *listener, int code)

@@ -21,8 +21,9 @@
 #include "protocol/key.h"
 
 enum {
-    SESSION_BUCKETS = 1024,
+    SESSION_BUCKETS = 1 << 14,
     SERVER_TICK_MS = 100,
+    SERVER_TURN_MS = 20,       /* then reading stops for commits, acknowledgements and grants */
     SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk suspended us */
     SERVER_BACKLOG = 4096,
     PREVIEWS_MAX = 4,          /* being developed at once */
@@ -71,7 +72,8 @@ struct server {
     struct collector collector;
     uint32_t submits;          /* jobs being stored, that are in no queue yet, */
     int64_t submits_since_ns;  /* by blobs_now(): their blobs are held since then */
-    int acks_due, watches_due; /* some session has something to send */
+    struct session *due;       /* sessions that have something to send, a list */
+    struct session *watching;  /* sessions with watches, a list */
 };
 
 /* Run until a signal ends it. Prints "listening on HOST:PORT" to standard output. */

@@ -55,7 +55,7 @@ void session_ack(struct session *session, uint64_t job, uint32_t frame, struct u
     session->acks[session->ack_count++] = unit;
     if (session->ack_count == SESSION_ACKS_MAX)
         send_acks(session);
-    session->server->acks_due = 1;
+    session_due(session);
 }
 
 void session_flush(struct session *session, uint64_t now_ns)
@@ -325,7 +325,7 @@ static int worker_message(struct session *session, const Azulejo__Wire__Envelope
     case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_REQUEST:
         session->worker->room =
             message->lease_request->units < ROOM_MAX ? message->lease_request->units : ROOM_MAX;
-        session->server->farm.pump_wanted = 1;
+        workforce_due(&session->server->farm, session->worker);
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_RETURN:
         take_return(session, message->lease_return);

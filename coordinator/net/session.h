@@ -45,6 +45,8 @@ struct watch {
 struct session {
     struct session *next, *previous;
     struct session *same_bucket;  /* of server->by_id */
+    struct session *next_due, *next_watching; /* of server->due, server->watching */
+    int is_due, is_watching;      /* it is in that list */
     struct server *server;
     struct channel *channel;
     enum session_state state;

@@ -10,6 +10,7 @@
 #include "coordinator/job/wire.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_audit.h"
+#include "coordinator/net/session_table.h"
 #include "coordinator/net/session_messages.h"
 #include "protocol/message.h"
 
@@ -156,6 +157,7 @@ static status watch(struct session *session, const Azulejo__Wire__Envelope *mess
     w->interval_ms = wanted->interval_ms < WATCH_INTERVAL_MIN_MS   ? WATCH_INTERVAL_MIN_MS
                      : wanted->interval_ms > WATCH_INTERVAL_MAX_MS ? WATCH_INTERVAL_MAX_MS
                                                                    : wanted->interval_ms;
+    session_watching(session);
     session_watches_send(session, now_ns, 1);
     return STATUS_OK;
 }

@@ -38,4 +38,45 @@ void session_table_remove(struct server *server, struct session *session)
     if (session->next)
         session->next->previous = session->previous;
     server->session_count--;
+    for (at = &server->due; session->is_due && *at; at = &(*at)->next_due) {
+        if (*at == session) {
+            *at = session->next_due;
+            break;
+        }
+    }
+    for (at = &server->watching; session->is_watching && *at; at = &(*at)->next_watching) {
+        if (*at == session) {
+            *at = session->next_watching;
+            break;
+        }
+    }
+}
+
+void session_due(struct session *session)
+{
+    if (session->is_due)
+        return;
+    session->is_due = 1;
+    session->next_due = session->server->due;
+    session->server->due = session;
+}
+
+struct session *session_next_due(struct server *server)
+{
+    struct session *session = server->due;
+
+    if (session) {
+        server->due = session->next_due;
+        session->is_due = 0;
+    }
+    return session;
+}
+
+void session_watching(struct session *session)
+{
+    if (session->is_watching)
+        return;
+    session->is_watching = 1;
+    session->next_watching = session->server->watching;
+    session->server->watching = session;
 }

@@ -12,4 +12,11 @@ struct session *session_find(struct server *server, uint32_t id); /* NULL: it ha
 void session_table_add(struct server *server, struct session *session);
 void session_table_remove(struct server *server, struct session *session);
 
+/* The session has acknowledgements or changed watches to send: it is flushed before the loop waits. */
+void session_due(struct session *session);
+/* The next session that is due, which it then no longer is; NULL: none. */
+struct session *session_next_due(struct server *server);
+/* It has watches: it is told of changed jobs. */
+void session_watching(struct session *session);
+
 #endif

@@ -60,6 +60,46 @@ static void acknowledged_when_durable(void **state)
     sim_free(sim);
 }
 
+static void the_disk_sets_the_pace(void **state)
+{
+    (void)state;
+    assert_int_equal(merge_delay_ns(0), COMMIT_DELAY_MIN_MS * NS_PER_MS);
+    assert_int_equal(merge_delay_ns(5 * NS_PER_MS), COMMIT_DELAY_MIN_MS * NS_PER_MS);
+    assert_int_equal(merge_delay_ns(50 * NS_PER_MS), COMMIT_DELAY_SYNCS * 50 * NS_PER_MS);
+    assert_int_equal(merge_delay_ns(250 * NS_PER_MS), COMMIT_DELAY_MAX_MS * NS_PER_MS);
+    assert_int_equal(merge_delay_ns(UINT64_MAX), COMMIT_DELAY_MAX_MS * NS_PER_MS);
+}
+
+/* A slow disk makes batches larger, but a complete frame waits for nobody. */
+static void a_complete_frame_does_not_wait(void **state)
+{
+    struct sim *sim = sim_new(NULL, 1);
+    struct sim_worker *worker = sim_connect(sim, 0, 4);
+    uint64_t due_ns, since_ns;
+    struct commit *commit;
+    uint32_t tiles;
+
+    (void)state;
+    sim_submit(sim, 32, 16, 1, 1, 1, 0); /* two units */
+    assert_int_equal(sim_grant(sim, worker, 4), 2);
+    assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING);
+    commit = merge_commit_begin(&sim->farm, sim->now_ns);
+    commit->sync_ns = 100 * NS_PER_MS;
+    merge_commit_end(&sim->farm, commit, sim->now_ns);
+    since_ns = sim->now_ns += NS_PER_SECOND;
+    assert_false(merge_is_dirty(&sim->farm, &due_ns, &tiles));
+    job_frame_mark_dirty(sim->farm.queue.active[0]->frames, 0, since_ns);
+    assert_true(merge_is_dirty(&sim->farm, &due_ns, &tiles));
+    assert_int_equal(due_ns, since_ns + COMMIT_DELAY_SYNCS * 100 * NS_PER_MS);
+    assert_int_equal(sim_send(sim, worker, 1, 100), MERGE_PENDING); /* the last result */
+    assert_true(merge_is_dirty(&sim->farm, &due_ns, &tiles));
+    assert_true(due_ns <= sim->now_ns);
+    sim_commit(sim);
+    sim_develop(sim);
+    assert_int_equal(sim->developed, 1);
+    sim_free(sim);
+}
+
 static void a_repeated_result_is_kept_or_pending(void **state)
 {
     struct sim *sim = sim_new(NULL, 1);
@@ -808,6 +848,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(acknowledged_when_durable),
+        cmocka_unit_test(the_disk_sets_the_pace),
+        cmocka_unit_test(a_complete_frame_does_not_wait),
         cmocka_unit_test(a_repeated_result_is_kept_or_pending),
         cmocka_unit_test(a_conflict_is_reported_and_the_first_kept),
         cmocka_unit_test(hostile_results_are_refused),
