@@ -43,7 +43,7 @@ int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
     const char *level = "info", *ready_file = NULL, *precision = "float";
-    double lease_seconds = 60;
+    double lease_seconds = 60, unit_seconds = HANG_LEAST_S;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
         {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
@@ -54,6 +54,9 @@ int main(int argc, char **argv)
          "where jobs, blobs and pictures are kept (azulejo-store)", 0, 0, NULL},
         {"lease-seconds", 0, OPTION_REAL, &lease_seconds, "S",
          "after this long without a result, a worker's lease goes to other workers (60)", 1, 86400, NULL},
+        {"unit-seconds", 0, OPTION_REAL, &unit_seconds, "S",
+         "a work unit hangs when it is rendered for this long, and 20 times what the slowest of its size took (60)",
+         0.01, 86400, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -106,6 +109,7 @@ int main(int argc, char **argv)
         options.key = &key;
         options.store = store;
         options.lease_ns = (uint64_t)(lease_seconds * 1e9);
+        options.hang_ns = (uint64_t)(unit_seconds * 1e9);
         options.ready_file = ready_file;
         options.discards_films = remove_store;
         options.precision = precision;

@@ -5,6 +5,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/log.h"
+#include "coordinator/farm/roster.h"
 
 /* The amount that the worker may be lent now. */
 struct budget {
@@ -25,7 +26,7 @@ static uint64_t threads_at_work(const struct farm *farm, const struct farm_worke
 
     for (uint32_t i = 0; i < farm->worker_count; i++) {
         const struct farm_worker *other = farm->workers[i];
-        if (other == worker || credit_is_proven(&other->credit, now_ns))
+        if (other == worker || (worker_takes_work(other) && credit_is_proven(&other->credit, now_ns)))
             threads += other->credit.threads;
     }
     return threads;
@@ -61,10 +62,30 @@ static int budget_for(const struct farm *farm, const struct farm_worker *worker,
     return budget->units > 0;
 }
 
-static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget, int early,
+/* The unit hangs there, and another worker may have it. */
+static int is_barred(const struct farm *farm, const struct job_frame *frame,
+                     const struct farm_worker *worker, struct unit_name name)
+{
+    const struct job *job = frame->job;
+    char why[256];
+
+    if (!hangs_has(&job->hangs, (struct hang_unit){.frame = frame->number, .tile = name.tile,
+                                                   .group = name.group, .pass = name.pass},
+                   worker->held.session))
+        return 0;
+    for (uint32_t i = 0; i < farm->worker_count; i++)
+        if (farm->workers[i] != worker && worker_takes_work(farm->workers[i]) &&
+            farm_can_serve(job, farm->workers[i], why, sizeof why))
+            return 1;
+    return 0;
+}
+
+static uint32_t take_fresh(const struct farm *farm, struct job_frame *frame,
+                           const struct farm_worker *worker, const struct budget *budget, int early,
                            struct unit_name units[LEASE_UNITS_MAX])
 {
-    uint32_t count = 0;
+    struct unit_name barred[HANG_UNITS_MAX];
+    uint32_t count = 0, barred_count = 0;
     double samples = 0;
 
     while (count < budget->units && samples < budget->samples &&
@@ -74,9 +95,15 @@ static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget,
             job_frame_return(frame, units[count]); /* only the first pass is wanted now */
             break;
         }
+        if (barred_count < HANG_UNITS_MAX && is_barred(farm, frame, worker, units[count])) {
+            barred[barred_count++] = units[count];
+            continue;
+        }
         samples += (double)job_frame_unit_samples(frame, units[count]);
         count++;
     }
+    while (barred_count > 0)
+        job_frame_return(frame, barred[--barred_count]);
     return count;
 }
 
@@ -150,7 +177,7 @@ static uint32_t take_overdue(struct farm *farm, const struct job_frame *frame,
          unit && count < worker->credit.threads && count < worker->room &&
          count < LEASE_UNITS_MAX && now_ns - unit->granted_ns >= limit_ns;
          unit = unit->newer)
-        if (make_place(farm, unit, worker, now_ns))
+        if (!is_barred(farm, frame, worker, unit->name) && make_place(farm, unit, worker, now_ns))
             units[count++] = unit->name;
     return count;
 }
@@ -168,6 +195,7 @@ static struct lease *grant(struct farm *farm, struct job_frame *frame, struct fa
         frame->job->suspicion.probe = worker->held.session;
     worker->room -= lease->unit_count;
     worker->note[0] = 0;
+    worker->granted_job = frame->job->id;
     if (!frame->begun_ns)
         frame->begun_ns = now_ns ? now_ns : 1;
     farm_job_started(farm, frame->job, worker, now_ns);
@@ -223,7 +251,7 @@ static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
         *full = 1;
         return NULL;
     }
-    count = take_fresh(frame, &budget, early, units);
+    count = take_fresh(farm, frame, worker, &budget, early, units);
     return count ? grant(farm, frame, worker, units, count, now_ns) : NULL;
 }
 
@@ -264,7 +292,7 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
     const struct queue *queue = &farm->queue;
     int full = 0;
 
-    if (worker->room == 0)
+    if (worker->room == 0 || !worker_takes_work(worker))
         return NULL;
     for (size_t i = 0; i < queue->active_count; i++) {
         struct job *job = queue->active[i];
@@ -311,6 +339,8 @@ void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t sampl
 
     rate_add(&worker->rate, samples, now_ns);
     worker->units_done++;
+    worker->cpu_ns += cpu_ns;
+    hangs_learn(&job->hangs, samples, cpu_ns);
     worker->delivered_job = job->id;
     suspicion_clear(&job->suspicion);
     worker->samples_done += samples;

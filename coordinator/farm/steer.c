@@ -54,6 +54,7 @@ status steer_resume(struct farm *farm, struct job *job, const char *who, uint64_
         return refuse(job, "resumed", err);
     log_info("job %" PRIu64 " (%s) is resumed by %s", job->id, job->name, who);
     suspicion_clear(&job->suspicion);
+    hangs_clear(&job->hangs);
     job->broken_count = 0;
     farm_note(farm, job, who, "resumed");
     farm_job_change(farm, job, JOB_STATE_QUEUED, NULL, now_ns);

@@ -41,6 +41,7 @@
 #include "common/scene/stages.h"
 #include "common/tonemap/tonemap.h"
 #include "coordinator/job/eta.h"
+#include "coordinator/job/hang.h"
 #include "coordinator/job/history.h"
 #include "coordinator/farm/rate.h"
 #include "coordinator/job/suspicion.h"
@@ -176,6 +177,7 @@ struct job {
     uint64_t *broken_machines;         /* that said JobBroken (machine_identity) */
     size_t broken_count, broken_capacity;
     struct suspicion suspicion;        /* whether it kills its workers */
+    struct hangs hangs;                /* units that hang */
     uint32_t leases;                   /* live ones */
     uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
     uint64_t saved_ns;                 /* monotonic: when the progress was last stored */

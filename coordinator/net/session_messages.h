@@ -27,6 +27,8 @@ session_handler session_priority;
 session_handler session_retry;
 session_handler session_remove;
 session_handler session_log;
+session_handler session_workers;        /* session_workers.c */
+session_handler session_worker_steer;
 session_handler session_blob_query;     /* session_blobs.c */
 session_handler session_blob_get;
 session_handler session_blob_put;
