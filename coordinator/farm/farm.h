@@ -25,7 +25,7 @@ enum {
     WORKER_NAME_MAX = 127,
     DELIVERER_TEXT_MAX = 256,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
-    WORKER_SAVE_MS = 60000,      /* and what a worker did */
+    WORKER_SAVE_MS = 10000,      /* and what a worker did */
     ROSTER_BUCKETS = 4096,
     ROSTER_MARKS_MAX = 10000,    /* names that are drained or blocked */
 };

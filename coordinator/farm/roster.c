@@ -84,7 +84,7 @@ static void make_name(struct roster *roster, const struct farm *farm, const char
         if (number == 1)
             snprintf(out, WORKER_LABEL_MAX + 1, "%s", base);
         else
-            snprintf(out, WORKER_LABEL_MAX + 1, "%.56s-%u", base, number);
+            snprintf(out, WORKER_LABEL_MAX + 1, "%.57s-%u", base, number);
         if (!roster_find(farm, out))
             break;
     }
