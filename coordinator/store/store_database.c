@@ -102,10 +102,23 @@ static status add_steering(struct store *store, struct error *err)
     return s == STATUS_OK ? sql_exec(store, events_schema, "cannot be brought up to date", err) : s;
 }
 
-/* Version 7: workers that left, and the names that people drained or blocked. */
+/* Version 7: what workers did, and the names that people drained or blocked. An instance is the life of a
+ * worker's process; left_at 0: it is connected. */
+static const char schema_7[] =
+    "CREATE TABLE workers (seq INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL,"
+    " instance INTEGER NOT NULL, host TEXT NOT NULL, process INTEGER NOT NULL, address TEXT NOT NULL,"
+    " software TEXT NOT NULL, threads INTEGER NOT NULL, joined_at INTEGER NOT NULL,"
+    " left_at INTEGER NOT NULL, seen_at INTEGER NOT NULL, connections INTEGER NOT NULL,"
+    " units INTEGER NOT NULL, samples INTEGER NOT NULL, cpu_ns INTEGER NOT NULL, why TEXT NOT NULL,"
+    " lines TEXT NOT NULL);"
+    "CREATE UNIQUE INDEX workers_process ON workers (name, instance);"
+    "CREATE INDEX workers_left ON workers (left_at);"
+    "CREATE TABLE worker_marks (name TEXT PRIMARY KEY, blocked INTEGER NOT NULL,"
+    " instance INTEGER NOT NULL, who TEXT NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
+
 static status add_workers(struct store *store, struct error *err)
 {
-    return sql_exec(store, workers_schema, "cannot be brought up to date", err);
+    return sql_exec(store, schema_7, "cannot be brought up to date", err);
 }
 
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,

@@ -115,7 +115,6 @@ status events_write(struct store *store, struct error *err) MUST_CHECK;
 void events_drop(struct store *store);
 
 /* The same of workers. */
-extern const char workers_schema[];
 status workers_write(struct store *store, struct error *err) MUST_CHECK;
 void workers_drop(struct store *store);
 

@@ -11,19 +11,6 @@
 
 enum { WORKERS_WAITING_MAX = 1 << 15 };
 
-/* An instance is the life of a worker's process. left_at 0: it is connected. */
-const char workers_schema[] =
-    "CREATE TABLE workers (seq INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL,"
-    " instance INTEGER NOT NULL, host TEXT NOT NULL, process INTEGER NOT NULL, address TEXT NOT NULL,"
-    " software TEXT NOT NULL, threads INTEGER NOT NULL, joined_at INTEGER NOT NULL,"
-    " left_at INTEGER NOT NULL, seen_at INTEGER NOT NULL, connections INTEGER NOT NULL,"
-    " units INTEGER NOT NULL, samples INTEGER NOT NULL, cpu_ns INTEGER NOT NULL, why TEXT NOT NULL,"
-    " lines TEXT NOT NULL);"
-    "CREATE UNIQUE INDEX workers_process ON workers (name, instance);"
-    "CREATE INDEX workers_left ON workers (left_at);"
-    "CREATE TABLE worker_marks (name TEXT PRIMARY KEY, blocked INTEGER NOT NULL,"
-    " instance INTEGER NOT NULL, who TEXT NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
-
 struct saved_worker {
     struct saved_worker *next;
     struct worker_row row;
