@@ -62,7 +62,7 @@ enum duty_state duty_state(const struct duty *duty, int minute, uint64_t now_ns,
         snprintf(reason, DUTY_REASON_SIZE, "until %02d:%02d of its local time (--hours)", next / 60, next % 60);
         return DUTY_HOURS;
     }
-    if (duty->options.when_idle && idle_s < duty->options.idle_for_s) {
+    if (duty->options.when_idle && (load_is_high(duty) || idle_s < duty->options.idle_for_s)) {
         explain_use(duty, idle_s, reason);
         return DUTY_IN_USE;
     }

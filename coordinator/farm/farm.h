@@ -65,7 +65,10 @@ struct farm_worker {
     char held_by[JOB_WHO_MAX + 1]; /* who did that */
     enum worker_mode mode;
     char mode_reason[128];
-    char hang_note[256];         /* a unit hangs there; "" otherwise (hang.h) */
+    char hang_note[256];         /* a unit hangs there; "" otherwise (hang.h): */
+    uint64_t hang_job;           /* this one */
+    uint32_t hang_frame;
+    struct unit_name hang_unit;
     char address[64];
     int64_t joined_at;           /* seconds since 1970, UTC */
     uint64_t granted_job;        /* whose units it was lent last */

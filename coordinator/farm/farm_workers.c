@@ -165,6 +165,14 @@ static void take_back(struct farm *farm, const struct job_frame *frame, struct u
     }
 }
 
+/* Is it the unit that the worker's note is about? Its thread is lost, also when others have rendered it. */
+static int is_noted(const struct farm_worker *worker, uint64_t job, uint32_t frame, struct unit_name name)
+{
+    return worker->hang_note[0] && worker->hang_job == job && worker->hang_frame == frame &&
+           worker->hang_unit.tile == name.tile && worker->hang_unit.group == name.group &&
+           worker->hang_unit.pass == name.pass;
+}
+
 static void note_hang(struct farm *farm, struct job *job, struct job_frame *frame,
                       struct unit_name name, struct farm_worker *worker, uint64_t now_ns)
 {
@@ -192,7 +200,7 @@ int farm_worker_renders_long(struct farm *farm, struct farm_worker *worker, uint
 
     if (!frame || frame->state != FRAME_RENDERING || !job_frame_has_unit(frame, name) ||
         film_has(frame->film, name.tile, name.group, name.pass))
-        return 0;
+        return is_noted(worker, id, number, name);
     samples = job_frame_unit_samples(frame, name);
     limit_ns = hangs_limit_ns(&job->hangs, samples, farm->hang_ns);
     if (limit_ns == 0 || running_ns <= limit_ns)
@@ -202,6 +210,9 @@ int farm_worker_renders_long(struct farm *farm, struct farm_worker *worker, uint
              "slowest of its size took %.2g s: another worker gets it as well",
              (unsigned long long)job->id, number, name.tile, name.group, name.pass,
              (double)running_ns / 1e9, job->hangs.sample_ns_max * (double)samples / 1e9);
+    worker->hang_job = id;
+    worker->hang_frame = number;
+    worker->hang_unit = name;
     note_hang(farm, job, frame, name, worker, now_ns);
     return 1;
 }

@@ -202,6 +202,28 @@ status roster_join(struct farm *farm, struct farm_worker *worker, const char *ho
 
 /* ---- what people do -------------------------------------------------------------------------- */
 
+static status clear_mark(struct farm *farm, struct worker_mark *mark, struct error *err)
+{
+    status s = farm->store ? store_worker_unmark(farm->store, mark->name, err) : STATUS_OK;
+
+    if (s == STATUS_OK)
+        mark_remove(&farm->roster, mark);
+    return s;
+}
+
+/* Forget the oldest drain of a process that is not connected; 0: there is none. */
+static int forget_a_drain(struct farm *farm, struct error *err)
+{
+    struct worker_mark *oldest = NULL;
+
+    for (size_t i = 0; i < farm->roster.mark_count; i++) {
+        struct worker_mark *mark = &farm->roster.marks[i];
+        if (!mark->blocked && (!oldest || mark->at < oldest->at) && !roster_find(farm, mark->name))
+            oldest = mark;
+    }
+    return oldest && clear_mark(farm, oldest, err) == STATUS_OK;
+}
+
 static status set_mark(struct farm *farm, const char *name, int blocked, uint64_t instance,
                        const char *who, struct error *err)
 {
@@ -210,7 +232,8 @@ static status set_mark(struct farm *farm, const char *name, int blocked, uint64_
 
     snprintf(mark.name, sizeof mark.name, "%s", name);
     snprintf(mark.who, sizeof mark.who, "%s", who);
-    if (farm->roster.mark_count >= ROSTER_MARKS_MAX && !roster_mark(farm, name))
+    if (farm->roster.mark_count >= ROSTER_MARKS_MAX && !roster_mark(farm, name) &&
+        !forget_a_drain(farm, err))
         return error_set(err, STATUS_ERR_LIMIT, "%d names of workers are blocked or drained already",
                          ROSTER_MARKS_MAX);
     if (!MEM_GROW(farm->roster.marks, farm->roster.mark_capacity, farm->roster.mark_count + 1))
@@ -218,15 +241,6 @@ static status set_mark(struct farm *farm, const char *name, int blocked, uint64_
     if (farm->store)
         s = store_worker_mark(farm->store, &mark, err);
     return s == STATUS_OK ? mark_add(&farm->roster, &mark, err) : s;
-}
-
-static status clear_mark(struct farm *farm, struct worker_mark *mark, struct error *err)
-{
-    status s = farm->store ? store_worker_unmark(farm->store, mark->name, err) : STATUS_OK;
-
-    if (s == STATUS_OK)
-        mark_remove(&farm->roster, mark);
-    return s;
 }
 
 /* Nothing but the log needs it: the words of what was done. */

@@ -7,9 +7,11 @@
  *
  *             | works      paused by itself  draining, drained  blocked    not connected
  *   drain     | DRAINED    DRAINED           (same)             refused    not found
- *   resume    | (same)     refused           works              refused    not found
+ *   resume    | (same)     refused           works              refused    not found*
  *   block     | BLOCKED    BLOCKED           BLOCKED            (same)     BLOCKED
  *   unblock   | (same)     (same)            refused            works      works, or not found
+ *
+ *   * A drain that its process did not end is lifted.
  *
  * A drained worker finishes what it holds; this ends with its process, not with its connection. What
  * a blocked one holds goes to others at once, and its name stays blocked across restarts of both. Both

@@ -3,7 +3,7 @@
  *   QUEUED --first lease--> RUNNING --last frame's files on disk--> DONE
  *    ^  |                    |
  *    |  +--------------------+--paused by a person--> PAUSED --resumed--> QUEUED
- *    |  +--------------------+--its workers die (suspicion.h)--> PARKED --resumed--> QUEUED
+ *    |  +--------------------+--its workers die (suspicion.h) or hang (hang.h)--> PARKED --resumed--> QUEUED
  *    |  +--------------------+--finish--> FINISHING --first passes on disk--> DONE, finished early
  *    |  +--------------------+--cancel--> CANCELLING --pictures of what there is--> CANCELLED
  *    |  +--------------------+--cancel, discard--> CANCELLED

@@ -19,7 +19,7 @@ _Static_assert((int)WORKER_VERB_UNBLOCK == (int)AZULEJO__WIRE__WORKER_VERB__WORK
                    (int)WORKER_VERB_RESUME == (int)AZULEJO__WIRE__WORKER_VERB__WORKER_RESUME,
                "as on the wire");
 
-enum { LONG_UNITS_MAX = 16 };
+enum { LONG_UNITS_MAX = 16, GONE_OF_NAME_MAX = 20 };
 
 /* ---- what a worker tells --------------------------------------------------------------------- */
 
@@ -266,6 +266,8 @@ static status take_gone(void *user, const struct worker_row *row, struct error *
     struct gone *gone;
     Azulejo__Wire__WorkerGone *m;
 
+    if (a->with_lines && a->gone_count == GONE_OF_NAME_MAX)
+        return STATUS_OK;
     if (!MEM_GROW(a->gone, a->gone_capacity, a->gone_count + 1) || !(gone = mem_calloc(1, sizeof *gone)))
         return error_no_memory(err, "a list of workers");
     a->gone[a->gone_count++] = gone;

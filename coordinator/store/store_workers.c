@@ -20,13 +20,16 @@ struct saved_worker {
 
 void store_worker_later(struct store *store, const struct worker_row *row)
 {
-    struct saved_worker *saved = mem_alloc(sizeof *saved);
+    /* Only the lines that there are: many workers join at once. */
+    size_t left_out = (WORKER_LINES_MAX - row->line_count) * sizeof row->lines[0];
+    struct saved_worker *saved = mem_alloc(sizeof *saved - left_out);
 
     if (!saved) {
         log_warn("worker %s: what it did is not stored: no memory", row->name);
         return;
     }
-    *saved = (struct saved_worker){.row = *row};
+    saved->next = NULL;
+    memcpy(&saved->row, row, sizeof *row - left_out);
     pthread_mutex_lock(&store->lock);
     if (store->workers_waiting == WORKERS_WAITING_MAX) { /* the store has failed for long */
         struct saved_worker *oldest = store->workers;

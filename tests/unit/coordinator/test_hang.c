@@ -100,7 +100,9 @@ static void others_get_it(void **state)
     /* Its result ends the matter, whoever sends it. */
     sim_send(sim, workers[1], 0, 1000);
     assert_int_equal(job->hangs.count, 0);
-    assert_false(renders(sim, workers[0], name, 1000));
+    /* But the first one's thread is lost, and it stays noted. */
+    assert_true(renders(sim, workers[0], name, 1000));
+    assert_false(renders(sim, workers[1], name, 1000));
     assert_false(renders(sim, workers[0], (struct unit_name){9999, 0, 0}, 1000)); /* no such unit */
     assert_false(farm_worker_renders_long(&sim->farm, &workers[0]->worker, 99, 1, name, UINT64_MAX, 0));
 }

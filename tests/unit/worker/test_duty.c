@@ -85,6 +85,11 @@ static void others_use_its_machine(void **state)
     assert_int_equal(at(&duty, 0, 1256, reason), DUTY_IN_USE);
     look(&duty, 0, 61, 1258);
     assert_int_equal(at(&duty, 0, 1258, reason), DUTY_WORKS);
+    duty.options.idle_for_s = 0;
+    look(&duty, 4, 0, 1259);
+    assert_int_equal(at(&duty, 0, 1259, reason), DUTY_IN_USE);
+    look(&duty, 0, 0, 1259);
+    assert_int_equal(at(&duty, 0, 1259, reason), DUTY_WORKS);
     look(&duty, -1, -1, 1260); /* nothing is known */
     assert_int_equal(at(&duty, 0, 1260, reason), DUTY_WORKS);
 }
