@@ -156,7 +156,7 @@ static void print_connected(const Azulejo__Wire__WorkerInfo *w)
     if (w->note[0])
         printf(" (%s)", message_text(text, sizeof text, w->note));
     printf("\n  host:     %s", message_text(text, sizeof text, w->host));
-    printf(", process %u, %s\n", w->process, message_text(text, sizeof text, w->address));
+    printf(", process %u, %s, session %u\n", w->process, message_text(text, sizeof text, w->address), w->session);
     printf("  software: %s\n", message_text(text, sizeof text, w->kernel));
     if (w->job)
         printf("  job:      %" PRIu64 ", %u units\n", w->job, w->units_leased);
