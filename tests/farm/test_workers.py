@@ -251,6 +251,7 @@ def paused_by_a_signal():
         worker = wait_for(lambda: (lambda w: w["units_leased"] == 0 and w)(wait_state(farm, "a", "paused")),
                           "no units")
         expect("SIGUSR1" in worker["note"], worker)
+        expect(re.search(r"returns \d+ work units: the worker is paused", farm.coordinator.log_text()), "not returned")
         result = farm.cli("workers", "resume", "a")
         expect(result.code == 5 and "SIGUSR2" in result.err, result)
         # It stays paused over a lost connection.
