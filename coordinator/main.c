@@ -102,7 +102,7 @@ int main(int argc, char **argv)
     const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *store_limit = NULL;
     const char *level = "info", *log_format = NULL, *completion = NULL, *ready_file = NULL, *precision = "float";
     struct server_options options = {.policy = RETENTION_POLICY_DEFAULT};
-    double lease_seconds = 60;
+    double lease_seconds = 60, unit_seconds = HANG_LEAST_S;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
         {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
@@ -124,6 +124,9 @@ int main(int argc, char **argv)
          0, 0, NULL},
         {"owner-limit", 0, OPTION_SIZE, &options.policy.owner_limit, "SIZE",
          "the same for the films and pictures of each owner's jobs (default: no limit)", 0, 0, NULL},
+        {"unit-seconds", 0, OPTION_REAL, &unit_seconds, "S",
+         "a work unit hangs when it is rendered for this long, and 20 times what the slowest of its size took (60)",
+         0.01, 86400, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -194,6 +197,7 @@ int main(int argc, char **argv)
         options.key = &key;
         options.store = store;
         options.lease_ns = (uint64_t)(lease_seconds * 1e9);
+        options.hang_ns = (uint64_t)(unit_seconds * 1e9);
         options.ready_file = ready_file;
         options.discards_films = remove_store;
         options.precision = precision;

@@ -4,6 +4,8 @@
 #include <openssl/rand.h>
 #include <stdio.h>
 #include <string.h>
+#include <time.h>
+#include <unistd.h>
 
 #include "common/base/clock.h"
 #include "common/base/log.h"
@@ -11,6 +13,7 @@
 #include "common/math/elementary.h"
 #include "protocol/channel.h"
 #include "protocol/message.h"
+#include "protocol/worker_name.h"
 #include "worker/blob_cache.h"
 #include "worker/fetch.h"
 #include "worker/job_lines.h"
@@ -19,8 +22,9 @@
 #include "worker/pool.h"
 #include "worker/requests.h"
 #include "worker/scene_cache.h"
+#include "worker/usage.h"
 
-enum { TICK_MS = 200 };
+enum { TICK_MS = 200, LONG_UNITS_MAX = 16 };
 
 enum agent_state { WAITING, CONNECTING, GREETING, WORKING, DRAINING, ENDED };
 
@@ -43,6 +47,14 @@ struct agent {
     int failed_at_work;      /* the last connection ended by a Failure: keep backing off */
     uint32_t failures;       /* connections lost or failed since the last Welcome */
     char trouble[sizeof((struct error *)0)->text]; /* the reason, as last logged */
+
+    char name[WORKER_NAME_BYTES_MAX + 1]; /* as the coordinator said last; "": not yet */
+    uint64_t instance;       /* of this process */
+    struct duty duty;
+    struct usage usage;
+    uint64_t status_ns;      /* when it was measured and told last */
+    enum duty_state paused;  /* DUTY_WORKS: it is not */
+    char reason[DUTY_REASON_SIZE]; /* why it is paused, or drains */
 
     struct blob_cache *blobs;
     struct pool *pool;
@@ -71,7 +83,7 @@ static void ask_for_work(struct agent *a)
     Azulejo__Wire__Envelope e = MESSAGE(LEASE_REQUEST, lease_request, &request);
     uint64_t now = clock_monotonic_ns();
 
-    if (a->state != WORKING || a->outbox.count >= OUTBOX_HIGH)
+    if (a->state != WORKING || a->paused != DUTY_WORKS || a->outbox.count >= OUTBOX_HIGH)
         return;
     request.units = leases_room(&a->leases);
     if (request.units == 0)
@@ -153,6 +165,96 @@ static void on_blob_failed(void *user, const struct digest *digest, const struct
     scene_cache_blob_failed(a->scenes, digest, why);
 }
 
+/* ---- pauses, and what is told about this worker ----------------------------------------- */
+
+static void send_status(struct agent *a)
+{
+    Azulejo__Wire__WorkerStatus told = AZULEJO__WIRE__WORKER_STATUS__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(WORKER_STATUS, worker_status, &told);
+    Azulejo__Wire__LongUnit longs[LONG_UNITS_MAX], *pointers[LONG_UNITS_MAX];
+    struct running_unit running[LONG_UNITS_MAX];
+
+    if (!working_channel(a))
+        return;
+    told.mode = a->state == DRAINING          ? AZULEJO__WIRE__WORKER_MODE__MODE_LEAVING
+                  : a->paused != DUTY_WORKS ? AZULEJO__WIRE__WORKER_MODE__MODE_PAUSED
+                                            : AZULEJO__WIRE__WORKER_MODE__MODE_WORKING;
+    told.reason = a->reason;
+    told.threads_busy = leases_running(&a->leases, clock_monotonic_ns(), LONG_UNIT_MS * NS_PER_MS,
+                                         running, LONG_UNITS_MAX, &told.n_long_units);
+    for (size_t i = 0; i < told.n_long_units; i++) {
+        azulejo__wire__long_unit__init(&longs[i]);
+        longs[i].job = running[i].job;
+        longs[i].frame = running[i].frame;
+        longs[i].tile = running[i].tile;
+        longs[i].group = running[i].group;
+        longs[i].pass = running[i].pass;
+        longs[i].running_ms = running[i].running_ns / NS_PER_MS;
+        pointers[i] = &longs[i];
+    }
+    told.long_units = pointers;
+    told.cpus = a->usage.cpus;
+    told.other_cpus = a->usage.other_cpus;
+    told.memory_bytes = a->usage.memory_bytes;
+    told.machine_memory_bytes = a->usage.machine_memory_bytes;
+    told.cache_bytes = blob_cache_bytes(a->blobs);
+    told.cache_limit_bytes = a->options.cache_limit_bytes;
+    (void)!channel_send(a->channel, &e); /* fails only when the connection does */
+}
+
+static int local_minute(void)
+{
+    time_t now = time(NULL);
+    struct tm local;
+
+    return localtime_r(&now, &local) ? local.tm_hour * 60 + local.tm_min : 0;
+}
+
+/* Pause or go on, if something changed that. */
+static void look_at_duty(struct agent *a)
+{
+    char reason[DUTY_REASON_SIZE];
+    enum duty_state now;
+
+    if (a->state == DRAINING || a->state == ENDED)
+        return;
+    now = duty_state(&a->duty, local_minute(), clock_monotonic_ns(), reason);
+    memcpy(a->reason, reason, sizeof a->reason);
+    if (now == a->paused)
+        return;
+    if (now != DUTY_WORKS)
+        log_info("paused: %s", reason);
+    else
+        log_info("takes work again");
+    a->paused = now;
+    if (a->state != WORKING)
+        return;
+    if (now != DUTY_WORKS)
+        leases_return_unstarted(&a->leases, a->channel, "the worker is paused");
+    a->last_asked = 0;
+    send_status(a);
+    ask_for_work(a);
+}
+
+static void measure_when_due(struct agent *a, uint64_t now_ns)
+{
+    if (now_ns - a->status_ns < STATUS_MS * NS_PER_MS)
+        return;
+    a->status_ns = now_ns;
+    usage_look(&a->usage);
+    duty_look(&a->duty, &a->usage, now_ns);
+    look_at_duty(a);
+    send_status(a);
+}
+
+void agent_set_paused(struct agent *a, int paused)
+{
+    if (a->duty.by_signal == paused)
+        return;
+    a->duty.by_signal = paused;
+    look_at_duty(a);
+}
+
 /* ---- the connection -------------------------------------------------------------------- */
 
 static void say_hello(struct agent *a)
@@ -172,6 +274,9 @@ static void say_hello(struct agent *a)
     hello.isa_mask = a->options.isa_mask;
     hello.arithmetic = elementary_fingerprint_of(render_precision());
     hello.kernel = (char *)render_ray_tracer_name();
+    hello.name = a->options.name ? (char *)a->options.name : a->name;
+    hello.name_chosen = a->options.name != NULL;
+    hello.instance = a->instance;
     if (channel_send(a->channel, &e) != STATUS_OK)
         channel_abort(a->channel, STATUS_ERR_NO_MEMORY, "cannot say hello");
 }
@@ -212,8 +317,10 @@ static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
                  a->failures == 1 ? "" : "s");
     a->failures = 0;
     a->trouble[0] = 0;
-    log_info("%s: joined as session %u with %u threads, %zu results to send again",
-             channel_peer(a->channel), welcome->session, a->options.threads, a->outbox.count);
+    if (worker_name_is_valid(welcome->name))
+        snprintf(a->name, sizeof a->name, "%s", welcome->name);
+    log_info("%s: joined as %s, session %u, with %u threads, %zu results to send again",
+             channel_peer(a->channel), a->name, welcome->session, a->options.threads, a->outbox.count);
     agent_set_state(a, WORKING);
 }
 
@@ -258,6 +365,8 @@ static void on_grant(struct agent *a, const Azulejo__Wire__LeaseGrant *grant)
         channel_abort(a->channel, err.code, "%s", err.text);
     else if (a->state == DRAINING)
         leases_return_unstarted(&a->leases, a->channel, "the worker is ending");
+    else if (a->paused != DUTY_WORKS)
+        leases_return_unstarted(&a->leases, a->channel, "the worker is paused");
     else
         ask_for_work(a);
 }
@@ -330,6 +439,8 @@ static void end_with(struct agent *a, const struct error *why)
 {
     if (a->state == ENDED)
         return;
+    for (int i = 0; working_channel(a) && i < JOB_LINES_MAX / JOB_LINES_AT_ONCE; i++)
+        job_lines_send(a->channel); /* its last lines */
     a->result = *why;
     agent_set_state(a, ENDED);
 }
@@ -425,6 +536,7 @@ static void begin_wait(struct agent *a)
 static void begin_work(struct agent *a)
 {
     a->last_asked = 0;
+    send_status(a);
     outbox_pump(&a->outbox, a->channel);
     fetcher_pump(&a->fetcher, a->channel);
     ask_for_work(a);
@@ -461,6 +573,7 @@ static void agent_set_state(struct agent *a, enum agent_state state)
         begin_work(a);
         break;
     case DRAINING:
+        send_status(a);
         leases_return_unstarted(&a->leases, a->channel, "the worker is ending");
         break;
     case ENDED:
@@ -491,9 +604,13 @@ static void on_tick(uv_timer_t *timer)
     if (a->state == DRAINING && in_state_ms > DRAIN_MS) {
         log_warn("%zu units and %zu results are dropped after %d s", a->leases.held,
                  a->outbox.count, DRAIN_MS / 1000);
+        if (a->leases.held > 0)
+            _exit(a->options.drain_status); /* a thread that still renders may never end */
         end_with(a, &none);
         return;
     }
+    look_at_duty(a);
+    measure_when_due(a, now);
     if (!working_channel(a))
         return;
     if (in_state_ms > SETTLED_MS)
@@ -530,6 +647,14 @@ status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options
     a->loop = loop;
     a->started_ns = clock_monotonic_ns();
     a->backoff_ms = BACKOFF_FIRST_MS;
+    a->status_ns = a->started_ns;
+    if (RAND_bytes((unsigned char *)&a->instance, sizeof a->instance) != 1 || a->instance == 0)
+        a->instance = a->started_ns ^ (uint64_t)uv_os_getpid() << 40;
+    (void)usage_init(&a->usage);
+    duty_init(&a->duty, &options->duty, a->started_ns);
+    a->paused = duty_state(&a->duty, local_minute(), a->started_ns, a->reason);
+    if (a->paused != DUTY_WORKS)
+        log_info("paused: %s", a->reason);
     s = blob_cache_open(&a->blobs, options->cache_folder, options->cache_limit_bytes, err);
     if (s != STATUS_OK)
         goto failed;
@@ -559,6 +684,7 @@ status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options
     uv_timer_init(loop, &a->retry);
     a->tick.data = a->retry.data = a;
     uv_timer_start(&a->tick, on_tick, TICK_MS, TICK_MS);
+    job_lines_of(0);
     agent_set_state(a, CONNECTING);
     *out = a;
     return STATUS_OK;
@@ -580,6 +706,7 @@ void agent_drain(struct agent *a, const char *reason)
         return;
     }
     log_info("%s: finishing units in progress, returning the rest", reason);
+    snprintf(a->reason, sizeof a->reason, "%s", reason);
     agent_set_state(a, DRAINING);
     end_if_drained(a);
 }

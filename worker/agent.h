@@ -6,7 +6,8 @@
  *   WORKING --agent_drain--> DRAINING --results acknowledged, or DRAIN_MS--> ENDED
  *   GREETING --the coordinator refuses this release--> ENDED
  *   any --agent_drain without a connection--> ENDED
- * agent_set_state is the only function that changes it.
+ * agent_set_state is the only function that changes it. A worker that is paused (duty.h) stays connected: it
+ * finishes the units being rendered, returns the others and asks for none.
  *
  * A lost connection costs only the units that had not been started: results that are not
  * acknowledged are kept and sent again.
@@ -24,6 +25,7 @@
 #include <uv.h>
 
 #include "common/base/status.h"
+#include "worker/duty.h"
 #include "worker/key_file.h"
 
 enum {
@@ -33,6 +35,8 @@ enum {
     FIRST_CONNECTION_MS = 30000, /* with exit_on_disconnect: to reach the coordinator at all */
     GREETING_MS = 10000,         /* from Hello to Welcome */
     SETTLED_MS = 10000,          /* a connection that lasts this long counts as good */
+    STATUS_MS = 5000,            /* how often it measures itself, and tells the coordinator */
+    LONG_UNIT_MS = 1000,         /* it names units that take longer */
     ASK_AGAIN_MS = 5000,         /* repeat a LeaseRequest after this long without a grant */
 };
 
@@ -45,6 +49,9 @@ struct agent_options {
     const char *cache_folder;
     uint64_t cache_limit_bytes;
     int exit_on_disconnect;
+    const char *name;            /* on the farm; NULL: the coordinator makes one of the host's */
+    struct duty_options duty;
+    int drain_status;            /* its exit status if it must end while a unit hangs */
 };
 
 struct agent;
@@ -53,6 +60,9 @@ struct agent;
  * outlive the agent. */
 status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options *options,
                  struct error *err) MUST_CHECK;
+
+/* Pause it, or end such a pause; other reasons for a pause stay. */
+void agent_set_paused(struct agent *agent, int paused);
 
 /* Finish the units being rendered, return the rest, wait for acknowledgements, end. */
 void agent_drain(struct agent *agent, const char *reason);

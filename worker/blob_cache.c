@@ -326,6 +326,16 @@ failed:
     return s;
 }
 
+uint64_t blob_cache_bytes(struct blob_cache *cache)
+{
+    uint64_t bytes;
+
+    pthread_mutex_lock(&cache->lock);
+    bytes = cache->stored_bytes;
+    pthread_mutex_unlock(&cache->lock);
+    return bytes;
+}
+
 void blob_cache_close(struct blob_cache *cache)
 {
     if (!cache)

@@ -30,6 +30,8 @@ struct cached_blob;
 status blob_cache_open(struct blob_cache **out, const char *folder, uint64_t limit_bytes,
                        struct error *err) MUST_CHECK;
 void blob_cache_close(struct blob_cache *cache);
+/* Bytes of its files, about. */
+uint64_t blob_cache_bytes(struct blob_cache *cache);
 
 /* Find a blob and take a reference. Reads and hashes the whole file the first time, so do not call
  * it in the loop's thread. ERR_NOT_FOUND: it is not there (or was damaged and has been removed);

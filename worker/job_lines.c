@@ -20,7 +20,7 @@ static unsigned first, count;
 static void take(enum log_level level, const char *text)
 {
     pthread_mutex_lock(&lock);
-    if (current && level <= LOG_LEVEL_INFO) {
+    if (level <= LOG_LEVEL_INFO) {
         struct line *line;
         if (count == JOB_LINES_MAX) {
             first = (first + 1) % JOB_LINES_MAX;
@@ -69,6 +69,7 @@ void job_lines_send(struct channel *channel)
 
         notice.level = (uint32_t)line.level;
         notice.job = line.job;
+        notice.own = 1;
         notice.text = (char *)message_text(clean, sizeof clean, line.text);
         if (channel_send(channel, &e) != STATUS_OK)
             return; /* the line is lost with the connection */

@@ -24,11 +24,11 @@ static void unit_render(struct pool_task *task)
 {
     struct work_unit *unit = (struct work_unit *)task;
     const struct render_scene *scene = scene_slot_render(unit->lease->slot);
-    uint64_t cpu_ns = clock_thread_cpu_ns();
+    uint64_t cpu_ns = clock_thread_cpu_ns(), begun_ns = clock_monotonic_ns();
     struct profile_counts before, after;
 
-    unit->began_ns = clock_monotonic_ns();
     unit->thread = pool_thread();
+    atomic_store(&unit->begun_ns, begun_ns);
     profile_counts(&before);
     unit->sum_count =
         render_tile(scene, unit->frame, unit->tile, unit->group, unit->pass, unit->sums,
@@ -40,7 +40,7 @@ static void unit_render(struct pool_task *task)
         unit->accounts[i] = (uint32_t)(after.accounts[i] - before.accounts[i]);
     unit->effects = render_effects(scene);
     unit->cpu_ns = clock_thread_cpu_ns() - cpu_ns;
-    unit->wall_ns = clock_monotonic_ns() - unit->began_ns;
+    unit->wall_ns = clock_monotonic_ns() - begun_ns;
 }
 
 /* ---- units and leases ------------------------------------------------------------------ */
@@ -389,6 +389,43 @@ void leases_return_unstarted(struct leases *l, struct channel *channel, const ch
         next = lease->next;
         lease_return(l, lease, channel, reason);
     }
+}
+
+/* Keep the longest ones, in order. */
+static void running_add(struct running_unit *out, size_t max, size_t *count,
+                        const struct running_unit *unit)
+{
+    size_t at = *count;
+
+    while (at > 0 && out[at - 1].running_ns < unit->running_ns)
+        at--;
+    if (at == max)
+        return;
+    *count += *count < max;
+    memmove(out + at + 1, out + at, (*count - at - 1) * sizeof *out);
+    out[at] = *unit;
+}
+
+uint32_t leases_running(const struct leases *l, uint64_t now_ns, uint64_t least_ns,
+                        struct running_unit *out, size_t max, size_t *count)
+{
+    uint32_t busy = 0;
+
+    *count = 0;
+    for (const struct lease *lease = l->first; lease; lease = lease->next) {
+        for (const struct work_unit *unit = lease->first; unit; unit = unit->next) {
+            uint64_t begun_ns = atomic_load(&unit->begun_ns);
+            struct running_unit found = {.job = unit->job, .frame = unit->frame, .tile = unit->tile,
+                                         .group = unit->group, .pass = unit->pass};
+            if (begun_ns == 0)
+                continue;
+            busy += busy < l->threads;
+            found.running_ns = now_ns > begun_ns ? now_ns - begun_ns : 0;
+            if (found.running_ns >= least_ns)
+                running_add(out, max, count, &found);
+        }
+    }
+    return busy;
 }
 
 uint32_t leases_room(const struct leases *l)

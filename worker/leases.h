@@ -59,6 +59,16 @@ void leases_forget_unstarted(struct leases *l);
 /* The same, and tell the coordinator. */
 void leases_return_unstarted(struct leases *l, struct channel *channel, const char *reason);
 
+/* A unit that a thread renders now. */
+struct running_unit {
+    uint64_t job, running_ns;
+    uint32_t frame, tile, group, pass;
+};
+/* The number of threads that render. Those units that they began at least `least_ns` ago go to `out`: at
+ * most `max`, the longest first; *count is how many. */
+uint32_t leases_running(const struct leases *l, uint64_t now_ns, uint64_t least_ns,
+                        struct running_unit *out, size_t max, size_t *count);
+
 /* How many more units to ask for now; 0 while enough are held. */
 uint32_t leases_room(const struct leases *l);
 

@@ -1,8 +1,10 @@
 /* azulejo-worker: connects out to a coordinator and renders tiles on all its cores. */
+#include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 #include <uv.h>
 
@@ -14,6 +16,7 @@
 #include "common/scene/settings.h"
 #include "protocol/address.h"
 #include "protocol/channel.h"
+#include "protocol/worker_name.h"
 #include "worker/agent.h"
 #include "worker/render/render.h"
 #include "worker/key_file.h"
@@ -24,7 +27,7 @@
 
 struct program {
     uv_loop_t loop;
-    uv_signal_t interrupt, terminate;
+    uv_signal_t interrupt, terminate, pause, resume;
     struct agent *agent;
     int signals;
 };
@@ -41,14 +44,27 @@ static void on_signal(uv_signal_t *handle, int signal_number)
     agent_drain(p->agent, name);
 }
 
+static void on_pause_signal(uv_signal_t *handle, int signal_number)
+{
+    struct program *p = handle->data;
+
+    agent_set_paused(p->agent, signal_number == SIGUSR1);
+}
+
 /* The handles must not keep the loop alive once the agent is done. */
 static void watch_signals(struct program *p)
 {
     uv_signal_init(&p->loop, &p->interrupt);
     uv_signal_init(&p->loop, &p->terminate);
-    p->interrupt.data = p->terminate.data = p;
+    uv_signal_init(&p->loop, &p->pause);
+    uv_signal_init(&p->loop, &p->resume);
+    p->interrupt.data = p->terminate.data = p->pause.data = p->resume.data = p;
     uv_signal_start(&p->interrupt, on_signal, SIGINT);
     uv_signal_start(&p->terminate, on_signal, SIGTERM);
+    uv_signal_start(&p->pause, on_pause_signal, SIGUSR1);
+    uv_signal_start(&p->resume, on_pause_signal, SIGUSR2);
+    uv_unref((uv_handle_t *)&p->pause);
+    uv_unref((uv_handle_t *)&p->resume);
     uv_unref((uv_handle_t *)&p->interrupt);
     uv_unref((uv_handle_t *)&p->terminate);
 }
@@ -100,7 +116,30 @@ static status default_path(struct buffer *out, const char *given, const char *va
     return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a path");
 }
 
-static status run(const struct agent_options *options, struct error *err)
+static status duty_from(struct duty_options *out, const char *hours, int when_idle, double idle_load,
+                        double idle_for_s, struct error *err)
+{
+    struct usage usage;
+
+    if (when_idle && !usage_init(&usage))
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--when-idle: /proc/stat, which has the machine's load, cannot be read");
+    out->when_idle = when_idle;
+    out->idle_load = idle_load / 100;
+    out->idle_for_s = idle_for_s;
+    return hours ? hours_parse(&out->hours, hours, err) : STATUS_OK;
+}
+
+/* Before any thread is started: they inherit it. */
+static status be_nice(int value, struct error *err)
+{
+    if (getpriority(PRIO_PROCESS, 0) >= value || setpriority(PRIO_PROCESS, 0, value) == 0)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_IO, "--nice %d: not allowed here: %s", value, strerror(errno));
+}
+
+/* *stopped: a signal ended it. */
+static status run(const struct agent_options *options, int *stopped, struct error *err)
 {
     struct error no_profile = {0};
     struct program p;
@@ -119,9 +158,12 @@ static status run(const struct agent_options *options, struct error *err)
         agent_free(p.agent);
         uv_close((uv_handle_t *)&p.interrupt, NULL);
         uv_close((uv_handle_t *)&p.terminate, NULL);
+        uv_close((uv_handle_t *)&p.pause, NULL);
+        uv_close((uv_handle_t *)&p.resume, NULL);
         uv_run(&p.loop, UV_RUN_DEFAULT);
     }
     profile_stop();
+    *stopped = p.signals > 0;
     uv_loop_close(&p.loop);
     return s;
 }
@@ -132,7 +174,11 @@ int main(int argc, char **argv)
     const char *isa_list = NULL, *log_level = "info", *log_format = NULL, *completion = NULL;
     int64_t threads = 0;
     uint64_t cache_limit = CACHE_LIMIT_DEFAULT;
-    int exit_on_disconnect = 0, version = 0, help = 0;
+    int exit_on_disconnect = 0, version = 0, help = 0, stopped = 0;
+    const char *name = NULL, *hours = NULL;
+    double idle_load = DUTY_IDLE_LOAD_PERCENT, idle_for_s = DUTY_IDLE_FOR_S;
+    int64_t nice_value = 0, drain_status = 0;
+    int when_idle = 0;
     const struct option table[] = {
         {"coordinator", 'c', OPTION_STRING, &coordinator, "HOST[:PORT]",
          "where the coordinator listens (default $AZULEJO_COORDINATOR, else 127.0.0.1:7420)", 0, 0,
@@ -149,6 +195,20 @@ int main(int argc, char **argv)
         {"isa", 0, OPTION_STRING, &isa_list, "LIST",
          "instruction sets to offer, of sse2,avx2,avx512 (default: what the processor has)", 0, 0,
          NULL},
+        {"name", 'n', OPTION_STRING, &name, "NAME",
+         "its name on the farm (default: the host's, with a number if several run there)", 0, 0, NULL},
+        {"hours", 0, OPTION_STRING, &hours, "RANGES",
+         "take work only at these local times, as in 20:00-08:00 or 12:00-13:00,20:00-08:00", 0, 0, NULL},
+        {"when-idle", 0, OPTION_FLAG, &when_idle, NULL,
+         "take work only while nobody else uses the machine", 0, 0, NULL},
+        {"idle-load", 0, OPTION_REAL, &idle_load, "PERCENT",
+         "for --when-idle: other processes may take this share of its processors (default 25)", 0, 100, NULL},
+        {"idle-for", 0, OPTION_REAL, &idle_for_s, "SECONDS",
+         "for --when-idle: for how long nobody must have used it (default 60)", 0, 86400, NULL},
+        {"nice", 0, OPTION_INT, &nice_value, "N", "run with this nice value, 0 to 19 (default: as started)",
+         0, 19, NULL},
+        {"drain-status", 0, OPTION_INT, &drain_status, "N",
+         "exit with this status, 0 to 125, after SIGTERM or SIGINT (default 0)", 0, 125, NULL},
         {"exit-on-disconnect", 0, OPTION_FLAG, &exit_on_disconnect, NULL,
          "end when the coordinator goes away instead of connecting again", 0, 0, NULL},
         {"log-level", 0, OPTION_CHOICE, &log_level, "LEVEL", "what to log (default info)", 0, 0,
@@ -178,7 +238,7 @@ int main(int argc, char **argv)
         options_print_help("azulejo-worker [OPTIONS]",
                            "Renders tiles for an Azulejo coordinator until it is stopped. "
                            "On SIGTERM or SIGINT\nit finishes units in progress and returns the rest; "
-                           "a second signal ends it at once.",
+                           "a second signal ends it at once. SIGUSR1 pauses it, SIGUSR2 ends that pause.",
                            table);
         return 0;
     }
@@ -198,6 +258,14 @@ int main(int argc, char **argv)
     if (s == STATUS_OK)
         s = address_parse(coordinator && *coordinator ? coordinator : "127.0.0.1", "127.0.0.1", 1,
                           host, sizeof host, &options.port, &err);
+    if (s == STATUS_OK)
+        s = duty_from(&options.duty, hours, when_idle, idle_load, idle_for_s, &err);
+    if (s == STATUS_OK && name && !worker_name_is_valid(name))
+        s = error_set(&err, STATUS_ERR_USAGE,
+                      "--name '%s': must have 1 to %d letters, digits, '.', '_' and '-'", name,
+                      WORKER_NAME_BYTES_MAX);
+    if (s == STATUS_OK && nice_value > 0)
+        s = be_nice((int)nice_value, &err);
     options.isa_mask = isa_supported_mask();
     if (s == STATUS_OK && isa_list)
         s = isa_list_parse(isa_list, &options.isa_mask, &err);
@@ -215,11 +283,13 @@ int main(int argc, char **argv)
         options.cache_folder = buffer_text(&folder);
         options.cache_limit_bytes = cache_limit;
         options.exit_on_disconnect = exit_on_disconnect;
-        s = run(&options, &err);
+        options.name = name;
+        options.drain_status = (int)drain_status;
+        s = run(&options, &stopped, &err);
     }
     if (s != STATUS_OK)
         log_error("%s", err.text);
     buffer_release(&key_file);
     buffer_release(&folder);
-    return status_exit_code(s);
+    return s == STATUS_OK && stopped ? (int)drain_status : status_exit_code(s);
 }

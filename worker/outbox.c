@@ -57,7 +57,7 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     result.work = wire_work_set(&work, &done);
     stats.cpu_ns = unit->cpu_ns;
     stats.thread = unit->thread;
-    stats.began_ns = unit->began_ns;
+    stats.began_ns = atomic_load(&unit->begun_ns);
     stats.wall_ns = unit->wall_ns;
     stats.sent_ns = clock_monotonic_ns();
     stats.trace_ns = unit->stats.trace_ns;

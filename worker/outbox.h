@@ -6,6 +6,7 @@
 #ifndef AZULEJO_WORKER_OUTBOX_H
 #define AZULEJO_WORKER_OUTBOX_H
 
+#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -27,11 +28,11 @@ struct work_unit {
     struct lease *lease;   /* NULL in the outbox */
     uint64_t lease_id, epoch, job;
     uint32_t frame, tile, group, pass;
+    atomic_uint_fast64_t begun_ns; /* monotonic: when a thread began it; 0: none did */
     int dropped;           /* revoked while it ran: its result is discarded */
     int sent;              /* on this connection */
     size_t sum_count;
     uint64_t cpu_ns, wall_ns;
-    uint64_t began_ns;     /* monotonic */
     uint32_t thread;       /* of the pool, from 1 */
     uint64_t effects;      /* what the scene needed */
     uint32_t stages[STAGE_COUNT]; /* how often the thread was found in each */

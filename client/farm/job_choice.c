@@ -1,6 +1,5 @@
 #include "client/farm/job_choice.h"
 
-#include <fnmatch.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,6 +8,7 @@
 
 #include "client/farm/job_info.h"
 #include "client/terminal/parse.h"
+#include "client/terminal/wildcard.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
@@ -22,22 +22,6 @@ enum { IDLE_SHOWN = 3 };
 static int is_number(const char *text)
 {
     return *text && text[strspn(text, "0123456789")] == 0;
-}
-
-/* Only * and ? are wildcards: a name with other characters that fnmatch() knows is itself. */
-static int name_fits(const char *text, const char *name)
-{
-    char pattern[3 * NAME_MAX_BYTES + 1];
-    size_t used = 0;
-
-    for (size_t i = 0; text[i] && i < NAME_MAX_BYTES; i++) {
-        if (text[i] == '[')
-            used += (size_t)sprintf(pattern + used, "[[]");
-        else
-            pattern[used++] = text[i];
-    }
-    pattern[used] = 0;
-    return fnmatch(pattern, name, FNM_NOESCAPE) == 0;
 }
 
 /* Bits of JobState. */
@@ -126,7 +110,7 @@ static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
     for (size_t i = 0; i < f->rest->count; i++) {
         const char *text = f->rest->items[i];
         int number = is_number(text);
-        int is_meant = number ? strtoull(text, NULL, 10) == info->job : name_fits(text, info->name);
+        int is_meant = number ? strtoull(text, NULL, 10) == info->job : wildcard_fits(text, info->name);
 
         f->seen[i] |= is_meant != 0;
         named |= number && is_meant;

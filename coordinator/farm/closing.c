@@ -154,7 +154,15 @@ void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns)
     closing_step(farm, job, now_ns);
 }
 
-static void park(struct farm *farm, struct job *job, uint64_t now_ns)
+static void park(struct farm *farm, struct job *job, const char *text, uint64_t now_ns)
+{
+    log_error("job %llu (%s) is parked: %s", (unsigned long long)job->id, job->name, text);
+    farm_job_revoke(farm, job, "the job is parked");
+    farm_job_change(farm, job, JOB_STATE_PARKED, text, now_ns);
+    closing_step(farm, job, now_ns);
+}
+
+static void park_for_deaths(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     char text[JOB_TEXT_MAX + 1];
 
@@ -163,10 +171,7 @@ static void park(struct farm *farm, struct job *job, uint64_t now_ns)
              "their logs, then 'azulejo resume %llu' or 'azulejo cancel %llu'",
              job->suspicion.deaths, job->suspicion.several ? "several machines" : "one machine",
              (unsigned long long)job->id, (unsigned long long)job->id);
-    log_error("job %llu (%s) is parked: %s", (unsigned long long)job->id, job->name, text);
-    farm_job_revoke(farm, job, "the job is parked");
-    farm_job_change(farm, job, JOB_STATE_PARKED, text, now_ns);
-    closing_step(farm, job, now_ns);
+    park(farm, job, text, now_ns);
 }
 
 struct job *closing_suspected(const struct farm *farm, const struct farm_worker *worker,
@@ -194,9 +199,20 @@ void closing_note_death(struct farm *farm, struct job *job, const struct farm_wo
     farm_note(farm, job, NULL, "%s was lost while it held work, number %u in a row without a result",
               worker->name, suspicion->deaths);
     if (suspicion_is_enough(suspicion) && job_state_is_open(job->state))
-        park(farm, job, now_ns);
+        park_for_deaths(farm, job, now_ns);
 }
 
+void closing_note_hang(struct farm *farm, struct job *job, const struct hang_unit *unit, uint64_t now_ns)
+{
+    char text[JOB_TEXT_MAX + 1];
+
+    snprintf(text, sizeof text,
+             "%u workers hung on one work unit (frame %u, tile %u, group %u, pass %u); restart them, then "
+             "'azulejo resume %llu' or 'azulejo cancel %llu'",
+             unit->session_count, unit->frame, unit->tile, unit->group, unit->pass,
+             (unsigned long long)job->id, (unsigned long long)job->id);
+    park(farm, job, text, now_ns);
+}
 
 void closing_step(struct farm *farm, struct job *job, uint64_t now_ns)
 {

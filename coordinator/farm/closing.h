@@ -34,6 +34,8 @@ struct job *closing_suspected(const struct farm *farm, const struct farm_worker 
 /* The worker died, and its leases have ended. The job may go from QUEUED or RUNNING to PARKED. */
 void closing_note_death(struct farm *farm, struct job *job, const struct farm_worker *worker,
                         uint64_t lent_ns, uint64_t now_ns);
+/* The unit hung as many workers as it may: the job goes to PARKED. */
+void closing_note_hang(struct farm *farm, struct job *job, const struct hang_unit *unit, uint64_t now_ns);
 /* Does the job have a frame in work, open or on disk? */
 int closing_has_begun(const struct farm *farm, const struct job *job);
 /* Take the steps that are due. Call after a develop and at every tick. May end the job. */

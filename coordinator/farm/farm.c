@@ -7,6 +7,7 @@
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/freeze.h"
+#include "coordinator/farm/roster.h"
 
 /* ---- life ----------------------------------------------------------------------------------- */
 
@@ -29,14 +30,18 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
     farm->events = *events;
     farm->wall_s = farm->begun_s = wall_s;
     farm->pump_wanted = 1;
+    farm->hang_ns = HANG_LEAST_S * NS_PER_SECOND;
     if (store) {
         s = store_epoch_begin(store, wall_s, &epoch, err);
         if (s == STATUS_OK)
             s = store_deliverers_last(store, &farm->last_deliverer, err);
         if (s == STATUS_OK)
             s = store_jobs_load(store, adopt_job, farm, err);
+        if (s == STATUS_OK)
+            s = roster_load(farm, err);
     }
     if (s != STATUS_OK) {
+        roster_release(farm);
         queue_release(&farm->queue);
         return s;
     }
@@ -60,6 +65,7 @@ void farm_release(struct farm *farm, uint64_t now_ns)
         }
     queue_release(&farm->queue);
     trace_release(&farm->trace);
+    roster_release(farm);
 }
 
 /* ---- jobs ----------------------------------------------------------------------------------- */
@@ -241,6 +247,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
         lease_end(&farm->leases, lease);
         farm->pump_wanted = 1;
     }
+    farm_workers_tick(farm, now_ns);
     for (struct job *job = queue_next(&farm->queue, in_work, NULL), *next; job; job = next) {
         for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
             freeze_step(farm, frame, now_ns);

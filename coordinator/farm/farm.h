@@ -27,9 +27,17 @@ enum {
     WORKER_NAME_MAX = 127,
     DELIVERER_TEXT_MAX = 256,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
+    WORKER_SAVE_MS = 10000,      /* and what a worker did */
+    ROSTER_BUCKETS = 4096,
+    ROSTER_MARKS_MAX = 10000,    /* names that are drained or blocked */
 };
 /* Films in memory; a single frame may exceed it. */
 #define FRAMES_OPEN_BYTES ((uint64_t)16 << 30)
+
+/* What a person did to a worker (roster.h). */
+enum worker_hold { WORKER_FREE, WORKER_DRAINED, WORKER_BLOCKED };
+/* What it does by itself; the numbers are the wire's WorkerMode. */
+enum worker_mode { WORKER_MODE_WORKING, WORKER_MODE_PAUSED, WORKER_MODE_LEAVING };
 
 struct farm_worker {
     struct lease_holder held;    /* first: a lease's holder is its worker (farm_worker_of) */
@@ -50,6 +58,38 @@ struct farm_worker {
     uint64_t noticed_job;        /* the newest job for which it was sent a refusal */
     uint64_t deferred_job;       /* it keeps a result of this job that could not be taken; 0: none */
     char note[256];              /* why it gets no work; "" otherwise */
+
+    char label[WORKER_LABEL_MAX + 1]; /* its name on the farm (roster.h) */
+    struct farm_worker *same_bucket;
+    int is_named;                /* the name is its own */
+    int is_replaced;             /* its process has a newer connection */
+    uint64_t instance;           /* of its process; not 0 */
+    enum worker_hold hold;
+    char held_by[JOB_WHO_MAX + 1]; /* who did that */
+    enum worker_mode mode;
+    char mode_reason[128];
+    char hang_note[256];         /* a unit hangs there; "" otherwise (hang.h): */
+    uint64_t hang_job;           /* this one */
+    uint32_t hang_frame;
+    struct unit_name hang_unit;
+    char address[64];
+    int64_t joined_at;           /* seconds since 1970, UTC */
+    uint64_t cpu_ns;             /* of its results */
+    struct {
+        int told;                /* the store knows of the connection, */
+        uint64_t units, samples, cpu_ns; /* and of these */
+    } saved;
+    uint64_t saved_ns;
+    uint32_t line_count;
+    struct worker_line lines[WORKER_LINES_MAX];
+};
+
+struct roster {
+    struct farm_worker *by_name[ROSTER_BUCKETS];
+    char taken_base[WORKER_LABEL_MAX + 1]; /* of this base, numbers up to taken_to were taken */
+    uint32_t taken_to;           /* 0: not known */
+    struct worker_mark *marks;
+    size_t mark_count, mark_capacity;
 };
 
 struct freezing;
@@ -85,6 +125,8 @@ struct farm {
     struct farm_worker *workers[WORKERS_MAX];
     uint32_t worker_count;
     struct workforce workforce;
+    struct roster roster;
+    uint64_t hang_ns;            /* a unit is rendered for this long, at least, before it hangs */
     uint32_t last_deliverer;
     uint32_t open_frames;
     uint64_t open_bytes;
@@ -234,6 +276,12 @@ void farm_frame_unpin(struct farm *farm, struct job_frame *frame);
 /* The first units were sent: the job is RUNNING. */
 void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
                       uint64_t now_ns);
+
+/* Store what workers did, now and then. */
+void farm_workers_tick(struct farm *farm, uint64_t now_ns);
+/* A thread of the worker has been rendering the unit for running_ns. 1: it hangs, and `hang_note` says so. */
+int farm_worker_renders_long(struct farm *farm, struct farm_worker *worker, uint64_t job, uint32_t frame,
+                             struct unit_name name, uint64_t running_ns, uint64_t now_ns);
 
 /* The coordinator was suspended for this long: leases are extended by it. */
 void farm_pause(struct farm *farm, uint64_t paused_ns);

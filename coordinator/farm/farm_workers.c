@@ -3,9 +3,11 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/base/clock.h"
 #include "common/base/log.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/farm.h"
+#include "coordinator/farm/roster.h"
 
 status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct error *err)
 {
@@ -63,6 +65,7 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died,
     struct job *job = died ? closing_suspected(farm, worker, &lent_ns) : NULL;
 
     lease_end_all_of(&farm->leases, &worker->held);
+    roster_leave(farm, worker);
     if (job)
         closing_note_death(farm, job, worker, lent_ns, now_ns);
     workforce_leave(farm, worker);
@@ -135,4 +138,86 @@ void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *wor
         (job->broken_count >= JOB_BROKEN_MAX && !job_has_results(job)))
         farm_fail(farm, job, now_ns, "%zu machine%s cannot render it: %s", job->broken_count,
                   job->broken_count == 1 ? "" : "s", text);
+}
+
+void farm_workers_tick(struct farm *farm, uint64_t now_ns)
+{
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        struct farm_worker *worker = farm->workers[i];
+        if (worker->saved_ns && now_ns - worker->saved_ns < WORKER_SAVE_MS * NS_PER_MS)
+            continue;
+        if (!worker->saved.told || worker->units_done != worker->saved.units)
+            worker_save(farm, worker, NULL);
+        worker->saved_ns = now_ns ? now_ns : 1;
+    }
+}
+
+/* ---- units that hang ------------------------------------------------------------------------- */
+
+/* Take the unit away from the worker, if it still holds it. */
+static void take_back(struct farm *farm, const struct job_frame *frame, struct unit_name name,
+                      const struct farm_worker *worker)
+{
+    const struct unit *unit = job_frame_unit_find(frame, name);
+
+    for (uint32_t i = 0; unit && i < unit->holder_count; i++) {
+        struct lease *lease = unit->holders[i];
+        if (lease->holder != &worker->held)
+            continue;
+        lease_return_unit(&farm->leases, lease, name);
+        farm->pump_wanted = 1;
+        return;
+    }
+}
+
+/* Is it the unit that the worker's note is about? Its thread is lost, also when others have rendered it. */
+static int is_noted(const struct farm_worker *worker, uint64_t job, uint32_t frame, struct unit_name name)
+{
+    return worker->hang_note[0] && worker->hang_job == job && worker->hang_frame == frame &&
+           worker->hang_unit.tile == name.tile && worker->hang_unit.group == name.group &&
+           worker->hang_unit.pass == name.pass;
+}
+
+static void note_hang(struct farm *farm, struct job *job, struct job_frame *frame,
+                      struct unit_name name, struct farm_worker *worker, uint64_t now_ns)
+{
+    const struct hang_unit *unit =
+        hangs_note(&job->hangs, (struct hang_unit){.frame = frame->number, .tile = name.tile,
+                                                   .group = name.group, .pass = name.pass},
+                   worker->held.session);
+
+    if (!unit)
+        return;
+    log_warn("worker %s: %s", worker->label, worker->hang_note);
+    worker_line_add(farm, worker, "%s", worker->hang_note);
+    farm_note(farm, job, NULL, "worker %s: %s", worker->label, worker->hang_note);
+    take_back(farm, frame, name, worker);
+    if (unit->session_count == HANG_SESSIONS_MAX && job_state_is_open(job->state))
+        closing_note_hang(farm, job, unit, now_ns);
+}
+
+int farm_worker_renders_long(struct farm *farm, struct farm_worker *worker, uint64_t id, uint32_t number,
+                             struct unit_name name, uint64_t running_ns, uint64_t now_ns)
+{
+    struct job *job = queue_find(&farm->queue, id);
+    struct job_frame *frame = job ? farm_frame_find(job, number) : NULL;
+    uint64_t samples, limit_ns;
+
+    if (!frame || frame->state != FRAME_RENDERING || !job_frame_has_unit(frame, name) ||
+        film_has(frame->film, name.tile, name.group, name.pass))
+        return is_noted(worker, id, number, name);
+    samples = job_frame_unit_samples(frame, name);
+    limit_ns = hangs_limit_ns(&job->hangs, samples, farm->hang_ns);
+    if (limit_ns == 0 || running_ns <= limit_ns)
+        return 0;
+    snprintf(worker->hang_note, sizeof worker->hang_note,
+             "a thread has been rendering a unit of job %llu (frame %u, tile %u, group %u, pass %u) for %.0f s, and the "
+             "slowest of its size took %.2g s: another worker gets it as well",
+             (unsigned long long)job->id, number, name.tile, name.group, name.pass,
+             (double)running_ns / 1e9, job->hangs.sample_ns_max * (double)samples / 1e9);
+    worker->hang_job = id;
+    worker->hang_frame = number;
+    worker->hang_unit = name;
+    note_hang(farm, job, frame, name, worker, now_ns);
+    return 1;
 }

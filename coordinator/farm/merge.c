@@ -234,6 +234,8 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         work_stats_add(&frame->job->stats, &result->stats);
         work_stats_add(&frame->stats, &result->stats);
         rate_add(&frame->job->rate, result->work.samples, now_ns);
+        hangs_settle(&frame->job->hangs, (struct hang_unit){.frame = frame->number, .tile = name.tile,
+                                                            .group = name.group, .pass = name.pass});
         figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
         scheduler_learn(farm, worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
                         now_ns);

@@ -6,6 +6,7 @@
 
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/measure.h"
+#include "coordinator/farm/roster.h"
 #include "protocol/message.h"
 
 /* Is the remaking of pictures waiting because of a failure of the environment? */
@@ -29,7 +30,7 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
                          size_t before)
 {
     char why[256] = "";
-    uint32_t able = 0;
+    uint32_t able = 0, resting = 0;
 
     out[0] = 0;
     if (job->state == JOB_STATE_PARKED || job->state == JOB_STATE_PAUSED) {
@@ -75,13 +76,17 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
         return;
     }
     for (uint32_t i = 0; i < farm->worker_count; i++) {
-        if (farm_can_serve(job, farm->workers[i], why, sizeof why)) {
+        if (!worker_takes_work(farm->workers[i])) {
+            resting++;
+        } else if (farm_can_serve(job, farm->workers[i], why, sizeof why)) {
             able++;
             break;
         }
     }
     if (farm->worker_count == 0)
         snprintf(out, size, "waits: no worker is connected");
+    else if (resting == farm->worker_count)
+        snprintf(out, size, "waits: no worker takes work at present ('azulejo workers' says why)");
     else if (able == 0)
         snprintf(out, size, "waits: none of the %u workers can render it; of one: %s",
                  farm->worker_count, why);

@@ -5,6 +5,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/log.h"
+#include "coordinator/farm/roster.h"
 
 /* The amount that the worker may be lent now. */
 struct budget {
@@ -47,10 +48,30 @@ static int budget_for(struct farm *farm, const struct farm_worker *worker,
     return budget->units > 0;
 }
 
-static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget, int early,
+/* The unit hangs there, and another worker may have it. */
+static int is_barred(const struct farm *farm, const struct job_frame *frame,
+                     const struct farm_worker *worker, struct unit_name name)
+{
+    const struct job *job = frame->job;
+    char why[256];
+
+    if (!hangs_has(&job->hangs, (struct hang_unit){.frame = frame->number, .tile = name.tile,
+                                                   .group = name.group, .pass = name.pass},
+                   worker->held.session))
+        return 0;
+    for (uint32_t i = 0; i < farm->worker_count; i++)
+        if (farm->workers[i] != worker && worker_takes_work(farm->workers[i]) &&
+            farm_can_serve(job, farm->workers[i], why, sizeof why))
+            return 1;
+    return 0;
+}
+
+static uint32_t take_fresh(const struct farm *farm, struct job_frame *frame,
+                           const struct farm_worker *worker, const struct budget *budget, int early,
                            struct unit_name units[LEASE_UNITS_MAX])
 {
-    uint32_t count = 0;
+    struct unit_name barred[HANG_UNITS_MAX];
+    uint32_t count = 0, barred_count = 0;
     double samples = 0;
 
     while (count < budget->units && samples < budget->samples &&
@@ -60,9 +81,15 @@ static uint32_t take_fresh(struct job_frame *frame, const struct budget *budget,
             job_frame_return(frame, units[count]); /* only the first pass is wanted now */
             break;
         }
+        if (barred_count < HANG_UNITS_MAX && is_barred(farm, frame, worker, units[count])) {
+            barred[barred_count++] = units[count];
+            continue;
+        }
         samples += (double)job_frame_unit_samples(frame, units[count]);
         count++;
     }
+    while (barred_count > 0)
+        job_frame_return(frame, barred[--barred_count]);
     return count;
 }
 
@@ -128,7 +155,7 @@ static uint32_t take_overdue(struct farm *farm, const struct job_frame *frame,
          unit && count < worker->credit.threads && count < worker->room &&
          count < LEASE_UNITS_MAX && now_ns - unit->granted_ns >= limit_ns;
          unit = unit->newer)
-        if (make_place(farm, unit, worker, now_ns))
+        if (!is_barred(farm, frame, worker, unit->name) && make_place(farm, unit, worker, now_ns))
             units[count++] = unit->name;
     return count;
 }
@@ -201,7 +228,7 @@ static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
         *full = 1;
         return NULL;
     }
-    count = take_fresh(frame, &budget, early, units);
+    count = take_fresh(farm, frame, worker, &budget, early, units);
     return count ? grant(farm, frame, worker, units, count, now_ns) : NULL;
 }
 
@@ -335,16 +362,16 @@ static struct lease *grant_again(struct farm *farm, struct farm_worker *worker, 
 struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
 {
     struct lease *lease = NULL;
-    int full = 0;
+    int full = 0, takes = worker->room > 0 && worker_takes_work(worker);
 
-    if (worker->room > 0) {
+    if (takes) {
         lease = grant_wanted(farm, worker, now_ns, &full);
         if (!lease && !full)
             lease = grant_early(farm, worker, now_ns, &full);
         if (!lease && !full && worker->held.units < worker->credit.threads)
             lease = grant_again(farm, worker, now_ns);
     }
-    workforce_set_hungry(farm, worker, worker->room > 0 && !lease && !full);
+    workforce_set_hungry(farm, worker, takes && !lease && !full);
     return lease;
 }
 
@@ -355,6 +382,8 @@ void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *
 
     rate_add(&worker->rate, samples, now_ns);
     worker->units_done++;
+    worker->cpu_ns += cpu_ns;
+    hangs_learn(&job->hangs, samples, cpu_ns);
     worker->delivered_job = job->id;
     farm->pump_wanted |= job->suspicion.deaths > 0; /* others may have its units again */
     suspicion_clear(&job->suspicion);

@@ -18,7 +18,7 @@ static status refuse(const struct job *job, const char *what, struct error *err)
         [JOB_STATE_DONE] = "'extend' gives it more samples, 'retry --frames' makes frames again",
         [JOB_STATE_FAILED] = "'retry' goes on with it",
         [JOB_STATE_CANCELLED] = "'retry' goes on with it",
-        [JOB_STATE_PARKED] = "its workers died: 'resume' tries again, 'cancel' ends it",
+        [JOB_STATE_PARKED] = "its workers died or hung: 'resume' tries again, 'cancel' ends it",
         [JOB_STATE_CANCELLING] = "wait until its pictures are made",
         [JOB_STATE_PAUSED] = "'resume' goes on with it, 'cancel' ends it",
         [JOB_STATE_FINISHING] = "it ends with the first pass of its frames in work; 'cancel' ends it now",
@@ -54,6 +54,7 @@ status steer_resume(struct farm *farm, struct job *job, const char *who, uint64_
         return refuse(job, "resumed", err);
     log_info("job %" PRIu64 " (%s) is resumed by %s", job->id, job->name, who);
     suspicion_clear(&job->suspicion);
+    hangs_clear(&job->hangs);
     job->broken_count = 0;
     farm_note(farm, job, who, "resumed");
     farm_job_change(farm, job, JOB_STATE_QUEUED, NULL, now_ns);

@@ -1,6 +1,7 @@
 #include "coordinator/farm/workforce.h"
 
 #include "coordinator/farm/farm.h"
+#include "coordinator/farm/roster.h"
 
 void workforce_due(struct farm *farm, struct farm_worker *worker)
 {
@@ -72,7 +73,9 @@ void workforce_counts(struct farm *farm, struct farm_worker *worker)
     struct workforce *all = &farm->workforce;
     struct workforce_place *p = &worker->place;
 
-    if (worker->credit.delivered_ns == 0)
+    if (!worker_takes_work(worker))
+        proven_remove(all, worker);
+    if (worker->credit.delivered_ns == 0 || !worker_takes_work(worker))
         return;
     if (all->proven_newest == worker ||
         (p->counted_threads > 0 && p->newer &&

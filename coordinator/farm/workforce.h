@@ -8,7 +8,7 @@
  * threads is at hand: workforce_counts after every change of a worker's credit.
  *
  * Invariant: proven_threads is the sum of counted_threads over the list from proven_oldest; it equals
- * the sum of credit.threads of proven workers whenever workforce_threads returns.
+ * the sum of credit.threads of proven workers that take work whenever workforce_threads returns.
  */
 #ifndef AZULEJO_COORDINATOR_WORKFORCE_H
 #define AZULEJO_COORDINATOR_WORKFORCE_H
@@ -39,7 +39,7 @@ void workforce_due(struct farm *farm, struct farm_worker *worker);
 struct farm_worker *workforce_next_due(struct farm *farm);
 void workforce_set_hungry(struct farm *farm, struct farm_worker *worker, int hungry);
 
-/* The worker's credit may have changed. */
+/* The worker's credit may have changed, or whether it takes work (roster.h). */
 void workforce_counts(struct farm *farm, struct farm_worker *worker);
 /* The threads that share a frame's last units: this worker's, and those of workers that deliver. */
 uint64_t workforce_threads(struct farm *farm, const struct farm_worker *worker, uint64_t now_ns);

@@ -3,7 +3,7 @@
  *   QUEUED --first lease--> RUNNING --last frame's files on disk--> DONE
  *    ^  |                    |
  *    |  +--------------------+--paused by a person--> PAUSED --resumed--> QUEUED
- *    |  +--------------------+--its workers die (suspicion.h)--> PARKED --resumed--> QUEUED
+ *    |  +--------------------+--its workers die (suspicion.h) or hang (hang.h)--> PARKED --resumed--> QUEUED
  *    |  +--------------------+--finish--> FINISHING --first passes on disk--> DONE, finished early
  *    |  +--------------------+--cancel--> CANCELLING --pictures of what there is--> CANCELLED
  *    |  +--------------------+--cancel, discard--> CANCELLED
@@ -42,6 +42,7 @@
 #include "common/tonemap/tonemap.h"
 #include "coordinator/job/candidates.h"
 #include "coordinator/job/eta.h"
+#include "coordinator/job/hang.h"
 #include "coordinator/job/history.h"
 #include "coordinator/farm/rate.h"
 #include "coordinator/job/suspicion.h"
@@ -177,6 +178,7 @@ struct job {
     uint64_t *broken_machines;         /* that said JobBroken (machine_identity) */
     size_t broken_count, broken_capacity;
     struct suspicion suspicion;        /* whether it kills its workers */
+    struct hangs hangs;                /* units that hang */
     uint32_t leases;                   /* live ones */
     uint64_t turnaround_ns;            /* from a unit's grant to its result, smoothed; 0: unknown */
     uint64_t saved_ns;                 /* monotonic: when the progress was last stored */

@@ -7,6 +7,7 @@
 
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "coordinator/farm/roster.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_table.h"
 #include "protocol/message.h"
@@ -88,6 +89,10 @@ static struct session *choose_worker(struct server *server, const struct render_
         if (!s->worker || s->state != SESSION_OPEN)
             continue;
         connected++;
+        if (!worker_takes_work(s->worker)) {
+            worker_explain(s->worker, last, sizeof last);
+            continue;
+        }
         if (!may_render(job, q, s->worker, why, sizeof why)) {
             memcpy(last, why, sizeof last);
             continue;

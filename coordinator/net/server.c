@@ -294,6 +294,7 @@ status server_run(const struct server_options *options, struct error *err)
         s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
     if (s == STATUS_OK) {
         server->farm.discards_films = options->discards_films;
+        server->farm.hang_ns = options->hang_ns;
         s = listen_on(server, options, err);
         if (s == STATUS_OK) {
             audit_note(&server->audit, &coordinator, "start", 0, NULL, NULL);

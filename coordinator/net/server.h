@@ -36,6 +36,7 @@ struct server_options {
     const struct farm_key *key;
     struct store *store;
     uint64_t lease_ns;
+    uint64_t hang_ns;          /* farm->hang_ns */
     const char *ready_file;    /* NULL, or gets the port, atomically */
     struct descriptors descriptors;
     int discards_films;        /* its jobs will not be extended */

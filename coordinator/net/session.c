@@ -10,10 +10,12 @@
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
 #include "coordinator/farm/merge.h"
+#include "coordinator/farm/roster.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_table.h"
 #include "protocol/message.h"
+#include "protocol/worker_name.h"
 
 enum { WORKER_THREADS_MAX = 4096, ROOM_MAX = 1 << 20 };
 
@@ -69,12 +71,33 @@ void session_flush(struct session *session, uint64_t now_ns)
 
 /* ---- greeting ------------------------------------------------------------------------------- */
 
+static void name_for_people(struct farm_worker *worker, const struct session *session)
+{
+    if (strcmp(worker->label, session->host) == 0)
+        snprintf(worker->name, sizeof worker->name, "%s, process %u", session->host, session->process);
+    else
+        snprintf(worker->name, sizeof worker->name, "%.63s (%.40s, process %u)", worker->label,
+                 session->host, session->process);
+}
+
+/* The older connection of a process that has connected again. */
+static void end_replaced(struct server *server, const struct farm_worker *worker)
+{
+    struct session *old = session_find(server, worker->held.session);
+
+    if (!old)
+        return;
+    log_info("worker %s (session %u) has connected again: its old connection is closed", worker->label,
+             old->id);
+    session_end(old, NULL);
+}
+
 static status make_worker(struct session *session, const Azulejo__Wire__Hello *hello,
                           struct error *err)
 {
     struct server *server = session->server;
     const char *other = strcmp(server->precision, "float") == 0 ? "double" : "float";
-    struct farm_worker *worker;
+    struct farm_worker *worker, *replaced;
     status s;
 
     if (hello->arithmetic == elementary_fingerprint_of(other))
@@ -96,23 +119,37 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
     if (!hello->kernel[0] || strlen(hello->kernel) > KERNEL_NAME_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL,
                          "a worker must name its ray tracer in 1..%d bytes", KERNEL_NAME_MAX);
+    if (hello->name[0] && !worker_name_is_valid(hello->name))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "a worker's name has 1 to %d letters, digits, '.', '_' and '-'", WORKER_LABEL_MAX);
     worker = mem_calloc(1, sizeof *worker);
     if (!worker)
         return error_no_memory(err, "a worker");
+    worker->instance = hello->instance ? hello->instance
+                                       : (uint64_t)server->farm.wall_s << 32 | session->id;
+    worker->joined_at = server->farm.wall_s;
+    snprintf(worker->address, sizeof worker->address, "%s", session->peer);
     worker->held.session = session->id;
     worker->threads = hello->threads;
     worker->machine = machine_identity(session->host, session->peer);
     worker->isa_mask = hello->isa_mask;
     message_text(worker->kernel, sizeof worker->kernel, hello->kernel);
-    snprintf(worker->name, sizeof worker->name, "%s, process %u", session->host, session->process);
     snprintf(worker->deliverer.host, sizeof worker->deliverer.host, "%s", session->host);
     snprintf(worker->deliverer.software, sizeof worker->deliverer.software, "%s", session->software);
     worker->deliverer.process = session->process;
-    s = farm_worker_add(&server->farm, worker, err);
+    s = roster_join(&server->farm, worker, session->host, hello->name, hello->name_chosen, &replaced, err);
+    if (s == STATUS_OK && replaced)
+        end_replaced(server, replaced);
+    if (s == STATUS_OK) {
+        name_for_people(worker, session);
+        s = farm_worker_add(&server->farm, worker, err);
+    }
     if (s != STATUS_OK) {
+        roster_leave(&server->farm, worker);
         mem_free(worker);
         return s;
     }
+    worker_line_add(&server->farm, worker, "joins from %.100s as session %u", session->peer, session->id);
     session->worker = worker;
     return STATUS_OK;
 }
@@ -125,6 +162,8 @@ static void send_welcome(struct session *session, uint64_t request)
     welcome.protocol_version = PROTOCOL_VERSION;
     welcome.software = (char *)"azulejo " AZULEJO_VERSION;
     welcome.session = session->id;
+    if (session->worker)
+        welcome.name = session->worker->label;
     welcome.heartbeat_ms = SESSION_HEARTBEAT_MS;
     welcome.silence_limit_ms = SESSION_SILENCE_MS;
     envelope.request = request;
@@ -166,9 +205,9 @@ static void take_hello(struct session *session, const Azulejo__Wire__Envelope *m
     }
     session->state = SESSION_OPEN;
     if (session->worker)
-        log_info("worker %s:%u joins from %s as session %u: %u threads, %s", session->host,
-                 session->process, session->peer, session->id, session->worker->threads,
-                 session->worker->kernel);
+        log_info("worker %s (%s:%u) joins from %s as session %u: %u threads, %s", session->worker->label,
+                 session->host, session->process, session->peer, session->id,
+                 session->worker->threads, session->worker->kernel);
     else
         log_debug("%s %s:%u connects from %s as session %u", farm_role_name(session->role),
                   session->host, session->process, session->peer, session->id);
@@ -300,7 +339,7 @@ static void take_broken(struct session *session, const Azulejo__Wire__JobBroken 
         farm_job_broken(farm, job, session->worker, text, now_ns);
 }
 
-/* A line of the worker's log, for a job's log. A worker that sends too many loses some. */
+/* A line of the worker's log, for its own and a job's log. A worker that sends too many loses some. */
 static void take_line(struct session *session, const Azulejo__Wire__Notice *notice, uint64_t now_ns)
 {
     struct server *server = session->server;
@@ -310,10 +349,14 @@ static void take_line(struct session *session, const Azulejo__Wire__Notice *noti
         session->lines_since_ns = now_ns;
         session->lines = 0;
     }
-    if (session->lines++ >= SESSION_LINES_MAX || !queue_find(&server->farm.queue, notice->job))
+    if (session->lines++ >= SESSION_LINES_MAX)
+        return;
+    message_text(event.text, sizeof event.text, notice->text);
+    if (notice->own)
+        worker_line_add(&server->farm, session->worker, "%.*s", WORKER_LINE_SIZE - 1, event.text);
+    if (!notice->job || !queue_find(&server->farm.queue, notice->job))
         return;
     snprintf(event.who, sizeof event.who, "%s", session->worker->name);
-    message_text(event.text, sizeof event.text, notice->text);
     store_event_later(server->store, &event);
 }
 
@@ -335,6 +378,9 @@ static int worker_message(struct session *session, const Azulejo__Wire__Envelope
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT:
         render_request_answer(session, message);
+        return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_WORKER_STATUS:
+        session_worker_status(session, message->worker_status, now_ns);
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_BROKEN:
         take_broken(session, message->job_broken, now_ns);
@@ -364,7 +410,7 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT:
         return;
     case AZULEJO__WIRE__ENVELOPE__BODY_NOTICE:
-        if (session->worker && message->notice->job) {
+        if (session->worker && (message->notice->job || message->notice->own)) {
             take_line(session, message->notice, now_ns);
             return;
         }
@@ -406,9 +452,11 @@ static void on_close(struct channel *channel, const struct error *why, void *use
 
     (void)channel;
     if (session->worker) {
-        log_info("worker %s:%u (session %u) leaves%s%s", session->host, session->process,
-                 session->id, why->code == STATUS_OK ? "" : ": ",
-                 why->code == STATUS_OK ? "" : why->text);
+        char reason[256];
+        session_worker_leaves(session, why, reason, sizeof reason);
+        log_info("worker %s (%s:%u, session %u) leaves: %s", session->worker->label, session->host,
+                 session->process, session->id, reason);
+        worker_save(&server->farm, session->worker, reason);
         /* An end that we chose (a broken rule, our own shutdown) does not count as a death; silence
          * does. */
         farm_worker_remove(&server->farm, session->worker,
@@ -416,6 +464,7 @@ static void on_close(struct channel *channel, const struct error *why, void *use
                                (why->code == STATUS_ERR_UNREACHABLE && session->state == SESSION_OPEN),
                            clock_monotonic_ns());
         mem_free(session->worker);
+        session_worker_release(session);
     } else if (why->code == STATUS_ERR_PROTOCOL) {
         log_warn("session %u (%s): %s", session->id, session->host, why->text);
     } else if (why->code != STATUS_OK && session->state == SESSION_GREETING) {

@@ -61,6 +61,8 @@ struct session {
     uint64_t lines_since_ns;
 
     struct farm_worker *worker;   /* NULL: not a worker */
+    Azulejo__Wire__Envelope *told; /* its last WorkerStatus; NULL: none yet */
+    uint64_t told_ns;
 
     struct watch watches[SESSION_WATCHES_MAX];
     uint32_t watch_count;
@@ -93,6 +95,13 @@ void session_ack(struct session *session, uint64_t job, uint32_t frame, struct u
 int session_client_message(struct session *session, const Azulejo__Wire__Envelope *message,
                            uint64_t now_ns);
 void session_watches_send(struct session *session, uint64_t now_ns, int only_due);
+
+/* session_workers.c */
+void session_worker_status(struct session *session, const Azulejo__Wire__WorkerStatus *status,
+                           uint64_t now_ns);
+/* Why the worker's connection, which has closed, ended. */
+void session_worker_leaves(const struct session *session, const struct error *why, char *out, size_t size);
+void session_worker_release(struct session *session);
 
 /* session_reply.c: nothing is sent once the session is ending. A message that cannot be queued
  * closes its channel, and the session with it. */

@@ -261,60 +261,6 @@ static status extend(struct session *session, const Azulejo__Wire__Envelope *mes
     return session_answer_change(session, message->request, job, s, now_ns, err);
 }
 
-/* ---- workers -------------------------------------------------------------------------------- */
-
-static void fill_worker(Azulejo__Wire__WorkerInfo *info, struct session *s, uint64_t now_ns)
-{
-    info->session = s->id;
-    info->host = s->host;
-    info->process = s->process;
-    info->address = s->peer;
-    info->software = s->software;
-    info->kernel = s->worker->kernel;
-    info->threads = s->worker->threads;
-    info->isa_mask = s->worker->isa_mask;
-    info->units_leased = s->worker->held.units;
-    info->units_done = s->worker->units_done;
-    info->samples_done = s->worker->samples_done;
-    info->samples_per_second = rate_per_second(&s->worker->rate, now_ns);
-    info->connected_s = (now_ns - s->begun_ns) / NS_PER_SECOND;
-    info->note = s->worker->note;
-    info->job = s->worker->held.units ? s->worker->held.job : 0;
-}
-
-static status list_workers(struct session *session, const Azulejo__Wire__Envelope *message,
-                           uint64_t now_ns, struct error *err)
-{
-    struct server *server = session->server;
-    size_t room = server->farm.worker_count, count = 0;
-    uint64_t job = message->worker_query->job;
-    Azulejo__Wire__WorkerInfo *infos = mem_alloc_array(room, sizeof *infos);
-    Azulejo__Wire__WorkerInfo **pointers =
-        mem_alloc_array(room, sizeof(Azulejo__Wire__WorkerInfo *));
-    Azulejo__Wire__WorkerList list = AZULEJO__WIRE__WORKER_LIST__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(WORKER_LIST, worker_list, &list);
-    status s = infos && pointers ? STATUS_OK : error_no_memory(err, "a list of workers");
-
-    if (s == STATUS_OK) {
-        for (struct session *other = server->sessions; other && count < room; other = other->next) {
-            Azulejo__Wire__WorkerInfo info = AZULEJO__WIRE__WORKER_INFO__INIT;
-            if (!other->worker ||
-                (job && (other->worker->held.units == 0 || other->worker->held.job != job)))
-                continue;
-            infos[count] = info;
-            fill_worker(&infos[count], other, now_ns);
-            pointers[count] = &infos[count];
-            count++;
-        }
-        list.n_workers = count;
-        list.workers = pointers;
-        session_reply(session, message->request, &envelope);
-    }
-    mem_free(pointers);
-    mem_free(infos);
-    return s;
-}
-
 /* ---- dispatch ------------------------------------------------------------------------------- */
 
 enum { CLIENTS = 0, WORKERS_TOO = 1 };
@@ -343,7 +289,8 @@ static const struct {
     {BODY(STORE_QUERY), CLIENTS, session_store},
     {BODY(JOB_TRACE_GET), CLIENTS, session_trace},
     {BODY(JOB_DEVELOP), CLIENTS, develop},
-    {BODY(WORKER_QUERY), CLIENTS, list_workers},
+    {BODY(WORKER_QUERY), CLIENTS, session_workers},
+    {BODY(WORKER_STEER), CLIENTS, session_worker_steer},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},
     {BODY(HISTORY_GET), CLIENTS, session_history_get},
     {BODY(RENDER_REQUEST), CLIENTS, render_request_begin},

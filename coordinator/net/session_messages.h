@@ -29,6 +29,8 @@ session_handler session_remove;
 session_handler session_log;
 session_handler session_store;          /* collector.c */
 session_handler session_trace;          /* session_trace.c */
+session_handler session_workers;        /* session_workers.c */
+session_handler session_worker_steer;
 session_handler session_blob_query;     /* session_blobs.c */
 session_handler session_blob_get;
 session_handler session_blob_put;

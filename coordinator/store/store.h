@@ -4,7 +4,7 @@
  * STORE/hold              held (flock) while a backup is made, or something is removed (store_hold.h)
  * STORE/reserve           space kept back for queue.sqlite (reserve.h)
  * STORE/queue.sqlite      jobs, frames that are done or cut short, the history of their errors, the
- *                         workers that delivered results, the lease epoch (WAL, full sync)
+ *                         workers that delivered results or left, the lease epoch (WAL, full sync)
  * STORE/audit.log, .1 ... who did what (audit.h)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        unfinished uploads; emptied at the start
@@ -134,6 +134,53 @@ status store_deliverer_save_later(struct store *store, const struct deliverer *d
 /* out->number is 0 if the number is not known. [any thread] */
 status store_deliverer_find(struct store *store, uint32_t number, struct deliverer *out,
                             struct error *err) MUST_CHECK;
+
+enum {
+    WORKERS_GONE_MAX = 1000,     /* processes of workers that left, of which what they did is kept */
+    WORKER_LABEL_MAX = 63,       /* bytes of a worker's name */
+    WORKER_LINES_MAX = 16,       /* of its log, the newest */
+    WORKER_LINE_SIZE = 208,
+};
+struct worker_line {
+    int64_t at;                  /* seconds since 1970, UTC */
+    char text[WORKER_LINE_SIZE]; /* without control characters */
+};
+/* What one process of a worker did. */
+struct worker_row {
+    char name[WORKER_LABEL_MAX + 1], host[64], address[64], software[64], why[256];
+    uint64_t instance;           /* of the process, not 0 */
+    uint32_t process, threads, connections;
+    int64_t joined_at, left_at, seen_at; /* seconds since 1970, UTC; left_at 0: it is connected */
+    uint64_t units, samples, cpu_ns;
+    uint32_t line_count;
+    struct worker_line lines[WORKER_LINES_MAX];
+};
+/* Store the row soon. If that process has one, connections, units, samples and cpu_ns are added to
+ * its own. Without memory, or if the store fails for long, it is lost. */
+void store_worker_later(struct store *store, const struct worker_row *row);
+/* At the start: whoever was connected when the last run was killed has left. ERR_IO, ERR_NO_MEMORY. */
+status store_workers_begin(struct store *store, struct error *err) MUST_CHECK;
+/* Call visit for those that left, the last first; `name` "": of all names. ERR_IO, ERR_NO_MEMORY. */
+status store_workers_gone(struct store *store, const char *name,
+                          status (*visit)(void *user, const struct worker_row *row,
+                                          struct error *err),
+                          void *user, struct error *err) MUST_CHECK;
+
+/* A name that a person drained or blocked. */
+struct worker_mark {
+    char name[WORKER_LABEL_MAX + 1];
+    int blocked;                 /* until it is unblocked; else drained, as long as the process lives */
+    uint64_t instance;           /* of that process; 0: blocked */
+    char who[JOB_WHO_MAX + 1];   /* user@host */
+    int64_t at;                  /* seconds since 1970, UTC */
+};
+/* On disk when they return. ERR_IO, ERR_NO_MEMORY: nothing changed. */
+status store_worker_mark(struct store *store, const struct worker_mark *mark, struct error *err) MUST_CHECK;
+status store_worker_unmark(struct store *store, const char *name, struct error *err) MUST_CHECK;
+status store_worker_marks_load(struct store *store,
+                               status (*visit)(void *user, const struct worker_mark *mark,
+                                               struct error *err),
+                               void *user, struct error *err) MUST_CHECK;
 
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
  * (-1: there are none yet). `cut`: its coverage if that is less than the cap allows, with `end`,

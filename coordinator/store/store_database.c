@@ -13,7 +13,7 @@
 #include "coordinator/store/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 6, BUSY_MS = 5000 };
+enum { STORE_VERSION = 7, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -100,6 +100,25 @@ static status add_steering(struct store *store, struct error *err)
     status s = sql_exec(store, schema_6, "cannot be brought up to date", err);
 
     return s == STATUS_OK ? sql_exec(store, events_schema, "cannot be brought up to date", err) : s;
+}
+
+/* Version 7: what workers did, and the names that people drained or blocked. An instance is the life of a
+ * worker's process; left_at 0: it is connected. */
+static const char schema_7[] =
+    "CREATE TABLE workers (seq INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL,"
+    " instance INTEGER NOT NULL, host TEXT NOT NULL, process INTEGER NOT NULL, address TEXT NOT NULL,"
+    " software TEXT NOT NULL, threads INTEGER NOT NULL, joined_at INTEGER NOT NULL,"
+    " left_at INTEGER NOT NULL, seen_at INTEGER NOT NULL, connections INTEGER NOT NULL,"
+    " units INTEGER NOT NULL, samples INTEGER NOT NULL, cpu_ns INTEGER NOT NULL, why TEXT NOT NULL,"
+    " lines TEXT NOT NULL);"
+    "CREATE UNIQUE INDEX workers_process ON workers (name, instance);"
+    "CREATE INDEX workers_left ON workers (left_at);"
+    "CREATE TABLE worker_marks (name TEXT PRIMARY KEY, blocked INTEGER NOT NULL,"
+    " instance INTEGER NOT NULL, who TEXT NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
+
+static status add_workers(struct store *store, struct error *err)
+{
+    return sql_exec(store, schema_7, "cannot be brought up to date", err);
 }
 
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
@@ -298,10 +317,12 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = sql_exec(store, schema_5, "cannot be brought up to date", err);
     if (s == STATUS_OK && version < 6)
         s = add_steering(store, err);
+    if (s == STATUS_OK && version < 7)
+        s = add_workers(store, err);
     if (s == STATUS_OK && version > 0 && version < 5)
         s = sql_exec(store, convert_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=6; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, "PRAGMA user_version=7; COMMIT", "cannot be set up", err);
     if (s == STATUS_OK && version > 0)
         log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s",
                  store->folder, version, STORE_VERSION,

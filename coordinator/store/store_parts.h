@@ -8,6 +8,7 @@
  * store_remove.c    jobs are removed, with their rows and files
  * store_events.c    the event logs of jobs
  * store_deliverers.c workers that delivered results
+ * store_workers.c   what workers did, and the names that people drained or blocked
  * store_files.c     the places of films and outputs
  */
 #ifndef AZULEJO_COORDINATOR_STORE_PARTS_H
@@ -23,6 +24,7 @@
 
 struct saved_job;
 struct saved_event;
+struct saved_worker;
 
 struct store {
     char *folder;
@@ -42,6 +44,8 @@ struct store {
     struct saved_job *saves;
     struct saved_event *events, **events_end; /* events_end: only if there are any */
     size_t events_waiting;
+    struct saved_worker *workers, **workers_end; /* the same */
+    size_t workers_waiting;
     int busy, ending, has_writer;
     int failing;                   /* the last save failed with `save_error`; */
     int retry;                     /* the next one may be tried */
@@ -112,6 +116,10 @@ status deliverer_write(struct store *store, const struct deliverer *deliverer,
 extern const char events_schema[];
 status events_write(struct store *store, struct error *err) MUST_CHECK;
 void events_drop(struct store *store);
+
+/* The same of workers. */
+status workers_write(struct store *store, struct error *err) MUST_CHECK;
+void workers_drop(struct store *store);
 
 /* saves_init makes the locks, saves_start the writer thread. saves_stop ends the thread after it
  * has tried the waiting saves, and destroys the locks. */

@@ -140,7 +140,7 @@ static void row_written(struct store *store, struct saved_job *row, status s,
 
 static int nothing_waits(const struct store *store)
 {
-    return !store->saves && !store->events;
+    return !store->saves && !store->events && !store->workers;
 }
 
 /* Wait until there is a row or an event that may be written. 0: the store closes, and there is
@@ -185,6 +185,8 @@ static void *write_saves(void *user)
             ended = row->id;
         if (s == STATUS_OK) {
             s = events_write(store, &err);
+            if (s == STATUS_OK)
+                s = workers_write(store, &err);
             mem_free(s == STATUS_OK ? NULL : row); /* it is written */
             row = s == STATUS_OK ? row : NULL;
         }
@@ -224,6 +226,7 @@ void saves_stop(struct store *store)
     while (store->saves)
         saves_drop(store, store->saves->id);
     events_drop(store);
+    workers_drop(store);
     pthread_cond_destroy(&store->wake);
     pthread_cond_destroy(&store->idle);
     pthread_mutex_destroy(&store->lock);

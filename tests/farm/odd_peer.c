@@ -8,10 +8,12 @@
  * one line a message. The tests in test_faults.py hold the conversation. Commands:
  *
  *   hello [version=N] [role=N] [threads=N] [isa=MASK] [arithmetic=HEX] [kernel=WORD] [host=WORD]
+ *         [name=WORD] [instance=N]
  *   request UNITS             a LeaseRequest
  *   result [KEY=VALUE]...     a TileResult for a unit of the last grant: unit=INDEX (0), and what
  *                             to say instead of the truth: lease, epoch, job, frame, tile, pass,
  *                             floats=COUNT, fill=VALUE (0.25; also nan, inf)
+ *   status [ms=N]             a WorkerStatus; with ms a unit runs: job, frame, tile, group, pass
  *   return [unit=INDEX]       a LeaseReturn
  *   broken                    a JobBroken for the last grant
  *   query JOB, cancel JOB, workers, heartbeat
@@ -154,6 +156,8 @@ static void say_hello(struct peer *p, char *const words[], int count)
     const char *kernel = value_of(words, count, "kernel"), *host = value_of(words, count, "host");
 
     hello.protocol_version = (uint32_t)number_of(words, count, "version", PROTOCOL_VERSION);
+    hello.name = (char *)(value_of(words, count, "name") ? value_of(words, count, "name") : "");
+    hello.instance = number_of(words, count, "instance", 0);
     hello.role = (Azulejo__Wire__Role)number_of(words, count, "role", (uint64_t)tls_role(p->tls));
     hello.software = (char *)"odd_peer";
     hello.host = host ? (char *)host : (char *)"odd";
@@ -232,6 +236,23 @@ static void say_failure(struct peer *p, const char *code)
 
     failure.code = (uint32_t)strtoul(code, NULL, 0);
     failure.text = (char *)"the odd coordinator will not have it";
+    send_message(p, &e);
+}
+
+static void send_status(struct peer *p, char *const words[], int count)
+{
+    Azulejo__Wire__WorkerStatus told = AZULEJO__WIRE__WORKER_STATUS__INIT;
+    Azulejo__Wire__LongUnit unit = AZULEJO__WIRE__LONG_UNIT__INIT, *units[1] = {&unit};
+    Azulejo__Wire__Envelope e = MESSAGE(WORKER_STATUS, worker_status, &told);
+
+    unit.job = number_of(words, count, "job", 0);
+    unit.frame = (uint32_t)number_of(words, count, "frame", 0);
+    unit.tile = (uint32_t)number_of(words, count, "tile", 0);
+    unit.group = (uint32_t)number_of(words, count, "group", 0);
+    unit.pass = (uint32_t)number_of(words, count, "pass", 0);
+    unit.running_ms = number_of(words, count, "ms", 0);
+    told.long_units = units;
+    told.n_long_units = unit.running_ms > 0;
     send_message(p, &e);
 }
 
@@ -372,6 +393,8 @@ static void obey(struct peer *p, char *line)
         say_hello(p, words, count);
     } else if (strcmp(words[0], "result") == 0) {
         send_result(p, words, count);
+    } else if (strcmp(words[0], "status") == 0) {
+        send_status(p, words, count);
     } else if (strcmp(words[0], "return") == 0) {
         return_unit(p, words, count);
     } else if (strcmp(words[0], "broken") == 0) {

@@ -282,7 +282,8 @@ def unknown_jobs():
             expect(result.code == 5 and "12345" in result.err, result)
         expect(farm.cli("list", "--json", expect=0).json() == {"jobs": [], "not_shown": 0},
                "jobs")
-        expect(farm.cli("workers", "--json", expect=0).json() == {"workers": []}, "workers")
+        expect(farm.cli("workers", "--json", expect=0).json() == {"workers": [], "blocked": []},
+               "workers")
 
 
 @tests.add

@@ -1,0 +1,312 @@
+#include "client/commands/workers_view.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "client/terminal/format.h"
+#include "client/terminal/table.h"
+#include "common/scene/settings.h"
+#include "protocol/message.h"
+
+const char *worker_state_name(Azulejo__Wire__WorkerState state)
+{
+    static const char *const names[] = {"idle",    "working", "paused", "draining",
+                                        "drained", "blocked", "leaving"};
+
+    return (unsigned)state < sizeof names / sizeof *names ? names[state] : "unknown";
+}
+
+static int is_connected(const Azulejo__Wire__WorkerList *list, const char *name)
+{
+    for (size_t i = 0; i < list->n_workers; i++)
+        if (strcmp(list->workers[i]->name, name) == 0)
+            return 1;
+    return 0;
+}
+
+/* ---- tables ---------------------------------------------------------------------------------- */
+
+static void add_cpus(struct table *table, const Azulejo__Wire__WorkerStatus *s)
+{
+    if (s)
+        table_add(table, "%.1f", s->cpus);
+    else
+        table_add(table, "-");
+}
+
+static void add_bytes(struct table *table, uint64_t bytes)
+{
+    char text[FORMAT_SIZE];
+
+    table_add(table, "%s", bytes ? format_bytes(text, bytes) : "-");
+}
+
+static void add_worker(struct table *table, const Azulejo__Wire__WorkerInfo *w)
+{
+    const Azulejo__Wire__WorkerStatus *s = w->status;
+    char text[FORMAT_SIZE];
+
+    table_add(table, "%s", w->name);
+    table_add(table, "%s", worker_state_name(w->state));
+    if (w->job)
+        table_add(table, "%" PRIu64, w->job);
+    else
+        table_add(table, "-");
+    if (s)
+        table_add(table, "%u/%u", s->threads_busy, w->threads);
+    else
+        table_add(table, "%u", w->threads);
+    table_add(table, "%s", format_count(text, w->samples_per_second));
+    add_cpus(table, s);
+    add_bytes(table, s ? s->memory_bytes : 0);
+    add_bytes(table, s ? s->cache_bytes : 0);
+    table_add(table, "%" PRIu64, w->units_done);
+    table_add(table, "%s", format_duration(text, (double)w->connected_s));
+    table_add(table, "%s", w->host);
+    table_add(table, "%s", w->note);
+}
+
+static void add_blocked(struct table *table, const Azulejo__Wire__WorkerMark *mark)
+{
+    table_add(table, "%s", mark->name);
+    table_add(table, "blocked");
+    for (int column = 2; column < 11; column++)
+        table_add(table, "-");
+    table_add(table, "blocked by %s; not connected", mark->who);
+}
+
+status workers_print(const Azulejo__Wire__WorkerList *list, struct error *err)
+{
+    static const char *const titles[] = {"NAME",    "STATE",  ">JOB",  ">THREADS", ">RATE/s", ">CPU",
+                                         ">MEMORY", ">CACHE", ">DONE", ">SINCE",   "HOST",    "~NOTE"};
+    struct table table;
+    status result;
+
+    table_init(&table, titles, sizeof titles / sizeof *titles);
+    for (size_t i = 0; i < list->n_workers; i++)
+        add_worker(&table, list->workers[i]);
+    for (size_t i = 0; i < list->n_marks; i++)
+        if (list->marks[i]->blocked && !is_connected(list, list->marks[i]->name))
+            add_blocked(&table, list->marks[i]);
+    result = table_print(&table, err);
+    table_release(&table);
+    return result;
+}
+
+status workers_print_gone(const Azulejo__Wire__WorkerList *list, struct error *err)
+{
+    static const char *const titles[] = {"NAME",   "LEFT",      ">STAYED", ">UNITS",
+                                         ">SAMPLES", ">CORE TIME", "HOST",    "~WHY"};
+    struct table table;
+    status result;
+
+    table_init(&table, titles, sizeof titles / sizeof *titles);
+    for (size_t i = 0; i < list->n_gone; i++) {
+        const Azulejo__Wire__WorkerGone *w = list->gone[i];
+        char text[FORMAT_SIZE];
+        table_add(&table, "%s", w->name);
+        table_add(&table, "%s", format_time(text, w->left_at));
+        table_add(&table, "%s", format_duration(text, (double)(w->left_at - w->joined_at)));
+        table_add(&table, "%" PRIu64, w->units_done);
+        table_add(&table, "%s", format_count(text, (double)w->samples_done));
+        table_add(&table, "%s", format_duration(text, w->core_seconds));
+        table_add(&table, "%s", w->host);
+        table_add(&table, "%s", w->why);
+    }
+    result = table_print(&table, err);
+    table_release(&table);
+    return result;
+}
+
+/* ---- one worker ------------------------------------------------------------------------------ */
+
+static void print_lines(Azulejo__Wire__WorkerLine *const *lines, size_t count)
+{
+    char when[FORMAT_SIZE], text[MESSAGE_TEXT_MAX];
+
+    for (size_t i = 0; i < count; i++)
+        printf("    %s  %s\n", format_time(when, lines[i]->at),
+               message_text(text, sizeof text, lines[i]->text));
+}
+
+static void print_status(const Azulejo__Wire__WorkerStatus *s)
+{
+    char text[FORMAT_SIZE], other[FORMAT_SIZE];
+
+    printf("  cpu:      %.1f processors", s->cpus);
+    if (s->other_cpus >= 0)
+        printf(", other processes of its machine %.1f", s->other_cpus);
+    printf("\n  memory:   %s of its machine's %s\n", format_bytes(text, s->memory_bytes),
+           format_bytes(other, s->machine_memory_bytes));
+    printf("  cache:    %s of at most %s\n", format_bytes(text, s->cache_bytes),
+           format_bytes(other, s->cache_limit_bytes));
+    for (size_t i = 0; i < s->n_long_units; i++) {
+        const Azulejo__Wire__LongUnit *u = s->long_units[i];
+        printf("  renders:  job %" PRIu64 ", frame %u, tile %u, group %u, pass %u for %s\n", u->job, u->frame,
+               u->tile, u->group, u->pass, format_duration(text, (double)u->running_ms / 1000));
+    }
+}
+
+static void print_connected(const Azulejo__Wire__WorkerInfo *w)
+{
+    char text[MESSAGE_TEXT_MAX], when[FORMAT_SIZE];
+
+    printf("%s: %s", message_text(text, sizeof text, w->name), worker_state_name(w->state));
+    if (w->note[0])
+        printf(" (%s)", message_text(text, sizeof text, w->note));
+    printf("\n  host:     %s", message_text(text, sizeof text, w->host));
+    printf(", process %u, %s, session %u\n", w->process, message_text(text, sizeof text, w->address), w->session);
+    printf("  software: %s\n", message_text(text, sizeof text, w->kernel));
+    if (w->job)
+        printf("  job:      %" PRIu64 ", %u units\n", w->job, w->units_leased);
+    if (w->status)
+        printf("  threads:  %u of %u render\n", w->status->threads_busy, w->threads);
+    else
+        printf("  threads:  %u\n", w->threads);
+    printf("  rate:     %s samples/s\n", format_count(when, w->samples_per_second));
+    if (w->status)
+        print_status(w->status);
+    printf("  done:     %" PRIu64 " units, ", w->units_done);
+    printf("%s samples, ", format_count(when, (double)w->samples_done));
+    printf("%s of core time, ", format_duration(when, w->core_seconds));
+    printf("in %s\n", format_duration(when, (double)w->connected_s));
+    if (w->n_lines)
+        printf("  last lines:\n");
+    print_lines(w->lines, w->n_lines);
+}
+
+static void print_gone(const Azulejo__Wire__WorkerGone *w)
+{
+    char text[MESSAGE_TEXT_MAX], when[FORMAT_SIZE];
+
+    printf("%s left %s: ", message_text(text, sizeof text, w->name), format_time(when, w->left_at));
+    printf("%s\n  host:     ", message_text(text, sizeof text, w->why));
+    printf("%s, process %u, ", message_text(text, sizeof text, w->host), w->process);
+    printf("%s\n", message_text(text, sizeof text, w->address));
+    printf("  joined:   %s, %u connection%s\n", format_time(when, w->joined_at), w->connections,
+           w->connections == 1 ? "" : "s");
+    printf("  done:     %" PRIu64 " units, ", w->units_done);
+    printf("%s samples, ", format_count(when, (double)w->samples_done));
+    printf("%s of core time\n", format_duration(when, w->core_seconds));
+    if (w->n_lines)
+        printf("  last lines:\n");
+    print_lines(w->lines, w->n_lines);
+}
+
+void workers_print_one(const Azulejo__Wire__WorkerList *list)
+{
+    char who[256], when[FORMAT_SIZE];
+
+    for (size_t i = 0; i < list->n_workers; i++)
+        print_connected(list->workers[i]);
+    for (size_t i = 0; i < list->n_marks; i++)
+        if (list->marks[i]->blocked)
+            printf("%s is blocked since %s by %s\n", list->marks[i]->name,
+                   format_time(when, list->marks[i]->at),
+                   message_text(who, sizeof who, list->marks[i]->who));
+    for (size_t i = 0; i < list->n_gone; i++) {
+        if (i > 0 || list->n_workers > 0)
+            printf("\n");
+        print_gone(list->gone[i]);
+    }
+}
+
+/* ---- JSON ------------------------------------------------------------------------------------ */
+
+static json_t *lines_json(Azulejo__Wire__WorkerLine *const *lines, size_t count)
+{
+    json_t *out = json_array();
+
+    for (size_t i = 0; i < count; i++)
+        json_array_append_new(out, json_pack("{s:I, s:o}", "at", (json_int_t)lines[i]->at, "text",
+                                             json_text(lines[i]->text)));
+    return out;
+}
+
+static json_t *long_units_json(const Azulejo__Wire__WorkerStatus *s)
+{
+    json_t *out = json_array();
+
+    for (size_t i = 0; i < s->n_long_units; i++) {
+        const Azulejo__Wire__LongUnit *u = s->long_units[i];
+        json_array_append_new(
+            out, json_pack("{s:I, s:I, s:I, s:I, s:I, s:o}", "job", (json_int_t)u->job, "frame",
+                           (json_int_t)u->frame, "tile", (json_int_t)u->tile, "group",
+                           (json_int_t)u->group, "pass", (json_int_t)u->pass, "running_s",
+                           json_number((double)u->running_ms / 1000)));
+    }
+    return out;
+}
+
+json_t *worker_json(const Azulejo__Wire__WorkerInfo *w)
+{
+    const Azulejo__Wire__WorkerStatus *s = w->status;
+    json_t *isas = json_array(), *out;
+
+    for (int i = 0; i < ISA_COUNT; i++)
+        if (w->isa_mask >> i & 1)
+            json_array_append_new(isas, json_string(isa_name((enum isa)i)));
+    out = json_pack("{s:I, s:o, s:I, s:o, s:o, s:o, s:I, s:o, s:I, s:I, s:I, s:o, s:I, s:o}",
+                     "session", (json_int_t)w->session, "host", json_text(w->host), "process",
+                     (json_int_t)w->process, "address", json_text(w->address), "software", json_text(w->software),
+                     "kernel", json_text(w->kernel), "threads", (json_int_t)w->threads, "isa", isas,
+                     "units_leased", (json_int_t)w->units_leased, "units_done",
+                     (json_int_t)w->units_done, "samples_done", (json_int_t)w->samples_done,
+                     "samples_per_second", json_number(w->samples_per_second), "connected_s",
+                     (json_int_t)w->connected_s, "note", json_text(w->note));
+    json_object_set_new(out, "name", json_text(w->name));
+    json_object_set_new(out, "state", json_string(worker_state_name(w->state)));
+    json_object_set_new(out, "job", w->job ? json_integer((json_int_t)w->job) : json_null());
+    json_object_set_new(out, "core_seconds", json_number(w->core_seconds));
+    if (w->n_lines)
+        json_object_set_new(out, "lines", lines_json(w->lines, w->n_lines));
+    if (!s)
+        return out;
+    json_object_set_new(out, "threads_busy", json_integer((json_int_t)s->threads_busy));
+    json_object_set_new(out, "cpus", json_number(s->cpus));
+    json_object_set_new(out, "other_cpus", s->other_cpus < 0 ? json_null() : json_number(s->other_cpus));
+    json_object_set_new(out, "memory_bytes", json_integer((json_int_t)s->memory_bytes));
+    json_object_set_new(out, "machine_memory_bytes", json_integer((json_int_t)s->machine_memory_bytes));
+    json_object_set_new(out, "cache_bytes", json_integer((json_int_t)s->cache_bytes));
+    json_object_set_new(out, "cache_limit_bytes", json_integer((json_int_t)s->cache_limit_bytes));
+    json_object_set_new(out, "long_units", long_units_json(s));
+    return out;
+}
+
+static json_t *gone_json(const Azulejo__Wire__WorkerGone *w)
+{
+    json_t *out =
+        json_pack("{s:o, s:o, s:I, s:o, s:o, s:I, s:I, s:I, s:I, s:I, s:I, s:o, s:o}", "name",
+                  json_text(w->name), "host", json_text(w->host), "process", (json_int_t)w->process,
+                  "address", json_text(w->address), "software", json_text(w->software), "threads",
+                  (json_int_t)w->threads, "joined_at", (json_int_t)w->joined_at, "left_at",
+                  (json_int_t)w->left_at, "connections", (json_int_t)w->connections, "units_done",
+                  (json_int_t)w->units_done, "samples_done", (json_int_t)w->samples_done,
+                  "core_seconds", json_number(w->core_seconds), "why", json_text(w->why));
+
+    if (w->n_lines)
+        json_object_set_new(out, "lines", lines_json(w->lines, w->n_lines));
+    return out;
+}
+
+json_t *workers_json(const Azulejo__Wire__WorkerList *list, int with_gone)
+{
+    json_t *workers = json_array(), *blocked = json_array(), *gone = json_array();
+    json_t *out;
+
+    for (size_t i = 0; i < list->n_workers; i++)
+        json_array_append_new(workers, worker_json(list->workers[i]));
+    for (size_t i = 0; i < list->n_marks; i++)
+        if (list->marks[i]->blocked)
+            json_array_append_new(blocked, json_pack("{s:o, s:o, s:I}", "name", json_text(list->marks[i]->name),
+                                                     "who", json_text(list->marks[i]->who), "at",
+                                                     (json_int_t)list->marks[i]->at));
+    for (size_t i = 0; i < list->n_gone; i++)
+        json_array_append_new(gone, gone_json(list->gone[i]));
+    out = json_pack("{s:o, s:o}", "workers", workers, "blocked", blocked);
+    if (with_gone)
+        json_object_set(out, "gone", gone);
+    json_decref(gone);
+    return out;
+}

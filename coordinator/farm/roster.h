@@ -1,0 +1,57 @@
+/* roster: the workers' names, and what people do to workers.
+ *
+ * A name belongs to one connected worker at a time. Who comes with a name that a person chose, while
+ * another process has it, is turned away until that one has left. Without a choice the coordinator
+ * makes the name from the host's: HOST, HOST-2, HOST-3, the first that is free. A process keeps its
+ * name when it connects again, also if its old connection is not known to be lost yet.
+ *
+ *             | works      paused by itself  draining, drained  blocked    not connected
+ *   drain     | DRAINED    DRAINED           (same)             refused    not found
+ *   resume    | (same)     refused           works              refused    not found*
+ *   block     | BLOCKED    BLOCKED           BLOCKED            (same)     BLOCKED
+ *   unblock   | (same)     (same)            refused            works      works, or not found
+ *
+ *   * A drain that its process did not end is lifted.
+ *
+ * A drained worker finishes what it holds; this ends with its process, not with its connection. What
+ * a blocked one holds goes to others at once, and its name stays blocked across restarts of both. Both
+ * are on disk when roster_steer returns.
+ */
+#ifndef AZULEJO_COORDINATOR_ROSTER_H
+#define AZULEJO_COORDINATOR_ROSTER_H
+
+#include "coordinator/farm/farm.h"
+
+enum worker_verb { WORKER_VERB_DRAIN, WORKER_VERB_RESUME, WORKER_VERB_BLOCK, WORKER_VERB_UNBLOCK };
+
+/* Load the marks of the store. ERR_IO, ERR_NO_MEMORY. */
+status roster_load(struct farm *farm, struct error *err) MUST_CHECK;
+void roster_release(struct farm *farm);
+
+/* Give the worker, which is about to be added, its name and what people did to that. `wish`: "" or a
+ * valid name; `chosen`: by a person. *replaced: the same process under an older connection, which has
+ * lost its name and its leases, and must be ended; NULL: none. ERR_LIMIT: another has the name. */
+status roster_join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish,
+                   int chosen, struct farm_worker **replaced, struct error *err) MUST_CHECK;
+/* The worker leaves: its name is free. */
+void roster_leave(struct farm *farm, struct farm_worker *worker);
+/* The connected worker of that name; NULL: none. */
+struct farm_worker *roster_find(const struct farm *farm, const char *name);
+const struct worker_mark *roster_mark(const struct farm *farm, const char *name); /* NULL: none */
+
+/* A person's verb. ERR_INPUT: not a name; ERR_REFUSED, ERR_NOT_FOUND: see above, with what to do
+ * instead; ERR_IO, ERR_NO_MEMORY: nothing changed. */
+status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, const char *who,
+                    struct error *err) MUST_CHECK;
+
+/* May the worker be lent work? */
+int worker_takes_work(const struct farm_worker *worker);
+/* Why it is not; "" if it may. */
+void worker_explain(const struct farm_worker *worker, char *out, size_t size);
+/* Add a line to the last ones of the worker. */
+void worker_line_add(const struct farm *farm, struct farm_worker *worker, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+/* Store what it did since the last call. `why`: it leaves, for this reason; NULL: it stays. */
+void worker_save(struct farm *farm, struct farm_worker *worker, const char *why);
+
+#endif
