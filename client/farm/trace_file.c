@@ -242,9 +242,12 @@ static status separate(struct writer *w, struct error *err)
 /* When it was, on the events' clock; 0: before this run. */
 static uint64_t log_ns(const struct job_trace *t, const Azulejo__Wire__JobEvent *e)
 {
-    int64_t at_ns = (int64_t)((uint64_t)e->at * NS_PER_SECOND) - t->utc_ns;
+    int64_t at_ns;
 
-    return e->at < t->begun_at || at_ns < 0 ? 0 : (uint64_t)at_ns;
+    if (e->at < t->begun_at || __builtin_mul_overflow(e->at, (int64_t)NS_PER_SECOND, &at_ns) ||
+        __builtin_sub_overflow(at_ns, t->utc_ns, &at_ns))
+        return 0; /* or a time that cannot be */
+    return at_ns < 0 ? 0 : (uint64_t)at_ns;
 }
 
 static void begin_with_log(struct writer *w)
