@@ -188,8 +188,9 @@ static void describe_preview(struct buffer *out, const struct preview_shows *sho
         return; /* an older coordinator */
     buffer_printf(out, "a preview: %.3g of %u samples a pixel", shows->samples, spp);
     if (shows->covered < 1)
-        buffer_printf(out, "; %.*f %% of the tiles have any, the others are filled from those around them",
-                      shows->covered < 0.1 ? 1 : 0, floor(shows->covered * 1000) / 10);
+        /* Never rounded up to 100 %. */
+        buffer_printf(out, "; %g %% of the tiles have any, the others are filled from those around them",
+                      shows->covered < 0.1 ? floor(shows->covered * 1000) / 10 : floor(shows->covered * 100));
 }
 
 status job_fetch_preview(struct job_fetch *f, uint32_t frame, Azulejo__Wire__OutputKind kind,
