@@ -146,6 +146,7 @@ struct job_request {
     int spp_given;               /* a file's own number of samples does not count */
     struct buffer schedule;      /* passes [tile][group]; empty: none */
     uint32_t schedule_width, schedule_height;
+    char schedule_region[SETTINGS_REGION_TEXT_SIZE]; /* settings_region_text of its picture */
     struct output_request output;
     struct buffer source;        /* words for a shell: the scene's file, and the options of its import */
     struct tile_rect region;     /* of the whole picture to render; width 0: all */

@@ -1,5 +1,6 @@
 #include "client/farm/schedule_option.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "common/accuracy/schedule.h"
@@ -34,6 +35,39 @@ static status check_release(const struct buffer *exr, const char *path, struct e
     return s;
 }
 
+/* The region that the picture is of a larger one. */
+static status read_region(const struct buffer *exr, const char *path,
+                          char out[SETTINGS_REGION_TEXT_SIZE], struct error *err)
+{
+    struct buffer text = BUFFER_INIT;
+    struct error why = {0};
+    status s = exr_read_text(&text, exr->data, exr->size, path, SETTINGS_REGION_ATTRIBUTE, &why);
+
+    if (s == STATUS_OK)
+        snprintf(out, SETTINGS_REGION_TEXT_SIZE, "%s", buffer_text(&text));
+    buffer_release(&text);
+    return s == STATUS_OK || s == STATUS_ERR_NOT_FOUND ? STATUS_OK
+                                                       : error_set(err, s, "%s", why.text);
+}
+
+/* Another region has other samples. */
+static status check_region(const struct job_request *request, const char *path, struct error *err)
+{
+    char region[SETTINGS_REGION_TEXT_SIZE];
+    const char *wanted = request->schedule_region;
+    int rectangle = (int)strcspn(wanted, " ");
+    const char *size = strstr(wanted, " of ");
+
+    if (strcmp(settings_region_text(&request->settings, region), wanted) == 0)
+        return STATUS_OK;
+    if (!size)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "%s: its schedule is for a whole picture: render it without --region", path);
+    return error_set(err, STATUS_ERR_USAGE,
+                     "%s: its schedule is for a region: give --size %s --region %.*s", path, size + 4,
+                     rectangle, wanted);
+}
+
 status schedule_option_read(struct job_request *request, const struct job_options *o,
                             struct error *err)
 {
@@ -56,6 +90,8 @@ status schedule_option_read(struct job_request *request, const struct job_option
     }
     if (s == STATUS_OK)
         s = check_release(&exr, path, err);
+    if (s == STATUS_OK)
+        s = read_region(&exr, path, request->schedule_region, err);
     if (s == STATUS_OK) {
         s = schedule_decode(buffer_text(&text), &request->schedule_width,
                             &request->schedule_height, &request->settings.spp, &request->schedule,
@@ -76,10 +112,12 @@ status schedule_option_fit(struct job_request *request, const struct job_options
 
     if (!o->schedule_path)
         return STATUS_OK;
-    if (!o->size && !o->region) {
+    if (!o->size && !o->region && !request->schedule_region[0]) {
         s->width = request->schedule_width;
         s->height = request->schedule_height;
     }
+    if (check_region(request, o->schedule_path, err) != STATUS_OK)
+        return STATUS_ERR_USAGE;
     if (s->width != request->schedule_width || s->height != request->schedule_height)
         return error_set(
             err, STATUS_ERR_USAGE,

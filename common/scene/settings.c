@@ -199,13 +199,13 @@ int render_settings_equal(const struct render_settings *a, const struct render_s
            a->no_roulette == b->no_roulette && a->clamp == b->clamp;
 }
 
-const char *settings_size_text(const struct render_settings *s, char out[SETTINGS_SIZE_TEXT_SIZE])
+const char *settings_region_text(const struct render_settings *s,
+                                 char out[SETTINGS_REGION_TEXT_SIZE])
 {
+    out[0] = 0;
     if (s->whole_width)
-        snprintf(out, SETTINGS_SIZE_TEXT_SIZE, "%ux%u at %u,%u of %ux%u", s->width, s->height,
-                 s->region_x, s->region_y, s->whole_width, s->whole_height);
-    else
-        snprintf(out, SETTINGS_SIZE_TEXT_SIZE, "%ux%u", s->width, s->height);
+        snprintf(out, SETTINGS_REGION_TEXT_SIZE, "%u,%u,%u,%u of %ux%u", s->region_x, s->region_y,
+                 s->width, s->height, s->whole_width, s->whole_height);
     return out;
 }
 

@@ -146,9 +146,11 @@ static inline int settings_have_pixel(const struct render_settings *s, uint32_t 
     return x >= s->region_x && x - s->region_x < s->width && y >= s->region_y &&
            y - s->region_y < s->height;
 }
-/* "37x22 at 13,9 of 70x50", or "70x50" for a whole picture. */
-enum { SETTINGS_SIZE_TEXT_SIZE = 64 };
-const char *settings_size_text(const struct render_settings *s, char out[SETTINGS_SIZE_TEXT_SIZE]);
+/* "13,9,37,22 of 70x50"; "" for a whole picture. The attribute of an EXR that has it. */
+#define SETTINGS_REGION_ATTRIBUTE "azulejo:region"
+enum { SETTINGS_REGION_TEXT_SIZE = 80 };
+const char *settings_region_text(const struct render_settings *s,
+                                 char out[SETTINGS_REGION_TEXT_SIZE]);
 
 void render_settings_default(struct render_settings *s);
 /* Choices of algorithm other than the defaults, "sampler independent, roulette off"; "": none. */

@@ -88,31 +88,6 @@ static status take_pixels(struct development *d, struct error *err)
     return s;
 }
 
-status develop_straight(struct image *out, const struct image *image, const float *alpha,
-                        struct error *err)
-{
-    size_t pixels = (size_t)image->width * image->height;
-    status s = image_init(out, image->width, image->height, 3, err);
-
-    for (size_t i = 0; i < pixels && s == STATUS_OK; i++)
-        for (int c = 0; c < 3 && alpha[i] > 0; c++)
-            out->pixels[3 * i + (size_t)c] = image->pixels[3 * i + (size_t)c] / alpha[i];
-    return s;
-}
-
-status develop_with_alpha(struct image *out, const struct image *image, const float *alpha,
-                          struct error *err)
-{
-    size_t pixels = (size_t)image->width * image->height;
-    status s = image_init(out, image->width, image->height, 4, err);
-
-    for (size_t i = 0; i < pixels && s == STATUS_OK; i++) {
-        memcpy(out->pixels + 4 * i, image->pixels + 3 * i, 3 * sizeof *out->pixels);
-        out->pixels[4 * i + 3] = alpha[i];
-    }
-    return s;
-}
-
 /* Note which tiles have no samples, if there are any. */
 static status take_holes(struct development *d, struct error *err)
 {

@@ -219,6 +219,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     char first[HEALTH_KINDS][HEALTH_TEXT_SIZE];
     struct buffer measured = BUFFER_INIT, command = BUFFER_INIT;
     struct image with_alpha = {0};
+    char region[SETTINGS_REGION_TEXT_SIZE];
     uint64_t clamped = 0;
     const struct exr_window window = {d->settings.whole_width, d->settings.whole_height,
                                       d->settings.region_x, d->settings.region_y};
@@ -259,8 +260,10 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
         return error_no_memory(err, "the picture's header");
     }
     add_text(&a, MEASURED_ATTRIBUTE, buffer_text(&measured));
-    if (d->settings.whole_width)
+    if (d->settings.whole_width) {
         options.window = &window;
+        add_text(&a, SETTINGS_REGION_ATTRIBUTE, settings_region_text(&d->settings, region));
+    }
     options.attributes = a.items;
     options.attribute_count = a.count;
     more.count = d->film ? list_channels(d->settings.aovs & ~(1u << AOV_ALPHA), channels) : 0;

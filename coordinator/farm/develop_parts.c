@@ -1,6 +1,7 @@
 #include "coordinator/farm/develop_parts.h"
 
 #include <inttypes.h>
+#include <string.h>
 
 #include "common/base/log.h"
 #include "common/scene/effects.h"
@@ -53,4 +54,31 @@ status development_describe(struct development *d, const struct store *store, st
                  "the causes of its effects: %s",
                  d->job, d->frame, why.text);
     return STATUS_OK;
+}
+
+/* ---- alpha ----------------------------------------------------------------------------------- */
+
+status develop_straight(struct image *out, const struct image *image, const float *alpha,
+                        struct error *err)
+{
+    size_t pixels = (size_t)image->width * image->height;
+    status s = image_init(out, image->width, image->height, 3, err);
+
+    for (size_t i = 0; i < pixels && s == STATUS_OK; i++)
+        for (int c = 0; c < 3 && alpha[i] > 0; c++)
+            out->pixels[3 * i + (size_t)c] = image->pixels[3 * i + (size_t)c] / alpha[i];
+    return s;
+}
+
+status develop_with_alpha(struct image *out, const struct image *image, const float *alpha,
+                          struct error *err)
+{
+    size_t pixels = (size_t)image->width * image->height;
+    status s = image_init(out, image->width, image->height, 4, err);
+
+    for (size_t i = 0; i < pixels && s == STATUS_OK; i++) {
+        memcpy(out->pixels + 4 * i, image->pixels + 3 * i, 3 * sizeof *out->pixels);
+        out->pixels[4 * i + 3] = alpha[i];
+    }
+    return s;
 }

@@ -108,6 +108,24 @@ def on_a_farm():
 
 
 @tests.add
+def by_a_schedule():
+    """a region that a limit ended is rendered again by its schedule, as that region only"""
+    with Farm() as farm:
+        scene = os.path.join(ROOT, "scenes", "features", "glass.gltf")
+        farm.cli("render", scene, *SIZE, *REGION, "--spp", "100000", "--time-limit", "1s", "-o", "cut.exr", connect=False, expect=0)
+        expect(read_exr(farm.path("cut.exr")).attributes["azulejo:region"].decode() == "13,9,37,22 of 70x50", "header")
+        farm.cli("render", scene, *SIZE, *REGION, "--schedule-from", "cut.exr", "-o", "again.exr", connect=False, expect=0)
+        farm.cli("compare", "cut.exr", "again.exr", connect=False, expect=0)
+        for options in ((), SIZE, (*SIZE, "--region", "12,9,37,22"), ("--size", "71x50", *REGION)):
+            result = farm.cli("render", scene, *options, "--schedule-from", "cut.exr", "-o", "x.exr", connect=False, expect=2)
+            expect("--size 70x50 --region 13,9,37,22" in result.err, result)
+        farm.cli("render", scene, "--size", "37x22", "--spp", "100000", "--time-limit", "1s", "-o", "whole.exr", connect=False,
+                 expect=0)
+        result = farm.cli("render", scene, *SIZE, *REGION, "--schedule-from", "whole.exr", "-o", "x.exr", connect=False, expect=2)
+        expect("without --region" in result.err, result)
+
+
+@tests.add
 def wrong_regions():
     """a region that is none, or not inside the picture, is refused at once"""
     with Farm() as farm:
