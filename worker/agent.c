@@ -319,8 +319,8 @@ static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
     a->trouble[0] = 0;
     if (worker_name_is_valid(welcome->name))
         snprintf(a->name, sizeof a->name, "%s", welcome->name);
-    log_info("%s: joined as %s, session %u, with %u threads, %zu results to send again",
-             channel_peer(a->channel), a->name, welcome->session, a->options.threads, a->outbox.count);
+    log_info("%s: joined as session %u, called %s, with %u threads, %zu results to send again",
+             channel_peer(a->channel), welcome->session, a->name, a->options.threads, a->outbox.count);
     agent_set_state(a, WORKING);
 }
 
