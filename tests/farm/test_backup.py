@@ -1,6 +1,7 @@
 """A store that is backed up while it runs, and restored."""
 import fcntl
 import os
+import sqlite3
 import subprocess
 import time
 
@@ -15,6 +16,11 @@ def copy_store(command, folder, store):
     return subprocess.run([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                           timeout=120 * PATIENCE)
+
+
+def epoch_limit(store):
+    with sqlite3.connect(os.path.join(store, "queue.sqlite")) as database:
+        return database.execute("SELECT value FROM meta WHERE name='epoch_limit'").fetchone()[0]
 
 
 @tests.add
@@ -45,12 +51,17 @@ def backup():
         result = copy_store("restore", first, farm.store)
         expect(result.returncode == 5 and b"has jobs already" in result.stderr, result)
 
-        farm.coordinator.kill()
+        for _ in range(2):  # each start of the old coordinator takes epochs
+            farm.coordinator.kill()
+            farm.restart_coordinator(*COLLECT_ALL)
+        farm.coordinator.stop()
+        granted = epoch_limit(farm.store)
         farm.store = farm.path("fresh")
         result = copy_store("restore", farm.path("nothing"), farm.store)
         expect(result.returncode == 8 and not os.path.exists(farm.store), result)
         result = copy_store("restore", first, farm.store)
         expect(result.returncode == 0, result)
+        expect(epoch_limit(farm.store) > granted, "leases of the old store are older than all of the new one")
         for folder, folders, names in os.walk(farm.store):
             for name in folders + names:
                 expect(os.stat(os.path.join(folder, name)).st_mode & 0o77 == 0, os.path.join(folder, name))
