@@ -126,7 +126,8 @@ static void begin_round(struct server *server, uint64_t now_ns)
 
     store_clear_held(server->store);
     c->serving = c->asked_count;
-    c->next_ns = now_ns + COLLECTOR_BUSY_MS * NS_PER_MS; /* if it fails */
+    if (c->next_ns <= now_ns)
+        c->next_ns = now_ns + COLLECTOR_BUSY_MS * NS_PER_MS; /* if it fails */
     t = task_new(server, &collect_kind, &err);
     s = t ? collect_users(&server->farm, &t->sweep.users, &t->sweep.count, &err)
           : STATUS_ERR_NO_MEMORY;
@@ -176,12 +177,22 @@ static int may_remove(const struct collector *c)
     return c->serving == 0;
 }
 
+static int is_limited(const struct retention_policy *p)
+{
+    return p->store_limit > 0 || p->store_share > 0 || p->owner_limit > 0;
+}
+
+static uint64_t period_ns(const struct retention_policy *p)
+{
+    if (is_limited(p))
+        return COLLECTOR_PERIOD_MS * NS_PER_MS;
+    return (p->keep_s >= 0 || p->keep_failed_s >= 0 ? COLLECTOR_AGES_MS : COLLECTOR_IDLE_MS) *
+           NS_PER_MS;
+}
+
 static void end_round(struct server *server, uint64_t now_ns)
 {
     struct collector *c = &server->collector;
-    int limited =
-        c->policy.store_limit > 0 || c->policy.store_share > 0 || c->policy.owner_limit > 0;
-    int policy = limited || c->policy.keep_s >= 0 || c->policy.keep_failed_s >= 0;
     const struct error none = {0};
 
     c->plan.count = c->plan_at = 0;
@@ -194,7 +205,7 @@ static void end_round(struct server *server, uint64_t now_ns)
     c->round_removed = 0;
     c->rounds = 0;
     if (may_remove(c))
-        c->next_ns = now_ns + (policy ? COLLECTOR_PERIOD_MS : COLLECTOR_IDLE_MS) * NS_PER_MS;
+        c->next_ns = now_ns + period_ns(&c->policy);
     answer(server, STATUS_OK, &none);
 }
 
@@ -263,8 +274,6 @@ static void take_steps(struct server *server, uint64_t now_ns)
 void collector_tick(struct server *server, uint64_t now_ns)
 {
     struct collector *c = &server->collector;
-    int limited =
-        c->policy.store_limit > 0 || c->policy.store_share > 0 || c->policy.owner_limit > 0;
 
     if (c->running)
         return;
@@ -272,7 +281,7 @@ void collector_tick(struct server *server, uint64_t now_ns)
         take_steps(server, now_ns);
         return;
     }
-    if (limited && now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS &&
+    if (is_limited(&c->policy) && now_ns - c->measured_ns >= COLLECTOR_BUSY_MS * NS_PER_MS &&
         frames_done(&server->farm) != c->frames_done)
         c->next_ns = 0;
     if (now_ns >= c->next_ns || c->asked_count > 0 ||

@@ -17,7 +17,8 @@
 struct server;
 
 enum {
-    COLLECTOR_PERIOD_MS = 60000,  /* between rounds, if there is a policy; */
+    COLLECTOR_PERIOD_MS = 60000,  /* between rounds, if the room is limited; */
+    COLLECTOR_AGES_MS = 600000,   /* if only ages are; */
     COLLECTOR_IDLE_MS = 86400000, /* otherwise, for blobs */
     COLLECTOR_BUSY_MS = 10000,    /* after a frame was done, if the room is limited */
     COLLECTOR_STEPS = 8,          /* jobs a tick */

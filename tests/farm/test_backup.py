@@ -1,6 +1,8 @@
 """A store that is backed up while it runs, and restored."""
 import fcntl
 import os
+import signal
+import sqlite3
 import subprocess
 import time
 
@@ -15,6 +17,16 @@ def copy_store(command, folder, store):
     return subprocess.run([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                           timeout=120 * PATIENCE)
+
+
+def start_copy(command, folder, store):
+    return subprocess.Popen([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
+                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def epoch_limit(store):
+    with sqlite3.connect(os.path.join(store, "queue.sqlite")) as database:
+        return database.execute("SELECT value FROM meta WHERE name='epoch_limit'").fetchone()[0]
 
 
 @tests.add
@@ -45,12 +57,17 @@ def backup():
         result = copy_store("restore", first, farm.store)
         expect(result.returncode == 5 and b"has jobs already" in result.stderr, result)
 
-        farm.coordinator.kill()
+        for _ in range(2):  # each start of the old coordinator takes epochs
+            farm.coordinator.kill()
+            farm.restart_coordinator(*COLLECT_ALL)
+        farm.coordinator.stop()
+        granted = epoch_limit(farm.store)
         farm.store = farm.path("fresh")
         result = copy_store("restore", farm.path("nothing"), farm.store)
         expect(result.returncode == 8 and not os.path.exists(farm.store), result)
         result = copy_store("restore", first, farm.store)
         expect(result.returncode == 0, result)
+        expect(epoch_limit(farm.store) > granted, "leases of the old store are older than all of the new one")
         for folder, folders, names in os.walk(farm.store):
             for name in folders + names:
                 expect(os.stat(os.path.join(folder, name)).st_mode & 0o77 == 0, os.path.join(folder, name))
@@ -66,6 +83,46 @@ def backup():
         farm.wait_for_job(done)
 
 
+def developed(farm, number):
+    """The job, when its pictures follow its settings."""
+    job = farm.job(number)
+    return job if job["frames_developed"] == job["frames_done"] else None
+
+
+@tests.add
+def backup_while_developing():
+    """Pictures that are developed again while they are backed up belong to the settings in the backup"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), "--size", "200x150", "--frames", "1-6", "--spp", "2")
+        farm.wait_for_job(number)
+        reference = {}
+        for operator in ("aces", "agx"):
+            farm.cli("develop", number, "--tonemap", operator, expect=0)
+            wait_for(lambda: developed(farm, number), "the pictures")
+            reference[operator] = Outcome(farm, number, operator).pngs
+        expect(reference["aces"] != reference["agx"], "two operators")
+        for i, operator in enumerate(("aces", "agx")):
+            folder = farm.path("backup-%d" % i)
+            program = start_copy("backup", folder, farm.store)
+            while not os.path.exists(os.path.join(folder, "queue.sqlite")) and program.poll() is None:
+                pass
+            program.send_signal(signal.SIGSTOP)  # it has begun with the database
+            farm.cli("develop", number, "--tonemap", operator, expect=0)
+            wait_for(lambda: developed(farm, number), "the pictures")
+            program.send_signal(signal.SIGCONT)
+            expect(program.wait(60 * PATIENCE) == 0, "the backup")
+        farm.coordinator.stop()
+        for i in range(2):
+            farm.store = farm.path("restored-%d" % i)
+            expect(copy_store("restore", farm.path("backup-%d" % i), farm.store).returncode == 0, "restore")
+            farm.restart_coordinator()
+            job = wait_for(lambda: developed(farm, number), "the pictures")
+            expect(Outcome(farm, number, "out-%d" % i).pngs == reference[job["output"]["tonemap"]], job)
+            farm.coordinator.stop()
+
+
 @tests.add
 def backup_disturbed():
     """Killed at any moment, a backup or a restore is no half one; what is removed meanwhile is in the backup"""
@@ -77,12 +134,9 @@ def backup_disturbed():
         farm.wait_for_job(number)
         reference = Outcome(farm, number, "reference")
 
-        def run(command, folder, store):
-            return subprocess.Popen([os.path.join(BIN, "azulejo-coordinator"), command, folder, "--store", store],
-                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         for turn, delay_s in enumerate((0.0, 0.002, 0.005, 0.01, 0.03)):
             folder, fresh = farm.path("killed-%d" % turn), farm.path("fresh-%d" % turn)
-            program = run("backup", folder, farm.store)
+            program = start_copy("backup", folder, farm.store)
             time.sleep(delay_s)  # a sweep over moments, not a wait
             program.kill()
             program.wait()
@@ -106,7 +160,7 @@ def backup_disturbed():
         farm.coordinator.kill()
         for turn, delay_s in enumerate((0.0, 0.003, 0.01)):
             farm.store = farm.path("again-%d" % turn)
-            program = run("restore", whole, farm.store)
+            program = start_copy("restore", whole, farm.store)
             time.sleep(delay_s)  # a sweep over moments, not a wait
             program.kill()
             program.wait()
