@@ -18,7 +18,8 @@ struct write_request {
     char bytes[];
 };
 
-static _Thread_local uint64_t turn_limit_ns, turn_since_ns; /* 0: no limit; it has read nothing yet */
+static _Thread_local size_t turn_bytes; /* that a channel reads in a turn; 0: no limit */
+static _Thread_local uint64_t turn_number;
 
 static uint32_t fault_limit_ms; /* 0: the limits are unchanged */
 
@@ -243,21 +244,22 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
 
 /* ---- reading --------------------------------------------------------------------------- */
 
-void channel_turn_begin(uint64_t limit_ns)
+void channel_turn_begin(size_t bytes_each)
 {
-    turn_limit_ns = limit_ns;
-    turn_since_ns = 0;
+    turn_bytes = bytes_each;
+    turn_number++;
 }
 
-static int turn_is_over(void)
+/* How much the channel may read now. */
+static size_t turn_allowance(struct channel *c)
 {
-    if (turn_limit_ns == 0)
-        return 0;
-    if (turn_since_ns == 0) {
-        turn_since_ns = clock_monotonic_ns();
-        return 0;
+    if (turn_bytes == 0)
+        return READ_BYTES;
+    if (c->turn != turn_number) {
+        c->turn = turn_number;
+        c->turn_bytes = turn_bytes;
     }
-    return clock_monotonic_ns() - turn_since_ns >= turn_limit_ns;
+    return c->turn_bytes < READ_BYTES ? c->turn_bytes : READ_BYTES;
 }
 
 /* One buffer for all channels of a thread: libuv fills it and calls on_read at once, and on_read
@@ -266,11 +268,9 @@ static void on_allocate(uv_handle_t *handle, size_t suggested, uv_buf_t *out)
 {
     static _Thread_local char bytes[READ_BYTES];
 
-    (void)handle;
     (void)suggested;
-    *out = uv_buf_init(bytes, READ_BYTES);
-    if (turn_is_over())
-        *out = uv_buf_init(NULL, 0); /* on_read gets UV_ENOBUFS, and libuv polls the socket again */
+    /* If it is 0, on_read gets UV_ENOBUFS, and libuv polls the socket again. */
+    *out = uv_buf_init(bytes, (unsigned)turn_allowance(handle->data));
 }
 
 static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
@@ -289,6 +289,7 @@ static void on_read(uv_stream_t *stream, ssize_t got, const uv_buf_t *buffer)
         return;
     }
     c->last_heard_ns = clock_monotonic_ns();
+    c->turn_bytes -= turn_bytes == 0 || (size_t)got > c->turn_bytes ? c->turn_bytes : (size_t)got;
     if (c->state == CLOSING)
         return;
     if (c->state < HANDSHAKE) {

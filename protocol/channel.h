@@ -123,10 +123,11 @@ void channel_address(const struct channel *c, uint8_t out[CHANNEL_ADDRESS_BYTES]
 /* A new owner: its callbacks are called from now on. */
 void channel_adopt(struct channel *c, const struct channel_callbacks *callbacks, void *user);
 
-/* A turn of this thread's loop begins: its channels read for `limit_ns` from their first byte on, then leave
- * what arrives in their sockets until the next turn. So peers that send without end cannot keep the loop from its
- * other work. Call it once in each iteration; without any call there is no limit. 0 ends it. */
-void channel_turn_begin(uint64_t limit_ns);
+/* A turn of this thread's loop begins: until the next one, each of its channels reads at most so many bytes,
+ * and leaves what else arrives in its socket. So peers that send without end cannot keep the loop from its
+ * other work, nor from each other. (A limit for all together would starve those that the kernel names last.)
+ * Call it once in each iteration; without any call there is no limit. 0 ends it. */
+void channel_turn_begin(size_t bytes_each);
 /* Tests: this limit instead of each of the four above, for what begins from now on; 0: as above. */
 void channel_fault_handshake_ms(uint32_t limit_ms);
 

@@ -32,6 +32,8 @@ struct channel {
     struct framing_reader frames;
     struct buffer outgoing; /* scratch of channel_send */
     size_t queued_bytes;
+    uint64_t turn;          /* in which it read last, */
+    size_t turn_bytes;      /* and what it may still read in it */
     int was_high;           /* above CHANNEL_QUEUE_HIGH since the last on_drain */
     int is_server, shutdown_done, peer_ended;
     enum farm_role role;

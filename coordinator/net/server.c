@@ -135,6 +135,16 @@ static void grant_due(struct server *server, uint64_t now_ns)
     }
 }
 
+/* What a session may read in a turn of the loop. */
+static size_t turn_bytes_each(uint32_t sessions)
+{
+    size_t bytes = SERVER_TURN_BYTES / (sessions + 1);
+
+    return bytes < SERVER_TURN_EACH_MIN   ? SERVER_TURN_EACH_MIN
+           : bytes > SERVER_TURN_EACH_MAX ? SERVER_TURN_EACH_MAX
+                                          : bytes;
+}
+
 /* Once in each iteration of the loop, before it waits: everything that its events made due. */
 static void on_prepare(uv_prepare_t *handle)
 {
@@ -144,7 +154,7 @@ static void on_prepare(uv_prepare_t *handle)
     if (server->state == SERVER_LISTENING)
         grant_due(server, now_ns);
     commit_when_due(server, now_ns);
-    channel_turn_begin(SERVER_TURN_MS * NS_PER_MS);
+    channel_turn_begin(turn_bytes_each(server->session_count));
     for (struct session *s; (s = session_next_due(server));)
         session_flush(s, now_ns);
     if (server->state == SERVER_DRAINING) {

@@ -23,7 +23,9 @@
 enum {
     SESSION_BUCKETS = 1 << 14,
     SERVER_TICK_MS = 100,
-    SERVER_TURN_MS = 20,       /* then reading stops for commits, acknowledgements and grants */
+    SERVER_TURN_BYTES = 4 << 20,      /* read before commits, acknowledgements and grants have their turn: */
+    SERVER_TURN_EACH_MIN = 4 << 10,   /* by all sessions about that, by each at least and at most this */
+    SERVER_TURN_EACH_MAX = 1 << 20,
     SERVER_PAUSE_MS = 2000,    /* a tick this late: the machine or the disk suspended us */
     SERVER_BACKLOG = 4096,
     PREVIEWS_MAX = 4,          /* being developed at once */

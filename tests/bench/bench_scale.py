@@ -87,22 +87,20 @@ def show_workers(Farm, options):
                 flush=True)
 
 
+QUEUE_ROWS = ((16, 200), (16, 1000), (500, 200), (1000, 0))  # workers, results a second together (0: all they can)
+
+
 def show_queue(Farm, options):
-    workers = 1000
-    title("The queue: %d workers, other jobs behind the one that is measured, or before it" % workers)
+    title("The queue: other jobs behind the one that is measured, or before it for other machines")
     print(HEAD)
-    with Farm() as farm:
-        bench, filled = Bench(farm, options), 0
-        for jobs in (0, 1000, QUEUE_MAX):
-            if jobs > filled:
-                bench.fill(jobs - filled)
-                filled = jobs
-            line("%d jobs behind" % jobs, bench.run(workers))
-    with Farm() as farm:
-        bench = Bench(farm, options)
-        bench.fill(QUEUE_MAX, "--ahead")
-        line("%d jobs before" % QUEUE_MAX, bench.run(workers))
-        line("the same, 200 results/s", bench.run(workers, "--rate", 200))
+    for jobs, where in ((0, ""), (QUEUE_MAX, "behind"), (QUEUE_MAX, "before")):
+        with Farm() as farm:
+            bench = Bench(farm, options)
+            if jobs:
+                bench.fill(jobs, *(["--ahead"] if where == "before" else []))
+            for workers, rate in QUEUE_ROWS:
+                line("%d %s, %d w, %s/s" % (jobs, where or "jobs", workers, rate or "max"),
+                     bench.run(workers, "--rate", rate))
 
 
 def show_latency(Farm, options):
