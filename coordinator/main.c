@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/accuracy/stop.h"
 #include "common/base/clock.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
@@ -33,6 +34,22 @@ static status load_key(const char *path, struct farm_key *key, struct error *err
     return s;
 }
 
+/* "off" is 0. */
+static status parse_length(const char *option, const char *text, double usual_s, double *out_s,
+                           struct error *err)
+{
+    uint64_t ms = 0;
+    status s = STATUS_OK;
+
+    *out_s = usual_s;
+    if (!text)
+        return STATUS_OK;
+    if (strcmp(text, "off") != 0)
+        s = stop_duration_parse(option, text, &ms, err);
+    *out_s = (double)ms / 1000;
+    return s;
+}
+
 static int fail(const struct error *err)
 {
     fprintf(stderr, "azulejo-coordinator: %s\n", err->text);
@@ -43,6 +60,7 @@ int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
     const char *level = "info", *ready_file = NULL, *precision = "float";
+    const char *half_life = NULL, *longest_wait = NULL;
     double lease_seconds = 60;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
@@ -54,6 +72,12 @@ int main(int argc, char **argv)
          "where jobs, blobs and pictures are kept (azulejo-store)", 0, 0, NULL},
         {"lease-seconds", 0, OPTION_REAL, &lease_seconds, "S",
          "after this long without a result, a worker's lease goes to other workers (60)", 1, 86400, NULL},
+        {"half-life", 0, OPTION_STRING, &half_life, "TIME",
+         "an owner's core-seconds count half after this time, as in 8h, when owners of equal priority share the "
+         "farm; off: first come, first served (8h)", 0, 0, NULL},
+        {"longest-wait", 0, OPTION_STRING, &longest_wait, "TIME",
+         "an owner whose jobs were lent nothing for this long gets a turn before others of its priority; off: "
+         "never (1h)", 0, 0, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -91,6 +115,10 @@ int main(int argc, char **argv)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s'", rest.items[0]);
     if (s == STATUS_OK)
         s = address_parse(listen, "", 0, host, sizeof host, &options.port, &err);
+    if (s == STATUS_OK)
+        s = parse_length("--half-life", half_life, ORDER_HALF_LIFE_S, &options.order.half_life_s, &err);
+    if (s == STATUS_OK)
+        s = parse_length("--longest-wait", longest_wait, ORDER_LONGEST_WAIT_S, &options.order.longest_wait_s, &err);
     if (s == STATUS_OK)
         s = load_key(key_path, &key, &err);
     if (s != STATUS_OK)

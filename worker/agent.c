@@ -172,6 +172,8 @@ static void say_hello(struct agent *a)
     hello.isa_mask = a->options.isa_mask;
     hello.arithmetic = elementary_fingerprint_of(render_precision());
     hello.kernel = (char *)render_ray_tracer_name();
+    hello.tags = (char *)a->options.tags;
+    hello.memory = a->options.memory;
     if (channel_send(a->channel, &e) != STATUS_OK)
         channel_abort(a->channel, STATUS_ERR_NO_MEMORY, "cannot say hello");
 }

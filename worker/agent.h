@@ -45,6 +45,8 @@ struct agent_options {
     const char *cache_folder;
     uint64_t cache_limit_bytes;
     int exit_on_disconnect;
+    const char *tags;            /* as made by tags_parse */
+    uint64_t memory;             /* bytes to announce; 0: none */
 };
 
 struct agent;

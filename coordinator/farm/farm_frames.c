@@ -26,6 +26,7 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
         at = &(*at)->next;
     *at = frame->next;
     farm->open_frames--;
+    farm->leaving -= (uint32_t)frame->leaving;
     farm->open_bytes -= farm_film_bytes(film_width(frame->film), film_height(frame->film),
                                    film_aovs(frame->film));
 }

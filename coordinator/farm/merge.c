@@ -221,7 +221,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         work_stats_add(&frame->stats, &result->stats);
         rate_add(&frame->job->rate, result->work.samples, now_ns);
         figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
-        scheduler_learn(worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
+        scheduler_learn(farm, worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
                         now_ns);
         farm->pump_wanted = 1;
     }

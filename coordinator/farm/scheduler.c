@@ -5,6 +5,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/log.h"
+#include "coordinator/farm/waiting.h"
 
 /* The amount that the worker may be lent now. */
 struct budget {
@@ -168,6 +169,7 @@ static struct lease *grant(struct farm *farm, struct job_frame *frame, struct fa
         frame->job->suspicion.probe = worker->held.session;
     worker->room -= lease->unit_count;
     worker->note[0] = 0;
+    order_served(frame->job, now_ns);
     if (!frame->begun_ns)
         frame->begun_ns = now_ns ? now_ns : 1;
     farm_job_started(farm, frame->job, worker, now_ns);
@@ -198,7 +200,8 @@ static int may_serve(struct farm *farm, const struct job *job, struct farm_worke
     if (farm_can_serve(job, worker, why, sizeof why))
         return 1;
     snprintf(worker->note, sizeof worker->note, "%s", why);
-    if (job->id > worker->noticed_job) {
+    if (job->id > worker->noticed_job &&
+        needs_fit(&job->needs, job->id, worker->tags, worker->memory, NULL, 0)) {
         char text[sizeof why + 64];
         worker->noticed_job = job->id;
         snprintf(text, sizeof text, "this worker gets no work of job %llu: %s",
@@ -261,13 +264,14 @@ static int has_clock(const struct job *job)
 
 struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
 {
-    const struct queue *queue = &farm->queue;
+    const struct order *order;
     int full = 0;
 
     if (worker->room == 0)
         return NULL;
-    for (size_t i = 0; i < queue->active_count; i++) {
-        struct job *job = queue->active[i];
+    order = waiting_order(farm, now_ns);
+    for (size_t i = 0; i < order->count; i++) {
+        struct job *job = order->jobs[i];
         struct lease *lease = NULL;
         struct job_frame *frame;
 
@@ -282,8 +286,8 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
         if (lease || full)
             return lease;
     }
-    for (size_t i = 0; i < queue->active_count; i++) {
-        struct job *job = queue->active[i];
+    for (size_t i = 0; i < order->count; i++) {
+        struct job *job = order->jobs[i];
         struct lease *lease =
             may_serve(farm, job, worker) ? grant_of_job(farm, job, worker, 1, now_ns, &full) : NULL;
         if (lease || full)
@@ -291,8 +295,8 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
     }
     if (worker->held.units >= worker->credit.threads)
         return NULL;
-    for (size_t i = 0; i < queue->active_count; i++) {
-        struct job *job = queue->active[i];
+    for (size_t i = 0; i < order->count; i++) {
+        struct job *job = order->jobs[i];
         if (!may_serve(farm, job, worker))
             continue;
         for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
@@ -304,7 +308,7 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
     return NULL;
 }
 
-void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t samples,
+void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *job, uint64_t samples,
                      uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns)
 {
     double cost = 0;
@@ -324,6 +328,7 @@ void scheduler_learn(struct farm_worker *worker, struct job *job, uint64_t sampl
             worker->cost_ns += (cost - worker->cost_ns) / 8;
         worker->cost_job = job->id;
     }
+    order_charge(&farm->order, job, cost * (double)samples / 1e9, farm->wall_s);
     credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)samples),
                      now_ns);
     if (granted_ns && now_ns > granted_ns) {

@@ -16,12 +16,12 @@
  * environment (a disk, a worker) does not change its state: that is a reason, which lifts itself; a
  * pause never does. PAUSED, PARKED and CANCELLING jobs hold no lease and take no result: closing.h
  * says what happens to their frames. job_set_state and job_reopen are the only functions that change
- * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served by priority (higher first),
- * then in the order of submission.
+ * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served in the
+ * order of order.h, once what they need (needs.h) is there.
  *
  * Invariants:
- *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of
- *    service;
+ *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, by priority (higher
+ *    first), then by id;
  *  - a final job has no open frames.
  * The queue owns its jobs. Across a restart the store keeps them.
  */
@@ -42,6 +42,8 @@
 #include "common/tonemap/tonemap.h"
 #include "coordinator/job/eta.h"
 #include "coordinator/job/history.h"
+#include "coordinator/job/needs.h"
+#include "coordinator/job/order.h"
 #include "coordinator/farm/rate.h"
 #include "coordinator/job/suspicion.h"
 #include "coordinator/job/trouble.h"
@@ -181,6 +183,8 @@ struct job {
     uint64_t saved_ns;                 /* monotonic: when the progress was last stored */
     uint32_t closing_frames;           /* closed ones that a commit or develop still holds */
     int removed;                       /* it is in no queue, and freed when nothing holds it */
+    struct job_place place;            /* in the order of service */
+    struct job_needs needs;            /* what must be true before it is lent */
 };
 
 struct queue {
@@ -188,7 +192,7 @@ struct queue {
     size_t count, capacity;
     struct job **active;
     size_t active_count, active_capacity;
-    size_t shut_count;           /* of the active ones, those that are not open */
+    unsigned changes;            /* counted: the active ones, their priorities, whether they are open */
 };
 
 void queue_init(struct queue *queue);
@@ -208,9 +212,6 @@ struct job *queue_find(const struct queue *queue, uint64_t id); /* NULL: none */
 void queue_remove(struct queue *queue, struct job *job);
 /* Give an active job another place. */
 void queue_set_priority(struct queue *queue, struct job *job, int32_t priority);
-
-/* The number of active jobs before this one. */
-size_t queue_position(const struct queue *queue, const struct job *job);
 
 int job_state_ended(enum job_state state);
 /* Units of the job are lent and results taken: it is QUEUED, RUNNING or FINISHING. */

@@ -270,6 +270,7 @@ status server_run(const struct server_options *options, struct error *err)
     s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
     if (s == STATUS_OK) {
         server->farm.discards_films = options->discards_films;
+        server->farm.order.rules = options->order;
         s = listen_on(server, options, err);
         if (s == STATUS_OK) {
             uv_timer_start(&server->tick, on_tick, SERVER_TICK_MS, SERVER_TICK_MS);

@@ -253,6 +253,8 @@ static void fill_worker(Azulejo__Wire__WorkerInfo *info, struct session *s, uint
     info->samples_per_second = rate_per_second(&s->worker->rate, now_ns);
     info->connected_s = (now_ns - s->begun_ns) / NS_PER_SECOND;
     info->note = s->worker->note;
+    info->tags = s->worker->tags;
+    info->memory = s->worker->memory;
 }
 
 static status list_workers(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -306,6 +308,7 @@ static const struct {
     {BODY(JOB_RESUME), CLIENTS, resume},
     {BODY(JOB_EXTEND), CLIENTS, extend},
     {BODY(JOB_PAUSE), CLIENTS, session_pause},
+    {BODY(JOB_START), CLIENTS, session_start},
     {BODY(JOB_FINISH), CLIENTS, session_finish},
     {BODY(JOB_PRIORITY), CLIENTS, session_priority},
     {BODY(JOB_RETRY), CLIENTS, session_retry},

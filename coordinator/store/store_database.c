@@ -13,7 +13,7 @@
 #include "coordinator/store/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 6, BUSY_MS = 5000 };
+enum { STORE_VERSION = 7, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -100,6 +100,18 @@ static status add_steering(struct store *store, struct error *err)
     status s = sql_exec(store, schema_6, "cannot be brought up to date", err);
 
     return s == STATUS_OK ? sql_exec(store, events_schema, "cannot be brought up to date", err) : s;
+}
+
+/* Version 7: what jobs still wait for, if that may differ from the request (NULL: as there); the owners'
+ * shares. */
+static const char schema_needs[] =
+    "ALTER TABLE jobs ADD COLUMN waits_for TEXT;"
+    "ALTER TABLE jobs ADD COLUMN not_before INTEGER;"
+    "CREATE TABLE shares (owner TEXT PRIMARY KEY, core_s REAL NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
+
+static status add_needs(struct store *store, struct error *err)
+{
+    return sql_exec(store, schema_needs, "cannot be brought up to date", err);
 }
 
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
@@ -298,10 +310,12 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = sql_exec(store, schema_5, "cannot be brought up to date", err);
     if (s == STATUS_OK && version < 6)
         s = add_steering(store, err);
+    if (s == STATUS_OK && version < 7)
+        s = add_needs(store, err);
     if (s == STATUS_OK && version > 0 && version < 5)
         s = sql_exec(store, convert_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=6; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, "PRAGMA user_version=7; COMMIT", "cannot be set up", err);
     if (s == STATUS_OK && version > 0)
         log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s",
                  store->folder, version, STORE_VERSION,

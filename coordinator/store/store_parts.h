@@ -7,6 +7,7 @@
  * store_saves.c     a job's counters and state, saved at once or later by a separate thread
  * store_remove.c    jobs are removed, with their rows and files
  * store_events.c    the event logs of jobs
+ * store_shares.c    what owners used recently
  * store_deliverers.c workers that delivered results
  * store_files.c     the places of films and outputs
  */
@@ -23,6 +24,7 @@
 
 struct saved_job;
 struct saved_event;
+struct saved_share;
 
 struct store {
     char *folder;
@@ -41,6 +43,7 @@ struct store {
     struct saved_job *saves;
     struct saved_event *events, **events_end; /* events_end: only if there are any */
     size_t events_waiting;
+    struct saved_share *shares;
     int busy, ending, has_writer;
     int failing;                   /* the last save failed with `save_error`; */
     int retry;                     /* the next one may be tried */
@@ -109,6 +112,10 @@ status deliverer_write(struct store *store, const struct deliverer *deliverer,
 extern const char events_schema[];
 status events_write(struct store *store, struct error *err) MUST_CHECK;
 void events_drop(struct store *store);
+
+/* The same of the owners' shares. */
+status shares_write(struct store *store, struct error *err) MUST_CHECK;
+void shares_drop(struct store *store);
 
 /* saves_init makes the locks, saves_start the writer thread. saves_stop ends the thread after it
  * has tried the waiting saves, and destroys the locks. */
