@@ -17,6 +17,7 @@ static const struct command *const commands[] = {
     &command_develop, &command_cancel, &command_extend,
     &command_pause, &command_resume, &command_finish, &command_priority, &command_retry, &command_remove,
     &command_log,
+    &command_start,
     &command_workers, &command_keygen,
     &command_tonemap, &command_compare,
 };

@@ -103,7 +103,7 @@ static status rows_get(struct connection *c, int all, struct job_rows *r, struct
 static status print_table(const struct job_rows *list, struct error *err)
 {
     struct table table;
-    char text[FORMAT_SIZE];
+    char text[FORMAT_SIZE], note[JOB_NOTE_SIZE];
     const char *when;
     status result;
 
@@ -128,7 +128,7 @@ static status print_table(const struct job_rows *list, struct error *err)
         /* Month to minute; 'azulejo show' has the full time. */
         when = format_time(text, job->submitted_at);
         table_add(&table, "%.11s", strlen(when) > 5 ? when + 5 : when);
-        table_add(&table, "%s", job->state_text);
+        table_add(&table, "%s", job_info_note(note, job));
     }
     result = table_print(&table, err);
     table_release(&table);

@@ -10,7 +10,8 @@
 
 static const char *const titles[] = {">SESSION", "HOST",     ">PROCESS", "ADDRESS",
                                      ">THREADS", ">LEASED",  ">DONE",    ">RATE/s",
-                                     ">SINCE",   "SOFTWARE", "NOTE"};
+                                     ">SINCE",   "SOFTWARE", ">MEMORY",  "TAGS",
+                                     "NOTE"};
 enum { COLUMNS = sizeof titles / sizeof titles[0] };
 
 static status print_table(const Azulejo__Wire__WorkerList *list, struct error *err)
@@ -32,6 +33,8 @@ static status print_table(const Azulejo__Wire__WorkerList *list, struct error *e
         table_add(&table, "%s", format_count(text, w->samples_per_second));
         table_add(&table, "%s", format_duration(text, (double)w->connected_s));
         table_add(&table, "%s", w->software);
+        table_add(&table, "%s", w->memory ? format_bytes(text, w->memory) : "-");
+        table_add(&table, "%s", w->tags[0] ? w->tags : "-");
         table_add(&table, "%s", w->note);
     }
     result = table_print(&table, err);
@@ -46,14 +49,16 @@ static json_t *worker_json(const Azulejo__Wire__WorkerInfo *w)
     for (int i = 0; i < ISA_COUNT; i++)
         if (w->isa_mask >> i & 1)
             json_array_append_new(isas, json_string(isa_name((enum isa)i)));
-    return json_pack("{s:I, s:o, s:I, s:o, s:o, s:o, s:I, s:o, s:I, s:I, s:I, s:o, s:I, s:o}",
+    return json_pack("{s:I, s:o, s:I, s:o, s:o, s:o, s:I, s:o, s:I, s:I, s:I, s:o, s:I, s:o, s:o, s:o}",
                      "session", (json_int_t)w->session, "host", json_text(w->host), "process",
                      (json_int_t)w->process, "address", json_text(w->address), "software", json_text(w->software),
                      "kernel", json_text(w->kernel), "threads", (json_int_t)w->threads, "isa", isas,
                      "units_leased", (json_int_t)w->units_leased, "units_done",
                      (json_int_t)w->units_done, "samples_done", (json_int_t)w->samples_done,
                      "samples_per_second", json_number(w->samples_per_second), "connected_s",
-                     (json_int_t)w->connected_s, "note", json_text(w->note));
+                     (json_int_t)w->connected_s, "note", json_text(w->note), "memory",
+                     w->memory ? json_integer((json_int_t)w->memory) : json_null(), "tags",
+                     json_names(w->tags));
 }
 
 static status print_json(const Azulejo__Wire__WorkerList *list, struct error *err)

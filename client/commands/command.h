@@ -27,7 +27,8 @@ extern const struct command command_accuracy, command_cancel, command_compare, c
     command_extend, command_fetch, command_import, command_keygen, command_list, command_render, command_resume, command_show,
     command_submit, command_tonemap, command_watch,
     command_workers,
-    command_pause, command_finish, command_priority, command_retry, command_remove, command_log;
+    command_pause, command_finish, command_priority, command_retry, command_remove, command_log,
+    command_start;
 
 /* Parse the command's options and check the number of its arguments. *done is set when --help was
  * given and printed. ERR_USAGE. */

@@ -4,6 +4,7 @@
 
 #include "client/farm/connection.h"
 #include "client/import/import.h"
+#include "client/farm/needs_options.h"
 #include "client/farm/output.h"
 #include "client/farm/stop_options.h"
 #include "client/terminal/frame_list.h"
@@ -145,6 +146,7 @@ struct job_request {
     int estimate;                /* to predict the job's cost; the job continues it when submitted
                                     */
     int32_t priority;
+    struct needs_request needs;
     /* The submission's own name, so that it can be sent twice and is one job; "": none. */
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };

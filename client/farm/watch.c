@@ -29,14 +29,14 @@ static double fraction_of(const Azulejo__Wire__JobInfo *job)
 
 static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job)
 {
-    char number[FORMAT_SIZE];
+    char number[FORMAT_SIZE], note[JOB_NOTE_SIZE];
     uint32_t frames = job->last_frame - job->first_frame + 1;
     size_t before;
 
     if (job->state != AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
         buffer_puts(line, job_state_name(job->state));
         if (job->state_text[0])
-            buffer_printf(line, ": %s", job->state_text);
+            buffer_printf(line, ": %s", job_info_note(note, job));
         return;
     }
     if (frames > 1)
