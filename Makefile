@@ -125,7 +125,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-accuracy studio-day layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -318,6 +318,8 @@ accuracy-time: tests ## is the time left right on real scenes (docs/ACCURACY.md;
 
 bench: all tests ## the figures in docs/PERFORMANCE.md
 	@BUILD=$(BUILD) tests/bench/run.sh
+studio-day: $(BUILD)/tests/bench/studio_day ## a simulated day in a studio: who waits how long (docs/OPERATIONS.md)
+	@$(BUILD)/tests/bench/studio_day
 bench-accuracy: all ## efficiency over another commit's: AGAINST=COMMIT
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_accuracy.py "$(AGAINST)"
 
