@@ -125,7 +125,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale studio-day layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -322,6 +322,8 @@ bench-preview: all ## how soon a picture can be recognised
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_preview.py
 bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_echo ## the figures in docs/SCALE.md: many workers, a long queue (10 minutes)
 	@python3 -B tests/bench/bench_scale.py $(SCALE_ARGS)
+studio-day: $(BUILD)/tests/bench/studio_day ## a simulated day in a studio: who waits how long (docs/OPERATIONS.md)
+	@$(BUILD)/tests/bench/studio_day
 bench-accuracy: all ## efficiency over another commit's: AGAINST=COMMIT
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_accuracy.py "$(AGAINST)"
 

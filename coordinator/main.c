@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/accuracy/stop.h"
 #include "common/base/clock.h"
 #include "common/base/duration.h"
 #include "common/base/completion.h"
@@ -69,6 +70,22 @@ static status retention_options(const char *keep, const char *keep_failed, const
     return s;
 }
 
+/* "off" is 0. */
+static status parse_length(const char *option, const char *text, double usual_s, double *out_s,
+                           struct error *err)
+{
+    uint64_t ms = 0;
+    status s = STATUS_OK;
+
+    *out_s = usual_s;
+    if (!text)
+        return STATUS_OK;
+    if (strcmp(text, "off") != 0)
+        s = stop_duration_parse(option, text, &ms, err);
+    *out_s = (double)ms / 1000;
+    return s;
+}
+
 static int fail(const struct error *err)
 {
     if (log_is_json())
@@ -102,6 +119,7 @@ int main(int argc, char **argv)
     const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *store_limit = NULL;
     const char *level = "info", *log_format = NULL, *completion = NULL, *ready_file = NULL, *precision = "float";
     struct server_options options = {.policy = RETENTION_POLICY_DEFAULT};
+    const char *half_life = NULL, *longest_wait = NULL;
     double lease_seconds = 60, unit_seconds = HANG_LEAST_S;
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
@@ -127,6 +145,12 @@ int main(int argc, char **argv)
         {"unit-seconds", 0, OPTION_REAL, &unit_seconds, "S",
          "a work unit hangs when it is rendered for this long, and 20 times what the slowest of its size took (60)",
          0.01, 86400, NULL},
+        {"half-life", 0, OPTION_STRING, &half_life, "TIME",
+         "an owner's core-seconds count half after this time, as in 8h, when owners of equal priority share the "
+         "farm; off: first come, first served (8h)", 0, 0, NULL},
+        {"longest-wait", 0, OPTION_STRING, &longest_wait, "TIME",
+         "an owner whose jobs were lent nothing for this long gets a turn before others of its priority; off: "
+         "never (1h)", 0, 0, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -182,6 +206,10 @@ int main(int argc, char **argv)
         s = address_parse(listen, "", 0, host, sizeof host, &options.port, &err);
     if (s == STATUS_OK)
         s = retention_options(keep, keep_failed, keep_blobs, store_limit, &options.policy, &err);
+    if (s == STATUS_OK)
+        s = parse_length("--half-life", half_life, ORDER_HALF_LIFE_S, &options.order.half_life_s, &err);
+    if (s == STATUS_OK)
+        s = parse_length("--longest-wait", longest_wait, ORDER_LONGEST_WAIT_S, &options.order.longest_wait_s, &err);
     if (s == STATUS_OK)
         s = load_key(key_path, &key, &err);
     if (s != STATUS_OK)

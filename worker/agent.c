@@ -277,6 +277,8 @@ static void say_hello(struct agent *a)
     hello.name = a->options.name ? (char *)a->options.name : a->name;
     hello.name_chosen = a->options.name != NULL;
     hello.instance = a->instance;
+    hello.tags = (char *)a->options.tags;
+    hello.memory = a->options.memory;
     if (channel_send(a->channel, &e) != STATUS_OK)
         channel_abort(a->channel, STATUS_ERR_NO_MEMORY, "cannot say hello");
 }

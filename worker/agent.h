@@ -52,6 +52,8 @@ struct agent_options {
     const char *name;            /* on the farm; NULL: the coordinator makes one of the host's */
     struct duty_options duty;
     int drain_status;            /* its exit status if it must end while a unit hangs */
+    const char *tags;            /* as made by tags_parse */
+    uint64_t memory;             /* bytes to announce; 0: none */
 };
 
 struct agent;

@@ -12,7 +12,9 @@
 #include "common/base/completion.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
+#include "common/base/machine.h"
 #include "common/base/options.h"
+#include "common/base/tags.h"
 #include "common/scene/settings.h"
 #include "protocol/address.h"
 #include "protocol/channel.h"
@@ -171,7 +173,9 @@ static status run(const struct agent_options *options, int *stopped, struct erro
 int main(int argc, char **argv)
 {
     const char *coordinator = getenv("AZULEJO_COORDINATOR"), *key_path = NULL, *cache = NULL;
-    const char *isa_list = NULL, *log_level = "info", *log_format = NULL, *completion = NULL;
+    const char *isa_list = NULL, *log_level = "info", *log_format = NULL, *completion = NULL, *tag_list = NULL;
+    char tags[TAGS_TEXT_MAX + 1] = "";
+    uint64_t memory = UINT64_MAX;
     int64_t threads = 0;
     uint64_t cache_limit = CACHE_LIMIT_DEFAULT;
     int exit_on_disconnect = 0, version = 0, help = 0, stopped = 0;
@@ -209,6 +213,11 @@ int main(int argc, char **argv)
          0, 19, NULL},
         {"drain-status", 0, OPTION_INT, &drain_status, "N",
          "exit with this status, 0 to 125, after SIGTERM or SIGINT (default 0)", 0, 125, NULL},
+        {"tag", 0, OPTION_STRING, &tag_list, "NAME[,NAME]...",
+         "marks for jobs that require them, as in gpu,big (default: none)", 0, 0, NULL},
+        {"memory", 0, OPTION_SIZE, &memory, "SIZE",
+         "announce this much memory; scenes that need more go elsewhere; 0: announce none "
+         "(default: what the machine has, or its control group allows)", 0, 0, NULL},
         {"exit-on-disconnect", 0, OPTION_FLAG, &exit_on_disconnect, NULL,
          "end when the coordinator goes away instead of connecting again", 0, 0, NULL},
         {"log-level", 0, OPTION_CHOICE, &log_level, "LEVEL", "what to log (default info)", 0, 0,
@@ -269,6 +278,12 @@ int main(int argc, char **argv)
     options.isa_mask = isa_supported_mask();
     if (s == STATUS_OK && isa_list)
         s = isa_list_parse(isa_list, &options.isa_mask, &err);
+    if (s == STATUS_OK && tag_list && tags_parse(tag_list, tags, &err) != STATUS_OK) {
+        error_prefix(&err, "--tag");
+        s = err.code;
+    }
+    options.tags = tags;
+    options.memory = memory == UINT64_MAX ? machine_memory_total() : memory;
     if (s == STATUS_OK)
         s = default_path(&key_file, key_path, "AZULEJO_KEY", "XDG_CONFIG_HOME", ".config",
                          "/farm.key", "key", &err);

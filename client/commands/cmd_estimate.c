@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "client/farm/cancel.h"
 #include "client/commands/command.h"
@@ -16,6 +15,8 @@
 #include "client/farm/submission.h"
 #include "client/farm/trial.h"
 #include "client/farm/watch.h"
+#include "client/terminal/moment.h"
+#include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "common/base/shell.h"
 #include "protocol/message.h"
@@ -59,30 +60,17 @@ static status parse_price(const char *text, double *out, struct error *err)
     return STATUS_OK;
 }
 
-/* "18:00": the next such time, in local time. */
 static status parse_deadline(const char *text, double *out, struct error *err)
 {
-    time_t now = time(NULL), then;
-    unsigned hour, minute;
-    struct tm local;
-    int used = 0;
+    int64_t now = clock_wall_s(), then;
+    status result;
 
     *out = -1;
     if (!text)
         return STATUS_OK;
-    if (sscanf(text, "%2u:%2u%n", &hour, &minute, &used) != 2 || text[used] || hour > 23 ||
-        minute > 59 || !localtime_r(&now, &local))
-        return error_set(err, STATUS_ERR_USAGE, "--by %s: must be a time of day, as in 18:00", text);
-    local.tm_hour = (int)hour;
-    local.tm_min = (int)minute;
-    local.tm_sec = 0;
-    then = mktime(&local);
-    if (then <= now) {
-        local.tm_mday++;
-        then = mktime(&local);
-    }
-    *out = difftime(then, now);
-    return STATUS_OK;
+    result = moment_parse("--by", text, now, &then, err);
+    *out = (double)(then - now);
+    return result;
 }
 
 /* The first, the middle and the last. */
@@ -306,8 +294,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const char *out = NULL;
     int done;
     const struct option table[] = {
-        {"by", 0, OPTION_STRING, &e.by, "HH:MM",
-         "also print how many cores would finish the frames by this time of day", 0, 0, NULL},
+        {"by", 0, OPTION_STRING, &e.by, "TIME",
+         "also print how many cores would finish the frames by then: 18:00, '2026-03-01 18:00', or 2h from now", 0, 0, NULL},
         {"price", 0, OPTION_STRING, &e.price_text, "PRICE/core-hour",
          "also print the cost at this price, as in 0.04/core-hour", 0, 0, NULL},
         {"pilot-spp", 0, OPTION_INT, &e.pilot_spp, "N",

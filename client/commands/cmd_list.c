@@ -146,7 +146,7 @@ static void add_error(struct table *table, const Azulejo__Wire__JobInfo *job)
 
 static void add_job(struct table *table, const Azulejo__Wire__JobInfo *job, int wide)
 {
-    char text[FORMAT_SIZE];
+    char text[FORMAT_SIZE], note[JOB_NOTE_SIZE];
     const char *when;
 
     table_add(table, "%" PRIu64, job->job);
@@ -169,7 +169,7 @@ static void add_job(struct table *table, const Azulejo__Wire__JobInfo *job, int 
         when = format_time(text, job->submitted_at);
         table_add(table, "%.11s", strlen(when) > 5 ? when + 5 : when);
     }
-    table_add(table, "%s", job->state_text);
+    table_add(table, "%s", job_info_note(note, job));
 }
 
 static status print_table(const struct job_rows *list, struct error *err)

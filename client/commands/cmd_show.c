@@ -128,19 +128,37 @@ static void print_output(const Azulejo__Wire__OutputSettings *o)
     printf("\n");
 }
 
-static void print_job(const Azulejo__Wire__JobInfo *job)
+static void print_needs(const Azulejo__Wire__JobInfo *job)
 {
     char text[FORMAT_SIZE];
+
+    if (job->n_after)
+        printf("  %-10s  job%s", "after", job->n_after > 1 ? "s" : "");
+    for (size_t i = 0; i < job->n_after; i++)
+        printf("%s %" PRIu64 "%s", i ? "," : "", job->after[i], i + 1 == job->n_after ? "\n" : "");
+    if (job->not_before)
+        print_field("not before", format_time(text, job->not_before));
+    if (job->require[0])
+        print_field("requires", job->require);
+    if (job->memory)
+        printf("  %-10s  %s%s\n", "memory", format_bytes(text, job->memory),
+               job->memory_said ? "" : " at least, estimated from the scene's files and triangles");
+}
+
+static void print_job(const Azulejo__Wire__JobInfo *job)
+{
+    char text[FORMAT_SIZE], note[JOB_NOTE_SIZE];
 
     printf("job %" PRIu64 ": %s\n", job->job, job_state_name(job->state));
     print_field("name", job->name);
     print_field("scene", job->scene_name);
     if (job->state_text[0])
-        print_field("note", job->state_text);
+        print_field("note", job_info_note(note, job));
     printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
            job->priority);
     if (job->owner[0])
         print_field("owner", job->owner);
+    print_needs(job);
     if (job->settings) {
         print_settings(job->settings);
         print_extras(job->settings);

@@ -113,6 +113,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_options options = JOB_OPTIONS_INIT;
     struct effects_auto effects = {0};
+    struct needs_options needs = NEEDS_OPTIONS_INIT;
     const char *name = NULL;
     const char *token = NULL;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
@@ -122,6 +123,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
         JOB_ENDS_ROW(options),
+        NEEDS_OPTION_ROWS(needs),
         EFFECTS_AUTO_ROWS(effects),
         {"name", 0, OPTION_STRING, &name, "NAME",
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
@@ -175,6 +177,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     request.force = force;
     if (result == STATUS_OK)
         result = effects_auto_check(&effects, options.stop.target, err);
+    if (result == STATUS_OK)
+        result = needs_options_check(&needs, &request.needs, err);
     if (result == STATUS_OK)
         result = choose_token(token, &request, err);
     if (result == STATUS_OK)

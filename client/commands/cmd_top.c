@@ -120,9 +120,8 @@ static status print_jobs(const struct top *t, size_t rows, uint64_t active, stru
 {
     const Azulejo__Wire__JobList *list = t->jobs->job_list;
     struct table table;
-    char text[FORMAT_SIZE];
+    char text[FORMAT_SIZE], note[JOB_NOTE_SIZE];
     status s;
-
     int narrow = t->screen.drawn_on && terminal_columns(STDOUT_FILENO) < NARROW;
 
     rows = rows < list->n_jobs ? rows : list->n_jobs;
@@ -140,7 +139,7 @@ static status print_jobs(const struct top *t, size_t rows, uint64_t active, stru
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
         table_add(&table, "%s", running ? format_count(text, job->samples_per_second) : "-");
         table_add(&table, "%u", job->workers);
-        table_add(&table, "%s", job->state_text);
+        table_add(&table, "%s", job_info_note(note, job));
         if (!narrow)
             table_add(&table, "%s", job->owner[0] ? job->owner : "-");
     }

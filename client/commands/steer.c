@@ -10,12 +10,12 @@
 
 static void print_one(const struct steer_verb *verb, const Azulejo__Wire__JobInfo *info)
 {
-    char text[512];
+    char text[JOB_NOTE_SIZE];
 
     printf("job %" PRIu64 ": %s", info->job,
            verb->outcome ? verb->outcome : job_state_name(info->state));
     if (!verb->outcome && !job_state_is_final(info->state) && info->state_text[0])
-        printf(": %s", message_text(text, sizeof text, info->state_text));
+        printf(": %s", job_info_note(text, info));
     printf("\n");
     if (verb->print)
         verb->print(info);

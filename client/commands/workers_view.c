@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "client/farm/job_info.h"
 #include "client/terminal/format.h"
 #include "client/terminal/table.h"
 #include "common/scene/settings.h"
@@ -64,6 +65,7 @@ static void add_worker(struct table *table, const Azulejo__Wire__WorkerInfo *w)
     table_add(table, "%" PRIu64, w->units_done);
     table_add(table, "%s", format_duration(text, (double)w->connected_s));
     table_add(table, "%s", w->host);
+    table_add(table, "%s", w->tags[0] ? w->tags : "-");
     table_add(table, "%s", w->note);
 }
 
@@ -71,7 +73,7 @@ static void add_blocked(struct table *table, const Azulejo__Wire__WorkerMark *ma
 {
     table_add(table, "%s", mark->name);
     table_add(table, "blocked");
-    for (int column = 2; column < 11; column++)
+    for (int column = 2; column < 12; column++)
         table_add(table, "-");
     table_add(table, "blocked by %s; not connected", mark->who);
 }
@@ -79,7 +81,7 @@ static void add_blocked(struct table *table, const Azulejo__Wire__WorkerMark *ma
 status workers_print(const Azulejo__Wire__WorkerList *list, struct error *err)
 {
     static const char *const titles[] = {"NAME",    "STATE",  ">JOB",  ">THREADS", ">RATE/s", ">CPU",
-                                         ">MEMORY", ">CACHE", ">DONE", ">SINCE",   "HOST",    "~NOTE"};
+                                         ">MEMORY", ">CACHE", ">DONE", ">SINCE",   "HOST",    "TAGS", "~NOTE"};
     struct table table;
     status result;
 
@@ -164,6 +166,10 @@ static void print_connected(const Azulejo__Wire__WorkerInfo *w)
         printf("  threads:  %u of %u render\n", w->status->threads_busy, w->threads);
     else
         printf("  threads:  %u\n", w->threads);
+    if (w->memory)
+        printf("  offers:   %s of memory\n", format_bytes(when, w->memory));
+    if (w->tags[0])
+        printf("  tags:     %s\n", message_text(text, sizeof text, w->tags));
     printf("  rate:     %s samples/s\n", format_count(when, w->samples_per_second));
     if (w->status)
         print_status(w->status);
@@ -259,6 +265,8 @@ json_t *worker_json(const Azulejo__Wire__WorkerInfo *w)
     json_object_set_new(out, "state", json_string(worker_state_name(w->state)));
     json_object_set_new(out, "job", w->job ? json_integer((json_int_t)w->job) : json_null());
     json_object_set_new(out, "core_seconds", json_number(w->core_seconds));
+    json_object_set_new(out, "memory", w->memory ? json_integer((json_int_t)w->memory) : json_null());
+    json_object_set_new(out, "tags", json_names(w->tags));
     if (w->n_lines)
         json_object_set_new(out, "lines", lines_json(w->lines, w->n_lines));
     if (!s)

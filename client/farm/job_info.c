@@ -6,7 +6,9 @@
 #include "client/farm/cut_frame.h"
 #include "client/farm/figures_view.h"
 #include "client/terminal/format.h"
+#include "client/terminal/moment.h"
 #include "client/farm/output.h"
+#include "common/base/clock.h"
 #include "common/base/digest.h"
 #include "common/scene/settings.h"
 #include "protocol/message.h"
@@ -32,6 +34,17 @@ int job_state_is_final(Azulejo__Wire__JobState state)
     return state == AZULEJO__WIRE__JOB_STATE__JOB_DONE ||
            state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ||
            state == AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED;
+}
+
+const char *job_info_note(char out[JOB_NOTE_SIZE], const Azulejo__Wire__JobInfo *job)
+{
+    char when[FORMAT_SIZE];
+
+    if (job->waits_until)
+        snprintf(out, JOB_NOTE_SIZE, "waits until %s", moment_text(when, job->waits_until, clock_wall_s()));
+    else
+        message_text(out, JOB_NOTE_SIZE, job->state_text);
+    return out;
 }
 
 const Azulejo__Wire__JobInfo *job_list_find(const Azulejo__Wire__JobList *list, uint64_t job)
@@ -88,8 +101,7 @@ status frame_choice_of_job(struct connection *c, uint64_t job, const struct fram
     return result;
 }
 
-/* An array of the names in "one,other". */
-static json_t *names_json(const char *names)
+json_t *json_names(const char *names)
 {
     json_t *out = json_array();
 
@@ -128,7 +140,7 @@ static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
     json_object_set_new(out, "focus_distance", s->focus_distance > 0
                                                    ? json_number_float(s->focus_distance)
                                                    : json_null());
-    json_object_set_new(out, "without", names_json(settings_effects_text(s->without, names)));
+    json_object_set_new(out, "without", json_names(settings_effects_text(s->without, names)));
     json_object_set_new(out, "sampler", json_string(sampler_name((enum sampler_kind)s->sampler)));
     json_object_set_new(out, "light_choice",
                         json_string(light_choice_name((enum light_choice)s->light_choice)));
@@ -140,7 +152,7 @@ static json_t *settings_json(const Azulejo__Wire__RenderSettings *s)
     json_object_set_new(out, "robust", json_boolean(!s->not_robust));
     /* null: no sample is scaled down */
     json_object_set_new(out, "clamp", s->clamp > 0 ? json_number_float(s->clamp) : json_null());
-    json_object_set_new(out, "aovs", names_json(settings_aovs_text(s->aovs, names)));
+    json_object_set_new(out, "aovs", json_names(settings_aovs_text(s->aovs, names)));
     return out;
 }
 
@@ -278,6 +290,15 @@ static json_t *health_json(const Azulejo__Wire__JobInfo *job, const struct healt
     return out;
 }
 
+static json_t *after_json(const Azulejo__Wire__JobInfo *job)
+{
+    json_t *out = json_array();
+
+    for (size_t i = 0; i < job->n_after; i++)
+        json_array_append_new(out, json_integer((json_int_t)job->after[i]));
+    return out;
+}
+
 json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
 {
     const struct health health = job_health(job);
@@ -299,6 +320,12 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "state_text", json_text(job->state_text));
     json_object_set_new(root, "priority", json_integer(job->priority));
     json_object_set_new(root, "owner", job->owner[0] ? json_text(job->owner) : json_null());
+    json_object_set_new(root, "after", after_json(job));
+    json_object_set_new(root, "not_before", job->not_before ? json_integer(job->not_before) : json_null());
+    json_object_set_new(root, "require", json_names(job->require));
+    /* null: not known, or any */
+    json_object_set_new(root, "memory", job->memory ? json_integer((json_int_t)job->memory) : json_null());
+    json_object_set_new(root, "memory_is_estimate", json_boolean(!job->memory_said));
     json_object_set_new(root, "finished_early", json_boolean(job->finished_early));
     json_object_set_new(root, "first_frame", json_integer(job->first_frame));
     json_object_set_new(root, "last_frame", json_integer(job->last_frame));

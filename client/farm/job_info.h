@@ -28,6 +28,14 @@ status frame_choice_of_job(struct connection *c, uint64_t job, const struct fram
                            struct frame_list *out, struct error *err) MUST_CHECK;
 
 /* The one job of a JobList, or NULL. */
+/* An array of the names in "one,other". */
+json_t *json_names(const char *names);
+
+/* Why it waits or how it ended, for people: state_text, with times in local time. Fills `out` and returns
+ * it. */
+enum { JOB_NOTE_SIZE = 512 };
+const char *job_info_note(char out[JOB_NOTE_SIZE], const Azulejo__Wire__JobInfo *job);
+
 const Azulejo__Wire__JobInfo *job_list_find(const Azulejo__Wire__JobList *list, uint64_t job);
 
 /* A new JSON object with every field; unknown numbers are null. NULL: out of memory. */

@@ -224,6 +224,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     Azulejo__Wire__StopRules stop;
     struct output_message output;
     char owner[CONNECTION_WHO_MAX];
+    struct needs_request needs = request->needs;
     Azulejo__Wire__Envelope *answer = NULL;
     status result;
 
@@ -246,6 +247,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     submit.token = (char *)request->token;
     submit.source = (char *)buffer_text(&request->source);
     submit.owner = (char *)connection_who(owner);
+    needs_request_set(&submit, &needs);
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
     envelope.job_submit = &submit;
     result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED, &answer, err);

@@ -4,6 +4,7 @@
 
 #include "client/farm/connection.h"
 #include "client/import/import.h"
+#include "client/farm/needs_options.h"
 #include "client/farm/output.h"
 #include "client/farm/stop_options.h"
 #include "client/terminal/frame_list.h"
@@ -156,6 +157,7 @@ struct job_request {
                                     */
     int32_t priority;
     int force;                   /* also if it does not fit the coordinator's disk */
+    struct needs_request needs;
     /* The submission's own name, so that it can be sent twice and is one job; "": none. */
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };

@@ -193,7 +193,7 @@ static status start_worker(struct local_farm *farm, unsigned index, unsigned thr
 {
     char cache[SCRATCH_PATH_SIZE + 32], count[16];
     const char *const arguments[] = {"--coordinator", farm->address, "--key", farm->key_path,
-                                     "--threads", count, "--cache", cache,
+                                     "--threads", count, "--cache", cache, "--memory", "0",
                                      "--exit-on-disconnect", NULL};
 
     snprintf(farm->labels[index], sizeof farm->labels[index], "worker-%u", index + 1);

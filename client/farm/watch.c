@@ -48,16 +48,18 @@ static void describe_name(struct buffer *line, const Azulejo__Wire__JobInfo *job
 
 static void describe_waiting(struct buffer *line, const Azulejo__Wire__JobInfo *job, int named)
 {
+    char note[JOB_NOTE_SIZE];
+
     buffer_puts(line, job_state_name(job->state));
     if (named && job->queue_position > 0 && job->state == AZULEJO__WIRE__JOB_STATE__JOB_QUEUED)
         buffer_printf(line, ", number %u in the queue", job->queue_position);
     if (job->state_text[0])
-        buffer_printf(line, ": %s", job->state_text);
+        buffer_printf(line, ": %s", job_info_note(note, job));
 }
 
 static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job, int named)
 {
-    char number[FORMAT_SIZE];
+    char number[FORMAT_SIZE], note[JOB_NOTE_SIZE];
     uint32_t frames = job->last_frame - job->first_frame + 1;
     size_t before;
 
@@ -78,7 +80,7 @@ static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job, int
                       format_count(number, job->samples_per_second), job->workers,
                       job->workers == 1 ? "" : "s");
     if (job->state_text[0])
-        buffer_printf(line, " (%s)", job->state_text);
+        buffer_printf(line, " (%s)", job_info_note(note, job));
 }
 
 /* A line for each worker: "  node-12, process 4711   32 threads   1.2 M samples/s   96 units". */

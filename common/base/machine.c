@@ -87,13 +87,25 @@ static uint64_t least(uint64_t a, uint64_t b)
     return a < b ? a : b;
 }
 
-/* Version 2: this process's group and all above it, up to the root (in a container, the process's
- * own); version 1: the root as a container sees it. */
-static uint64_t groups_available(void)
+static uint64_t group_limit(const char *folder, const char *limit_name, const char *usage_name,
+                            const char *cache_key)
+{
+    char path[PATH_MAX + 64];
+
+    (void)usage_name;
+    (void)cache_key;
+    snprintf(path, sizeof path, "%s/%s", folder, limit_name);
+    return read_number(path);
+}
+
+/* The least that `ask` says of this process's groups. Version 2: its group and all above it, up to the root
+ * (in a container, the process's own); version 1: the root as a container sees it. */
+static uint64_t groups_least(uint64_t (*ask)(const char *folder, const char *limit_name,
+                                             const char *usage_name, const char *cache_key))
 {
     static const char root[] = "/sys/fs/cgroup";
-    uint64_t available = group_available("/sys/fs/cgroup/memory", "memory.limit_in_bytes",
-                                         "memory.usage_in_bytes", "total_cache");
+    uint64_t available = ask("/sys/fs/cgroup/memory", "memory.limit_in_bytes", "memory.usage_in_bytes",
+                             "total_cache");
     char text[4096], folder[sizeof text + sizeof root], *own, *end;
 
     if (!read_text("/proc/self/cgroup", text, sizeof text))
@@ -105,8 +117,7 @@ static uint64_t groups_available(void)
         *end = '\0';
     snprintf(folder, sizeof folder, "%s%s", root, own ? own : "");
     while (strlen(folder) >= strlen(root)) {
-        available =
-            least(available, group_available(folder, "memory.max", "memory.current", "file"));
+        available = least(available, ask(folder, "memory.max", "memory.current", "file"));
         *strrchr(folder, '/') = '\0';
     }
     return available;
@@ -128,5 +139,14 @@ static uint64_t address_space_available(void)
 
 uint64_t machine_memory_available(void)
 {
-    return least(least(kernel_available(), groups_available()), address_space_available());
+    return least(least(kernel_available(), groups_least(group_available)), address_space_available());
+}
+
+uint64_t machine_memory_total(void)
+{
+    long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
+    uint64_t machine = pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page : UINT64_MAX;
+    uint64_t total = least(machine, groups_least(group_limit));
+
+    return total == UINT64_MAX ? 0 : total;
 }

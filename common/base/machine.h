@@ -9,4 +9,8 @@
  * limit leave. UINT64_MAX if unknown. */
 uint64_t machine_memory_available(void);
 
+/* Bytes of memory that this machine has, or that this process's control groups allow it. 0 if
+ * unknown. */
+uint64_t machine_memory_total(void);
+
 #endif

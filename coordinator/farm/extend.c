@@ -156,6 +156,7 @@ static void undo(struct job *job, const struct job *before)
     job->estimate = before->estimate;
     job->output = before->output;
     job->priority = before->priority;
+    job->needs = before->needs;
     job->submitted_at = before->submitted_at;
     job->frames_resting_count = before->frames_resting_count;
     memcpy(job->owner, before->owner, sizeof job->owner);
@@ -266,6 +267,7 @@ status farm_continue_estimate(struct farm *farm, struct job *estimate, const str
     estimate->estimate = ESTIMATE_CONTINUED;
     estimate->output = job->output;
     estimate->priority = job->priority;
+    estimate->needs = job->needs;
     memcpy(estimate->owner, job->owner, sizeof estimate->owner);
     estimate->submitted_at = job->submitted_at;
     memcpy(estimate->name, job->name, sizeof estimate->name);

@@ -8,6 +8,7 @@
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/freeze.h"
 #include "coordinator/farm/roster.h"
+#include "coordinator/farm/waiting.h"
 
 /* ---- life ----------------------------------------------------------------------------------- */
 
@@ -26,6 +27,7 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
 
     memset(farm, 0, sizeof *farm);
     queue_init(&farm->queue);
+    order_init(&farm->order);
     farm->store = store;
     farm->events = *events;
     farm->wall_s = farm->begun_s = wall_s;
@@ -39,10 +41,13 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
             s = store_jobs_load(store, adopt_job, farm, err);
         if (s == STATUS_OK)
             s = roster_load(farm, err);
+        if (s == STATUS_OK)
+            s = store_shares_load(store, &farm->order, err);
     }
     if (s != STATUS_OK) {
         roster_release(farm);
         queue_release(&farm->queue);
+        order_release(&farm->order);
         return s;
     }
     if (farm->queue.count > 0)
@@ -57,6 +62,7 @@ void farm_release(struct farm *farm, uint64_t now_ns)
         struct job *job = farm->queue.active[i];
         farm_job_save(farm, job, now_ns);
     }
+    waiting_save_shares(farm, 1, now_ns);
     lease_table_release(&farm->leases);
     for (size_t i = 0; i < farm->queue.count; i++)
         while (farm->queue.all[i]->frames) {
@@ -66,6 +72,7 @@ void farm_release(struct farm *farm, uint64_t now_ns)
     queue_release(&farm->queue);
     trace_release(&farm->trace);
     roster_release(farm);
+    order_release(&farm->order);
 }
 
 /* ---- jobs ----------------------------------------------------------------------------------- */
@@ -80,7 +87,7 @@ status farm_prepare(const struct farm *farm, struct job *job, struct error *err)
         return error_set(err, STATUS_ERR_LIMIT,
                          "%d jobs are queued or running already; wait for some to end",
                          JOBS_ACTIVE_MAX);
-    return STATUS_OK;
+    return waiting_check(farm, job, err);
 }
 
 status farm_adopt(struct farm *farm, struct job *job, struct error *err)
@@ -197,6 +204,7 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
     for (size_t i = 0; i < farm->queue.count; i++)
         if (farm->queue.all[i]->state != JOB_STATE_FAILED)
             farm_pictures_wanted(farm, farm->queue.all[i]);
+    (void)waiting_order(farm, now_ns);
     for (size_t i = 0; i < farm->queue.active_count;) {
         struct job *job = farm->queue.active[i];
         if (job->state != JOB_STATE_CANCELLING && job->state != JOB_STATE_FINISHING &&
@@ -238,6 +246,8 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
     struct lease *lease;
 
     trouble_tick(farm, now_ns);
+    (void)waiting_order(farm, now_ns);
+    waiting_save_shares(farm, 0, now_ns);
     while ((lease = lease_lapsed(&farm->leases, now_ns))) {
         log_warn("lease %llu of session %u lapsed: %u work units go to other workers",
                  (unsigned long long)lease->id, lease->holder->session, lease->open_count);
@@ -249,7 +259,8 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
     }
     farm_workers_tick(farm, now_ns);
     for (struct job *job = queue_next(&farm->queue, in_work, NULL), *next; job; job = next) {
-        for (struct job_frame *frame = job->frames; frame; frame = frame->next) {
+        for (struct job_frame *frame = job->frames, *frame_next; frame; frame = frame_next) {
+            frame_next = frame->next;
             freeze_step(farm, frame, now_ns);
             farm_frame_decide(farm, frame, now_ns);
             closing_note_limits(farm, frame, now_ns);
@@ -257,6 +268,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
                 farm_frame_advance(farm, frame, now_ns);
             if (frame->state == FRAME_RENDERING)
                 figures_tick(farm, frame, now_ns);
+            farm_frame_leave(farm, frame);
         }
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             farm_job_save(farm, job, now_ns);

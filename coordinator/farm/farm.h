@@ -58,6 +58,8 @@ struct farm_worker {
     uint64_t noticed_job;        /* the newest job for which it was sent a refusal */
     uint64_t deferred_job;       /* it keeps a result of this job that could not be taken; 0: none */
     char note[256];              /* why it gets no work; "" otherwise */
+    char tags[TAGS_TEXT_MAX + 1];
+    uint64_t memory;             /* bytes; 0: not known */
 
     char label[WORKER_LABEL_MAX + 1]; /* its name on the farm (roster.h) */
     struct farm_worker *same_bucket;
@@ -119,6 +121,9 @@ struct farm_events {
 
 struct farm {
     struct queue queue;
+    struct order order;          /* of its jobs: ask waiting_order */
+    int64_t ready_at_s;          /* the first moment that a job waits for */
+    uint64_t shares_saved_ns;
     struct lease_table leases;
     struct store *store;         /* NULL: nothing is kept (tests) */
     struct farm_events events;
@@ -130,6 +135,7 @@ struct farm {
     uint32_t last_deliverer;
     uint32_t open_frames;
     uint64_t open_bytes;
+    uint32_t leaving;            /* open frames that make room for others */
     uint64_t conflicts;
     int64_t wall_s;              /* set by the owner as time passes */
     int pump_wanted;             /* there may be something to grant, to any worker */
@@ -201,6 +207,8 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
 int farm_may_begin(const struct farm *farm);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
+/* Close a frame that makes room for others, once what was merged is on disk. */
+void farm_frame_leave(struct farm *farm, struct job_frame *frame);
 /* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for
  * `reason`. It is freed now, or when its last commit or develop ends. */
 void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason);

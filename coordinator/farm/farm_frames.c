@@ -29,6 +29,7 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
         frame->job->begin_from = frame->number;
     queue_frames_changed(&farm->queue, frame->job);
     farm->open_frames--;
+    farm->leaving -= (uint32_t)frame->leaving;
     farm->open_bytes -= farm_film_bytes(film_width(frame->film), film_height(frame->film),
                                    film_aovs(frame->film));
 }

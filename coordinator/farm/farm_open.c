@@ -77,7 +77,8 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     status s;
 
     if (!frame_may_open(farm, job) || trouble_waits(&job->trouble, now_ns) ||
-        (trouble_is(&farm->trouble) && !store_film_exists(farm->store, job->id, number)))
+        (trouble_is(&farm->trouble) &&
+         !(farm->store && store_film_exists(farm->store, job->id, number))))
         return NULL;
     s = frame_load(farm, job, number, &frame, &err);
     if (s == STATUS_OK && farm->store)
@@ -112,10 +113,46 @@ int farm_may_begin(const struct farm *farm)
            (farm->open_frames == 0 || farm->open_bytes < FRAMES_OPEN_BYTES);
 }
 
+/* ---- room ------------------------------------------------------------------------------------ */
+
+/* A job before others in the order has no frame open, because theirs take all the room: the last frame of
+ * the last of them leaves memory. Its film stays on disk. */
+static void make_room(struct farm *farm, const struct job *job)
+{
+    struct job_frame *victim = NULL;
+
+    if (!farm->store || trouble_is(&farm->trouble) || job->frames || farm->leaving || !job->place.ready ||
+        farm->order.seen_changes != farm->queue.changes)
+        return;
+    for (size_t i = farm->order.count; i-- > 0 && farm->order.jobs[i] != job && !victim;)
+        for (struct job_frame *frame = farm->order.jobs[i]->frames; frame; frame = frame->next)
+            if (frame->state == FRAME_RENDERING && frame->end == FRAME_END_NONE && !trouble_is(&frame->trouble))
+                victim = frame;
+    if (!victim)
+        return;
+    log_info("job %llu, frame %u leaves memory, to make room for job %llu",
+             (unsigned long long)victim->job->id, victim->number, (unsigned long long)job->id);
+    victim->leaving = 1;
+    farm->leaving++;
+    farm_frame_revoke(farm, victim, "its frame makes room for another");
+}
+
+void farm_frame_leave(struct farm *farm, struct job_frame *frame)
+{
+    if (!frame->leaving || frame->state != FRAME_RENDERING || frame->dirty_count > 0 || frame->in_flight > 0)
+        return;
+    farm_frame_close(farm, frame, "its frame makes room for another");
+    farm->pump_wanted = 1;
+}
+
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns)
 {
-    if (!frame_may_open(farm, job) || job->state == JOB_STATE_FINISHING)
+    if (job->state == JOB_STATE_FINISHING)
         return NULL;
+    if (!frame_may_open(farm, job)) {
+        make_room(farm, job);
+        return NULL;
+    }
     for (uint64_t number = job->begin_from; number <= job->last_frame; number++) {
         if (!job_frame_is_done(job, (uint32_t)number) &&
             !job_frame_is_resting(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number))

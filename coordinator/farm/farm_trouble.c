@@ -75,7 +75,7 @@ status farm_store_usable(const struct farm *farm, struct error *err)
 
 int farm_may_lease(const struct farm *farm, const struct job_frame *frame)
 {
-    if (farm->store && !store_epoch_stored(farm->store))
+    if (frame->leaving || (farm->store && !store_epoch_stored(farm->store)))
         return 0;
     return (!trouble_is(&farm->trouble) && !trouble_is(&frame->trouble)) ||
            frame->ack_count + frame->outstanding_count < TROUBLE_RESULTS_MAX;

@@ -107,7 +107,7 @@ int farm_can_serve(const struct job *job, const struct farm_worker *worker, char
         snprintf(why, why_size, "its machine said that it cannot render job %llu",
                  (unsigned long long)job->id);
     else
-        return 1;
+        return needs_fit(&job->needs, job->id, worker->tags, worker->memory, why, why_size);
     return 0;
 }
 

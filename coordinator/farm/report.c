@@ -7,6 +7,7 @@
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/measure.h"
 #include "coordinator/farm/roster.h"
+#include "coordinator/farm/waiting.h"
 #include "protocol/message.h"
 
 /* Is the remaking of pictures waiting because of a failure of the environment? */
@@ -25,9 +26,10 @@ static int is_unsaved(const struct farm *farm, const struct job *job)
            (job->unsaved || store_job_unsaved(farm->store, job->id));
 }
 
-/* The reason why an active job makes no progress at the moment; empty if there is none. */
-static void explain_wait(char *out, size_t size, const struct farm *farm, const struct job *job,
-                         size_t before)
+/* The reason why an active job makes no progress at the moment; empty if there is none. *until: the moment
+ * that it waits for, if that is the reason. */
+static void explain_wait(char *out, size_t size, int64_t *until, const struct farm *farm,
+                         const struct job *job)
 {
     char why[256] = "";
     uint32_t able = 0, resting = 0;
@@ -71,6 +73,10 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
     }
     if (job->leases > 0)
         return;
+    if (waiting_explain(out, size, farm, job)) {
+        *until = job->needs.after_count == 0 ? job->needs.not_before : 0;
+        return;
+    }
     if (job->frames_done_count == job_frames_wanted(job)) {
         snprintf(out, size, "its last pictures are being tone mapped");
         return;
@@ -87,11 +93,13 @@ static void explain_wait(char *out, size_t size, const struct farm *farm, const 
         snprintf(out, size, "waits: no worker is connected");
     else if (resting == farm->worker_count)
         snprintf(out, size, "waits: no worker takes work at present ('azulejo workers' says why)");
+    else if (waiting_explain_workers(out, size, farm, job))
+        return;
     else if (able == 0)
         snprintf(out, size, "waits: none of the %u workers can render it; of one: %s",
                  farm->worker_count, why);
-    else if (before > 0)
-        snprintf(out, size, "waits behind %zu job%s", before, before == 1 ? "" : "s");
+    else if (job->place.before > 0)
+        snprintf(out, size, "waits behind %zu job%s", job->place.before, job->place.before == 1 ? "" : "s");
 }
 
 /* How a job ended. */
@@ -262,13 +270,14 @@ static void report_work(struct job_report *report, const struct job *job)
     wire_work_set(&report->work, &work);
 }
 
-void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
+void job_report_make(struct job_report *report, struct farm *farm, struct job *job,
                      uint64_t now_ns)
 {
     Azulejo__Wire__JobInfo info = AZULEJO__WIRE__JOB_INFO__INIT;
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
     Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
 
+    (void)waiting_order(farm, now_ns); /* it says what a job waits for */
     report->settings = settings;
     wire_settings_set(&report->settings, &job->settings);
     wire_stop_set(&report->stop, &job->stop);
@@ -280,9 +289,8 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     if (job_state_ended(job->state)) {
         explain_end(report->state_text, sizeof report->state_text, farm, job);
     } else {
-        size_t before = queue_position(&farm->queue, job);
-        explain_wait(report->state_text, sizeof report->state_text, farm, job, before);
-        info.queue_position = (uint32_t)before + 1;
+        explain_wait(report->state_text, sizeof report->state_text, &info.waits_until, farm, job);
+        info.queue_position = job->place.ready ? (uint32_t)job->place.before + 1 : 0;
     }
 
     info.job = job->id;
@@ -305,6 +313,12 @@ void job_report_make(struct job_report *report, const struct farm *farm, struct 
     info.frames_resting = job_frames_left(job);
     info.finished_early = job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY);
     info.owner = job->owner;
+    info.n_after = job->needs.after_count;
+    info.after = job->needs.after;
+    info.not_before = job->needs.not_before;
+    info.require = job->needs.require;
+    info.memory = job->needs.memory;
+    info.memory_said = job->needs.memory_said;
     info.conflicts = job->conflicts;
     info.workers = job->leases ? workers_on(farm, job) : 0;
     report_cuts(report, &info, job);

@@ -30,7 +30,7 @@ struct job_report {
     Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];
     Azulejo__Wire__CutFrame *cut_pointers[REPORT_CUT_FRAMES_MAX];
 };
-void job_report_make(struct job_report *report, const struct farm *farm, struct job *job,
+void job_report_make(struct job_report *report, struct farm *farm, struct job *job,
                      uint64_t now_ns);
 
 #endif

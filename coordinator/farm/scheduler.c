@@ -6,6 +6,7 @@
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "coordinator/farm/roster.h"
+#include "coordinator/farm/waiting.h"
 
 /* The amount that the worker may be lent now. */
 struct budget {
@@ -173,6 +174,7 @@ static struct lease *grant(struct farm *farm, struct job_frame *frame, struct fa
         frame->job->suspicion.probe = worker->held.session;
     worker->room -= lease->unit_count;
     worker->note[0] = 0;
+    order_served(frame->job, now_ns);
     if (!frame->begun_ns)
         frame->begun_ns = now_ns ? now_ns : 1;
     farm_job_started(farm, frame->job, worker, now_ns);
@@ -203,7 +205,8 @@ static int may_serve(struct farm *farm, const struct job *job, struct farm_worke
     if (farm_can_serve(job, worker, why, sizeof why))
         return 1;
     snprintf(worker->note, sizeof worker->note, "%s", why);
-    if (job->id > worker->noticed_job) {
+    if (job->id > worker->noticed_job &&
+        needs_fit(&job->needs, job->id, worker->tags, worker->memory, NULL, 0)) {
         char text[sizeof why + 64];
         worker->noticed_job = job->id;
         snprintf(text, sizeof text, "this worker gets no work of job %llu: %s",
@@ -264,6 +267,14 @@ static int has_clock(const struct job *job)
     return job->stop.time_limit_ms > 0 || job->stop.core_limit_ms > 0;
 }
 
+/* The next ready job after `after` (NULL: the first) in one of the lists; those that are not ready come last. */
+static struct job *next_ready(const struct farm *farm, unsigned lists, const struct job *after)
+{
+    struct job *job = queue_next(&farm->queue, lists, after);
+
+    return job && job->place.ready ? job : NULL;
+}
+
 /* The lanes of waiting jobs that the worker may be able to serve. Of each of the others, it is told once
  * why it gets none of the first job. */
 static unsigned lanes_of(struct farm *farm, struct farm_worker *worker)
@@ -271,7 +282,7 @@ static unsigned lanes_of(struct farm *farm, struct farm_worker *worker)
     unsigned lanes = 0;
 
     for (unsigned lane = CANDIDATES_LANES; lane < CANDIDATES_LISTS; lane++) {
-        const struct job *job = queue_next(&farm->queue, CANDIDATES_BIT(lane), NULL);
+        const struct job *job = next_ready(farm, CANDIDATES_BIT(lane), NULL);
         if (job && worker->isa_mask >> job->settings.isa & 1)
             lanes |= CANDIDATES_BIT(lane);
         else if (job && (job->id > worker->noticed_job || !worker->note[0]))
@@ -303,8 +314,8 @@ static struct lease *grant_wanted(struct farm *farm, struct farm_worker *worker,
     uint64_t changes = farm->queue.candidates.changes, bytes = farm->open_bytes;
     int refused = 0; /* some waiting job is not for this worker, or not now */
 
-    for (struct job *job = queue_next(&farm->queue, lists, NULL); job;
-         job = queue_next(&farm->queue, lists, job)) {
+    for (struct job *job = next_ready(farm, lists, NULL); job;
+         job = next_ready(farm, lists, job)) {
         struct lease *lease = NULL;
         struct job_frame *frame;
 
@@ -337,8 +348,8 @@ static struct lease *grant_early(struct farm *farm, struct farm_worker *worker, 
     const unsigned working = CANDIDATES_BIT(CANDIDATES_WORKING);
     struct lease *lease = NULL;
 
-    for (struct job *job = queue_next(&farm->queue, working, NULL); job && !lease && !*full;
-         job = queue_next(&farm->queue, working, job))
+    for (struct job *job = next_ready(farm, working, NULL); job && !lease && !*full;
+         job = next_ready(farm, working, job))
         if (may_serve(farm, job, worker))
             lease = grant_of_job(farm, job, worker, 1, now_ns, full);
     return lease;
@@ -349,8 +360,8 @@ static struct lease *grant_again(struct farm *farm, struct farm_worker *worker, 
     const unsigned working = CANDIDATES_BIT(CANDIDATES_WORKING);
     struct lease *lease = NULL;
 
-    for (struct job *job = queue_next(&farm->queue, working, NULL); job && !lease;
-         job = queue_next(&farm->queue, working, job)) {
+    for (struct job *job = next_ready(farm, working, NULL); job && !lease;
+         job = next_ready(farm, working, job)) {
         if (!may_serve(farm, job, worker))
             continue;
         for (struct job_frame *frame = job->frames; frame && !lease; frame = frame->next)
@@ -365,6 +376,7 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
     int full = 0, takes = worker->room > 0 && worker_takes_work(worker);
 
     if (takes) {
+        waiting_order(farm, now_ns);
         lease = grant_wanted(farm, worker, now_ns, &full);
         if (!lease && !full)
             lease = grant_early(farm, worker, now_ns, &full);
@@ -398,6 +410,7 @@ void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *
             worker->cost_ns += (cost - worker->cost_ns) / 8;
         worker->cost_job = job->id;
     }
+    order_charge(&farm->order, job, cost * (double)samples / 1e9, farm->wall_s);
     credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)samples),
                      now_ns);
     workforce_counts(farm, worker);

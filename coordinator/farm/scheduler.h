@@ -1,6 +1,6 @@
 /* scheduler: chooses the work units that a worker gets next.
  *
- * Jobs in the queue's order, a job's frames in order, a frame's passes in order over all its tiles.
+ * Jobs in the order of order.h, a job's frames in order, a frame's passes in order over all its tiles.
  * The next frame is begun when the earlier ones have no unit left to lend. When no job has any,
  * units of a frame's next round are lent before that round is decided (in a job with a time or core
  * limit: before its next frame is begun). When no unlent unit is left, units that are overdue with
@@ -37,7 +37,7 @@ enum {
 struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uint64_t now_ns);
 
 /* A result of the worker was merged: learn its speed from the samples and their CPU time, and the
- * job's turnaround. granted_ns: when the unit was lent; 0: not known. */
+ * job's turnaround; charge the job's owner. granted_ns: when the unit was lent; 0: not known. */
 void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *job, uint64_t samples,
                      uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns);
 

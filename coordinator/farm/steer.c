@@ -8,6 +8,7 @@
 #include "common/base/memory.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/extend.h"
+#include "coordinator/farm/waiting.h"
 
 /* ERR_REFUSED: what cannot be done to a job in its state, and what can. */
 static status refuse(const struct job *job, const char *what, struct error *err)
@@ -106,6 +107,20 @@ status steer_priority(struct farm *farm, struct job *job, int32_t priority, cons
     farm_note(farm, job, who, "priority %d, was %d", priority, before);
     farm_job_save_now(farm, job, now_ns);
     farm->pump_wanted = 1;
+    farm->events.job_changed(farm->events.user, job);
+    return STATUS_OK;
+}
+
+status steer_start(struct farm *farm, struct job *job, const char *who, uint64_t now_ns, struct error *err)
+{
+    if (job_state_ended(job->state))
+        return refuse(job, "started", err);
+    if (job->needs.after_count == 0 && job->needs.not_before == 0)
+        return STATUS_OK;
+    waiting_end(farm, job);
+    log_info("job %" PRIu64 " (%s) is started by %s, whatever it waited for", job->id, job->name, who);
+    farm_note(farm, job, who, "started: it waits for no other job and for no time");
+    farm_job_save_now(farm, job, now_ns);
     farm->events.job_changed(farm->events.user, job);
     return STATUS_OK;
 }

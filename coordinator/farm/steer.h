@@ -4,6 +4,7 @@
  *   pause     | PAUSED    PAUSED    (same)    -       -          -           -        -       -
  *   resume    | -         -         QUEUED    QUEUED  -          -           -        -       -
  *   finish    | FINISHING FINISHING FINISHING -       (same)     -           -        -       -
+ *   start     | (same)    (same)    (same)    (same)  (same)     (same)      -        -       -
  *   priority  | (same)    (same)    (same)    (same)  (same)     (same)      -        -       -
  *   retry     | -         -         -         -       -          -           QUEUED*  QUEUED  QUEUED
  *   remove    | -         -         -         -       -          -           gone     gone    gone
@@ -35,6 +36,10 @@ void steer_cancel(struct farm *farm, struct job *job, int discard, const char *w
 /* `priority`: any; jobs with a higher number go first. */
 status steer_priority(struct farm *farm, struct job *job, int32_t priority, const char *who,
                       uint64_t now_ns, struct error *err) MUST_CHECK;
+/* It waits no longer for other jobs and for its time (needs.h); what it requires of workers remains. Nothing
+ * happens to an active job that waits for neither. */
+status steer_start(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
+                   struct error *err) MUST_CHECK;
 /* The frames that are not done, and those that a person cut short, continue with the films that are
  * there; or only these `frames`, if count is not 0: they ascend. A frame without a film begins
  * again. ERR_INPUT: no such frame; ERR_IO, ERR_LIMIT, ERR_NO_MEMORY. */

@@ -1,6 +1,7 @@
 #include "coordinator/job/candidates.h"
 
 #include <assert.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -24,6 +25,16 @@ int candidates_reserve(struct candidates *c, size_t jobs)
 int job_is_before(const struct job *a, const struct job *b)
 {
     return a->priority != b->priority ? a->priority > b->priority : a->id < b->id;
+}
+
+/* Is `a` served before `b`? */
+static int is_first(const struct job *a, const struct job *b)
+{
+    if (a->place.ready != b->place.ready)
+        return a->place.ready;
+    if (a->place.ready && a->place.before != b->place.before)
+        return a->place.before < b->place.before;
+    return job_is_before(a, b);
 }
 
 enum candidate_list candidates_lane(const struct job *job)
@@ -55,7 +66,7 @@ static size_t place_of(const struct job_list *list, const struct job *job)
 
     while (low < high) {
         size_t middle = low + (high - low) / 2;
-        if (job_is_before(list->jobs[middle], job))
+        if (is_first(list->jobs[middle], job))
             low = middle + 1;
         else
             high = middle;
@@ -107,6 +118,21 @@ void candidates_update(struct candidates *c, struct job *job, int active)
     set_lists(c, job, lists);
 }
 
+static int compare(const void *a, const void *b)
+{
+    const struct job *one = *(struct job *const *)a, *other = *(struct job *const *)b;
+
+    return is_first(other, one) - is_first(one, other);
+}
+
+void candidates_sort(struct candidates *c)
+{
+    c->changes++;
+    for (size_t i = 0; i < CANDIDATES_LISTS; i++)
+        if (c->lists[i].count > 1)
+            qsort(c->lists[i].jobs, c->lists[i].count, sizeof *c->lists[i].jobs, compare);
+}
+
 void candidates_remove(struct candidates *c, struct job *job)
 {
     set_lists(c, job, 0);
@@ -124,7 +150,7 @@ struct job *candidates_next(const struct candidates *c, unsigned lists, const st
         place = after ? place_of(list, after) : 0;
         if (place < list->count && list->jobs[place] == after)
             place++;
-        if (place < list->count && (!next || job_is_before(list->jobs[place], next)))
+        if (place < list->count && (!next || is_first(list->jobs[place], next)))
             next = list->jobs[place];
     }
     return next;

@@ -6,7 +6,8 @@
  *   closing    FINISHING or CANCELLING: they end by steps
  *   troubled   a film of theirs cannot be opened: it is tried again
  *
- * Each list is in the queue's order of service (job_is_before). Invariant: a list holds exactly the
+ * Each list is in the order of service (order.h): ready jobs as their `place` says, then the others by
+ * job_is_before. Invariant: a list holds exactly the
  * active jobs that candidates_belongs names. Whatever changes the answer for a job must call
  * candidates_update afterwards (queue.c does after a change of state, farm_* after a frame was opened,
  * closed or found to be the last); its place in the order must not change while it is in a list
@@ -14,8 +15,7 @@
  *
  * A lane keeps apart the jobs that many workers cannot serve: a worker skips a lane, not its jobs. The
  * lane of a job is its instruction set, and whether a kernel is pinned. Other needs that many waiting
- * jobs may share belong here, too (candidates_lane). With an order that changes by itself (shares of owners,
- * say), jobs whose mutual order is fixed form a lane, and only job_is_before compares across lanes.
+ * jobs may share belong here, too (candidates_lane).
  */
 #ifndef AZULEJO_COORDINATOR_CANDIDATES_H
 #define AZULEJO_COORDINATOR_CANDIDATES_H
@@ -49,7 +49,7 @@ void candidates_release(struct candidates *c);
 /* Room for `jobs` jobs in each list; 0: out of memory. */
 int candidates_reserve(struct candidates *c, size_t jobs);
 
-/* The order of service of two active jobs. */
+/* Of higher priority, or of the same and submitted earlier. */
 int job_is_before(const struct job *a, const struct job *b);
 
 /* Does the (active) job belong to the list? */
@@ -59,6 +59,8 @@ enum candidate_list candidates_lane(const struct job *job);
 
 /* Put the job where it belongs. `active`: it is one of the queue's active jobs. */
 void candidates_update(struct candidates *c, struct job *job, int active);
+/* The places of jobs have changed. */
+void candidates_sort(struct candidates *c);
 /* Take it out of every list. */
 void candidates_remove(struct candidates *c, struct job *job);
 

@@ -97,12 +97,6 @@ void job_free(struct job *job)
     mem_free(job);
 }
 
-/* The job is active, but no unit is lent or merged. */
-static int is_shut(enum job_state state)
-{
-    return !job_state_ended(state) && !job_state_is_open(state);
-}
-
 /* Where `job` stands, or would stand, among the active ones. */
 static size_t active_place(const struct queue *queue, const struct job *job)
 {
@@ -127,7 +121,7 @@ static void active_insert(struct queue *queue, struct job *job)
             (queue->active_count - place) * sizeof *queue->active);
     queue->active[place] = job;
     queue->active_count++;
-    queue->shut_count += (size_t)is_shut(job->state);
+    queue->changes++;
     job->all_begun = 0;
     job->begin_from = job->first_frame;
     candidates_update(&queue->candidates, job, 1);
@@ -140,6 +134,7 @@ static void active_remove(struct queue *queue, struct job *job)
     assert(place < queue->active_count && queue->active[place] == job);
     candidates_remove(&queue->candidates, job);
     queue->active_count--;
+    queue->changes++;
     memmove(queue->active + place, queue->active + place + 1,
             (queue->active_count - place) * sizeof *queue->active);
 }
@@ -211,7 +206,6 @@ void queue_remove(struct queue *queue, struct job *job)
 void queue_set_priority(struct queue *queue, struct job *job, int32_t priority)
 {
     active_remove(queue, job);
-    queue->shut_count -= (size_t)is_shut(job->state);
     job->priority = priority;
     active_insert(queue, job);
 }
@@ -233,15 +227,9 @@ struct job *queue_next(const struct queue *queue, unsigned lists, const struct j
     return candidates_next(&queue->candidates, lists, after);
 }
 
-size_t queue_position(const struct queue *queue, const struct job *job)
+void queue_order_changed(struct queue *queue)
 {
-    size_t place = active_place(queue, job), before = 0;
-
-    if (queue->shut_count == 0)
-        return place;
-    for (size_t i = 0; i < place; i++)
-        before += (size_t)job_state_is_open(queue->active[i]->state);
-    return before;
+    candidates_sort(&queue->candidates);
 }
 
 int job_state_ended(enum job_state state)
@@ -266,8 +254,7 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
                    uint64_t now_ns, int64_t wall_s)
 {
     assert(change_is_allowed(job->state, state) && !job_state_ended(job->state));
-    queue->shut_count -= (size_t)is_shut(job->state);
-    queue->shut_count += (size_t)is_shut(state);
+    queue->changes += job_state_is_open(job->state) != job_state_is_open(state);
     if (!job_state_is_open(state)) {
         if (job->active_since_ns)
             job->active_ns += now_ns - job->active_since_ns;
@@ -495,6 +482,7 @@ void job_reopen(struct queue *queue, struct job *job, const struct job_reopening
     job->marks = 0;
     job->state = JOB_STATE_QUEUED;
     job->state_text[0] = 0;
+    memset(&job->place, 0, sizeof job->place); /* it has not waited yet */
     active_insert(queue, job);
 }
 

@@ -16,12 +16,12 @@
  * environment (a disk, a worker) does not change its state: that is a reason, which lifts itself; a
  * pause never does. PAUSED, PARKED and CANCELLING jobs hold no lease and take no result: closing.h
  * says what happens to their frames. job_set_state and job_reopen are the only functions that change
- * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served by priority (higher first),
- * then in the order of submission.
+ * a job's state; DONE, FAILED and CANCELLED are final. Jobs are served in the
+ * order of order.h, once what they need (needs.h) is there.
  *
  * Invariants:
- *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, in order of
- *    service;
+ *  - `all` is sorted by id; `active` holds exactly the jobs that are not final, by priority (higher
+ *    first), then by id;
  *  - a final job has no open frames.
  * The queue owns its jobs. Across a restart the store keeps them.
  */
@@ -44,6 +44,8 @@
 #include "coordinator/job/eta.h"
 #include "coordinator/job/hang.h"
 #include "coordinator/job/history.h"
+#include "coordinator/job/needs.h"
+#include "coordinator/job/order.h"
 #include "coordinator/farm/rate.h"
 #include "coordinator/job/suspicion.h"
 #include "coordinator/job/trouble.h"
@@ -187,6 +189,8 @@ struct job {
     uint32_t begin_from;               /* all frames before this one are done, resting or open */
     uint32_t closing_frames;           /* closed ones that a commit or develop still holds */
     int removed;                       /* it is in no queue, and freed when nothing holds it */
+    struct job_place place;            /* in the order of service */
+    struct job_needs needs;            /* what must be true before it is lent */
 };
 
 struct queue {
@@ -194,7 +198,7 @@ struct queue {
     size_t count, capacity;
     struct job **active;
     size_t active_count, active_capacity;
-    size_t shut_count;           /* of the active ones, those that are not open */
+    unsigned changes;            /* counted: the active ones, their priorities, whether they are open */
     struct candidates candidates;
 };
 
@@ -225,8 +229,8 @@ void queue_all_begun(struct queue *queue, struct job *job);
 /* The next active job after `after` (NULL: the first) in one of the lists (a set of CANDIDATES_BIT); NULL: none. */
 struct job *queue_next(const struct queue *queue, unsigned lists, const struct job *after);
 
-/* The number of active jobs before this one. */
-size_t queue_position(const struct queue *queue, const struct job *job);
+/* Jobs changed their `place` (order.h). Call it before anything else is asked of the queue. */
+void queue_order_changed(struct queue *queue);
 
 int job_state_ended(enum job_state state);
 /* Units of the job are lent and results taken: it is QUEUED, RUNNING or FINISHING. */

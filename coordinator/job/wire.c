@@ -233,6 +233,28 @@ static status get_frames(struct job *job, const Azulejo__Wire__JobSubmit *in, st
     return STATUS_OK;
 }
 
+/* What the job needs; the jobs that it waits for are checked elsewhere. */
+static status get_needs(struct job_needs *out, const Azulejo__Wire__JobSubmit *in, struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    if (in->n_after > JOB_AFTER_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "a job can wait for at most %d others", JOB_AFTER_MAX);
+    for (size_t i = 0; i < in->n_after; i++)
+        out->after[out->after_count++] = in->after[i];
+    if (in->not_before < 0)
+        return error_set(err, STATUS_ERR_INPUT, "a job cannot wait for a moment before 1970");
+    out->not_before = in->not_before;
+    out->memory = in->memory;
+    out->memory_said = in->memory_said;
+    if (!in->require[0])
+        return STATUS_OK;
+    if (tags_parse(in->require, out->require, err) == STATUS_OK)
+        return STATUS_OK;
+    if (err)
+        err->code = STATUS_ERR_INPUT;
+    return STATUS_ERR_INPUT;
+}
+
 status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,
                     struct error *err)
 {
@@ -297,6 +319,8 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     job->output = output;
     job->scene = scene;
     s = get_frames(job, in, err);
+    if (s == STATUS_OK)
+        s = get_needs(&job->needs, in, err);
     if (s != STATUS_OK) {
         job_free(job);
         return s;
@@ -338,6 +362,12 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
     message.priority = job->priority;
     message.token = (char *)job->token;
     message.source = (char *)job->source;
+    message.n_after = job->needs.after_count;
+    message.after = (uint64_t *)job->needs.after;
+    message.not_before = job->needs.not_before;
+    message.require = (char *)job->needs.require;
+    message.memory = job->needs.memory;
+    message.memory_said = job->needs.memory_said;
     space = buffer_append_space(out, azulejo__wire__job_submit__get_packed_size(&message));
     if (space)
         azulejo__wire__job_submit__pack(&message, space);
@@ -382,6 +412,7 @@ status wire_job_estimated(const struct job *estimate, const struct job *job, int
     other.stop = estimate->stop;
     other.output = estimate->output;
     other.priority = estimate->priority;
+    other.needs = estimate->needs;
     other.estimate = estimate->estimate;
     other.frames_resting = estimate->frames_resting;
     other.frames_resting_count = estimate->frames_resting_count;
@@ -401,6 +432,7 @@ status wire_job_same(const struct job *a, const struct job *b, int *same, struct
 
     other.output = a->output;
     other.priority = a->priority;
+    other.needs = a->needs;
     memcpy(other.source, a->source, sizeof other.source);
     return same_packed(a, &other, same, err);
 }

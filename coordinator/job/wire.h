@@ -35,7 +35,7 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
 
 /* The JobSubmit of a job as bytes, for the store, and back. ERR_CORRUPT. */
 status wire_job_pack(const struct job *job, struct buffer *out, struct error *err) MUST_CHECK;
-/* Are both the same, apart from what can be changed later: output settings and priority? */
+/* Are both the same, apart from what can be changed later: output settings, priority and needs? */
 status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
     MUST_CHECK;
 /* Is `estimate` an estimate of this job: the same scene, frames and settings except the cap, and no

@@ -305,6 +305,7 @@ status server_run(const struct server_options *options, struct error *err)
     if (s == STATUS_OK) {
         server->farm.discards_films = options->discards_films;
         server->farm.hang_ns = options->hang_ns;
+        server->farm.order.rules = options->order;
         s = listen_on(server, options, err);
         if (s == STATUS_OK) {
             audit_note(&server->audit, &coordinator, "start", 0, NULL, NULL);

@@ -44,6 +44,7 @@ struct server_options {
     int discards_films;        /* its jobs will not be extended */
     const char *precision;     /* of its workers: "float" or "double"; NULL: float */
     struct retention_policy policy;
+    struct order_rules order;
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };

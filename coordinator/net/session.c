@@ -134,6 +134,11 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
     worker->machine = machine_identity(session->host, session->peer);
     worker->isa_mask = hello->isa_mask;
     message_text(worker->kernel, sizeof worker->kernel, hello->kernel);
+    worker->memory = hello->memory;
+    if (hello->tags[0] && tags_parse(hello->tags, worker->tags, err) != STATUS_OK) {
+        mem_free(worker);
+        return STATUS_ERR_PROTOCOL;
+    }
     snprintf(worker->deliverer.host, sizeof worker->deliverer.host, "%s", session->host);
     snprintf(worker->deliverer.software, sizeof worker->deliverer.software, "%s", session->software);
     worker->deliverer.process = session->process;

@@ -7,6 +7,7 @@
 #include "coordinator/farm/extend.h"
 #include "coordinator/farm/report.h"
 #include "coordinator/farm/steer.h"
+#include "coordinator/farm/waiting.h"
 #include "coordinator/job/wire.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_audit.h"
@@ -43,13 +44,18 @@ static size_t select_jobs(const struct queue *queue, const Azulejo__Wire__JobQue
     return count;
 }
 
-/* The first jobs in the order of service. */
-static size_t select_first(const struct queue *queue, uint32_t most, struct job *out[JOB_LIST_MAX])
+/* The first jobs in the order of service; those that wait for something else follow. */
+static size_t select_first(struct farm *farm, uint32_t most, uint64_t now_ns, struct job *out[JOB_LIST_MAX])
 {
-    size_t count = most < JOB_LIST_MAX ? most : JOB_LIST_MAX;
+    const struct order *order = waiting_order(farm, now_ns);
+    size_t count = 0;
 
-    count = count < queue->active_count ? count : queue->active_count;
-    memcpy(out, queue->active, count * sizeof *out);
+    most = most < JOB_LIST_MAX ? most : JOB_LIST_MAX;
+    for (size_t i = 0; i < order->count && count < most; i++)
+        out[count++] = order->jobs[i];
+    for (size_t i = 0; i < farm->queue.active_count && count < most; i++)
+        if (!farm->queue.active[i]->place.ready)
+            out[count++] = farm->queue.active[i];
     return count;
 }
 
@@ -123,7 +129,7 @@ static status send_jobs(struct session *session, uint64_t request, struct job *o
     if (only)
         return send_list(session, request, &only, 1, 0, 0, now_ns, err);
     if (query && query->first) {
-        count = select_first(&session->server->farm.queue, query->first, jobs);
+        count = select_first(&session->server->farm, query->first, now_ns, jobs);
         return send_list(session, request, jobs, count, 0, 1, now_ns, err);
     }
     count = select_jobs(&session->server->farm.queue, query ? query : &any, jobs, &older);
@@ -281,6 +287,7 @@ static const struct {
     {BODY(JOB_RESUME), CLIENTS, resume},
     {BODY(JOB_EXTEND), CLIENTS, extend},
     {BODY(JOB_PAUSE), CLIENTS, session_pause},
+    {BODY(JOB_START), CLIENTS, session_start},
     {BODY(JOB_FINISH), CLIENTS, session_finish},
     {BODY(JOB_PRIORITY), CLIENTS, session_priority},
     {BODY(JOB_RETRY), CLIENTS, session_retry},

@@ -25,6 +25,7 @@ session_handler session_pause;          /* session_steer.c */
 session_handler session_finish;
 session_handler session_priority;
 session_handler session_retry;
+session_handler session_start;
 session_handler session_remove;
 session_handler session_log;
 session_handler session_store;          /* collector.c */

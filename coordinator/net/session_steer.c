@@ -39,6 +39,16 @@ status session_priority(struct session *session, const Azulejo__Wire__Envelope *
     return session_answer_change(session, message->request, job, s, now_ns, err);
 }
 
+status session_start(struct session *session, const Azulejo__Wire__Envelope *message,
+                     uint64_t now_ns, struct error *err)
+{
+    struct farm *farm = &session->server->farm;
+    struct job *job = session_job(session, message->job_start->job, err);
+    status s = job ? steer_start(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
+
+    return session_answer_change(session, message->request, job, s, now_ns, err);
+}
+
 static int ascends(const uint32_t *numbers, size_t count)
 {
     for (size_t i = 1; i < count; i++)

@@ -89,6 +89,8 @@ static status make_job(struct session *session, const Azulejo__Wire__JobSubmit *
         s = check_blobs(session, &scene, err);
     if (s == STATUS_OK)
         s = wire_job_get(out, message, scene.camera_count, err);
+    if (s == STATUS_OK && !(*out)->needs.memory_said)
+        (*out)->needs.memory = need_of_scene(&scene, packed.size);
     if (s == STATUS_OK) {
         s = session_check_tonemap(session, &(*out)->output, err);
         if (s != STATUS_OK) {

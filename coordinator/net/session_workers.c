@@ -201,6 +201,8 @@ static void fill_worker(struct worker_answer *a, Azulejo__Wire__WorkerInfo *info
     info->connected_s = (now_ns - s->begun_ns) / NS_PER_SECOND;
     info->note = note;
     info->name = worker->label;
+    info->tags = worker->tags;
+    info->memory = worker->memory;
     info->state = state_of(worker);
     info->job = worker->held.units > 0 ? worker->held.job : 0;
     info->core_seconds = (double)worker->cpu_ns / 1e9;

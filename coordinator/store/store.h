@@ -4,7 +4,7 @@
  * STORE/hold              held (flock) while a backup is made, or something is removed (store_hold.h)
  * STORE/reserve           space kept back for queue.sqlite (reserve.h)
  * STORE/queue.sqlite      jobs, frames that are done or cut short, the history of their errors, the
- *                         workers that delivered results or left, the lease epoch (WAL, full sync)
+ *                         workers that delivered results or left, owners' shares, the lease epoch (WAL, full sync)
  * STORE/audit.log, .1 ... who did what (audit.h)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        unfinished uploads; emptied at the start
@@ -36,6 +36,7 @@
 
 #include "common/base/buffer.h"
 #include "common/base/status.h"
+#include "coordinator/job/order.h"
 #include "coordinator/job/queue.h"
 #include "coordinator/film/store_film.h"
 
@@ -118,6 +119,12 @@ status store_events_load(struct store *store, uint64_t job, uint64_t after,
                          status (*visit)(void *user, const struct job_event *event,
                                          struct error *err),
                          void *user, struct error *err) MUST_CHECK;
+
+/* Store what an owner used, soon. ERR_NO_MEMORY: it was not noted. */
+status store_share_save_later(struct store *store, const struct owner_share *share, struct error *err)
+    MUST_CHECK;
+/* Read the shares of all owners. ERR_IO, ERR_NO_MEMORY. */
+status store_shares_load(struct store *store, struct order *order, struct error *err) MUST_CHECK;
 
 /* A worker that delivers results. Numbers start at 1 and are never reused. */
 struct deliverer {

@@ -7,6 +7,7 @@
  * store_saves.c     a job's counters and state, saved at once or later by a separate thread
  * store_remove.c    jobs are removed, with their rows and files
  * store_events.c    the event logs of jobs
+ * store_shares.c    what owners used recently
  * store_deliverers.c workers that delivered results
  * store_workers.c   what workers did, and the names that people drained or blocked
  * store_files.c     the places of films and outputs
@@ -25,6 +26,7 @@
 struct saved_job;
 struct saved_event;
 struct saved_worker;
+struct saved_share;
 
 struct store {
     char *folder;
@@ -46,6 +48,7 @@ struct store {
     size_t events_waiting;
     struct saved_worker *workers, **workers_end; /* the same */
     size_t workers_waiting;
+    struct saved_share *shares;
     int busy, ending, has_writer;
     int failing;                   /* the last save failed with `save_error`; */
     int retry;                     /* the next one may be tried */
@@ -120,6 +123,10 @@ void events_drop(struct store *store);
 /* The same of workers. */
 status workers_write(struct store *store, struct error *err) MUST_CHECK;
 void workers_drop(struct store *store);
+
+/* The same of the owners' shares. */
+status shares_write(struct store *store, struct error *err) MUST_CHECK;
+void shares_drop(struct store *store);
 
 /* saves_init makes the locks, saves_start the writer thread. saves_stop ends the thread after it
  * has tried the waiting saves, and destroys the locks. */

@@ -20,6 +20,8 @@ struct saved_job {
     enum job_state state;
     unsigned marks;
     int32_t priority;
+    char waits_for[NEEDS_AFTER_TEXT_SIZE];
+    int64_t not_before;
     char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1], release[RELEASE_NAME_MAX + 1];
     int64_t finished_at;
     uint64_t active_ns, conflicts;
@@ -40,6 +42,8 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->state = job->state;
     row->marks = job->marks;
     row->priority = job->priority;
+    needs_after_text(row->waits_for, &job->needs);
+    row->not_before = job->needs.not_before;
     memcpy(row->state_text, job->state_text, sizeof row->state_text);
     memcpy(row->kernel, job->kernel, sizeof row->kernel);
     memcpy(row->release, job->release, sizeof row->release);
@@ -71,12 +75,13 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     status s = sql_change_reserved(
         store,
         "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, active_ns=?, conflicts=?, "
-        "cpu_ns=?, trace_ns=?, release=?, marks=?, priority=? WHERE id=?",
+        "cpu_ns=?, trace_ns=?, release=?, marks=?, priority=?, waits_for=?, not_before=? WHERE id=?",
         SQL_VALUES(sql_number(row->state), sql_text(row->state_text), sql_text(row->kernel),
                    sql_number(row->finished_at), sql_number(row->active_ns),
                    sql_number(row->conflicts), sql_number(row->stats.cpu_ns),
                    sql_number(row->stats.trace_ns), sql_text(row->release), sql_number(row->marks),
-                   sql_number(row->priority), sql_number(row->id)),
+                   sql_number(row->priority), sql_text(row->waits_for), sql_number(row->not_before),
+                   sql_number(row->id)),
         "the job's state cannot be stored", err);
 
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
@@ -140,7 +145,7 @@ static void row_written(struct store *store, struct saved_job *row, status s,
 
 static int nothing_waits(const struct store *store)
 {
-    return !store->saves && !store->events && !store->workers;
+    return !store->saves && !store->events && !store->workers && !store->shares;
 }
 
 /* Wait until there is a row or an event that may be written. 0: the store closes, and there is
@@ -187,6 +192,8 @@ static void *write_saves(void *user)
             s = events_write(store, &err);
             if (s == STATUS_OK)
                 s = workers_write(store, &err);
+            if (s == STATUS_OK)
+                s = shares_write(store, &err);
             mem_free(s == STATUS_OK ? NULL : row); /* it is written */
             row = s == STATUS_OK ? row : NULL;
         }
@@ -227,6 +234,7 @@ void saves_stop(struct store *store)
         saves_drop(store, store->saves->id);
     events_drop(store);
     workers_drop(store);
+    shares_drop(store);
     pthread_cond_destroy(&store->wake);
     pthread_cond_destroy(&store->idle);
     pthread_mutex_destroy(&store->lock);
@@ -314,7 +322,7 @@ static status extend_rows(struct store *store, const struct job *job,
     status s = sql_change(
         store,
         "UPDATE jobs SET request=?1, state=?2, state_text='', finished_at=0, epoch_floor=?3, "
-        "marks=0, priority=?9, owner=?10, name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
+        "marks=0, priority=?9, owner=?10, waits_for=NULL, not_before=NULL, name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
         "WHERE id=?8",
         SQL_VALUES(sql_bytes(request), sql_number(JOB_STATE_QUEUED), sql_number(job->epoch_floor),
                    sql_text(job->name), sql_text(job->token[0] ? job->token : NULL),

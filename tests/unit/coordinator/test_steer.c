@@ -16,6 +16,7 @@
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/farm/steer.h"
+#include "coordinator/farm/waiting.h"
 #include "tests/support/sim_farm.h"
 
 static struct sim_worker *connect(struct sim_stored *f, uint32_t threads)
@@ -175,7 +176,7 @@ static void every_edge(void **state)
 
 /* ---- the verbs ------------------------------------------------------------------------------- */
 
-enum verb { PAUSE, RESUME, FINISH, PRIORITY, RETRY, RETRY_FRAME, REMOVE, CANCEL, DISCARD, VERBS };
+enum verb { PAUSE, RESUME, FINISH, PRIORITY, RETRY, RETRY_FRAME, REMOVE, START, CANCEL, DISCARD, VERBS };
 
 static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, struct error *err)
 {
@@ -190,6 +191,11 @@ static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, str
     case RETRY: return steer_retry(farm, job, NULL, 0, "ana@desk", err);
     case RETRY_FRAME: return steer_retry(farm, job, &frame, 1, "ana@desk", err);
     case REMOVE: return steer_remove(farm, job, "ana@desk", err);
+    case START:
+        job->needs.not_before = INT64_MAX;
+        job->needs.after[job->needs.after_count++] = 1;
+        farm_job_save_now(farm, job, f->sim->now_ns);
+        return steer_start(farm, job, "ana@desk", f->sim->now_ns, err);
     case CANCEL: steer_cancel(farm, job, 0, "ana@desk", f->sim->now_ns); return STATUS_OK;
     default: steer_cancel(farm, job, 1, "ana@desk", f->sim->now_ns); return STATUS_OK;
     }
@@ -205,6 +211,7 @@ static const char *const table[VERBS] = {
     [RETRY] =       "-" "-" "-" "q" "q" "-" "-" "-" "-",
     [RETRY_FRAME] = "-" "-" "q" "q" "q" "-" "-" "-" "-",
     [REMOVE] =      "-" "-" "0" "0" "0" "-" "-" "-" "-",
+    [START] =       "=" "=" "-" "-" "-" "=" "=" "=" "=",
     [CANCEL] =      "g" "g" "=" "=" "=" "g" "=" "g" "g",
     [DISCARD] =     "c" "c" "=" "=" "=" "c" "c" "c" "c",
 };
@@ -288,6 +295,8 @@ static void check_after(struct sim_stored *f, enum verb verb, enum job_state exp
                  job_state_word(expected));
     if (verb == PRIORITY && !job_state_ended(expected))
         assert_int_equal(job->priority, 7);
+    if (verb == START && !job_state_ended(expected))
+        assert_true(job->needs.not_before == 0 && job->needs.after_count == 0);
 }
 
 static void every_verb_in_every_state(void **state)
@@ -492,8 +501,9 @@ static void priority_changes_the_order(void **state)
     assert_ptr_equal(queue->active[0], second);
     assert_int_equal(steer_priority(&f->sim->farm, parked, 2, "ana@desk", 0, NULL), STATUS_OK);
     assert_ptr_equal(queue->active[0], parked);
-    assert_int_equal(queue->shut_count, 1);
-    assert_int_equal(queue_position(queue, second), 0);
+    assert_int_equal(waiting_order(&f->sim->farm, f->sim->now_ns)->count, 2);
+    assert_int_equal(second->place.before, 0);
+    assert_int_equal(first->place.before, 1);
     sim_stored_restart(f);
     assert_int_equal(queue->active[0]->id, 3);
     assert_int_equal(queue->active[1]->priority, 1);

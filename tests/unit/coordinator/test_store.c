@@ -167,6 +167,8 @@ static void jobs_survive_a_restart(void **state)
 #define WITHOUT_WORKERS "DROP TABLE workers; DROP TABLE worker_marks;"
 #define WITHOUT_STEERING                                                                        \
     WITHOUT_WORKERS                                                                             \
+    "DROP TABLE shares; ALTER TABLE jobs DROP COLUMN waits_for;"                                \
+    "ALTER TABLE jobs DROP COLUMN not_before;"                                                  \
     "DROP TABLE events; DROP TABLE removed; ALTER TABLE jobs DROP COLUMN owner;"                \
     "ALTER TABLE jobs DROP COLUMN marks; ALTER TABLE jobs DROP COLUMN priority;"
 #define WITHOUT_WORK_AND_RELEASE                                                                     \

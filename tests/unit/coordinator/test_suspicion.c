@@ -11,6 +11,7 @@
 #include "common/base/clock.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/steer.h"
+#include "coordinator/farm/waiting.h"
 #include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
 
@@ -74,7 +75,8 @@ static void a_poisonous_job_is_parked_and_the_next_one_runs(void **state)
     worker = sim_connect(sim, 0, 4);
     assert_int_equal(sim_grant(sim, worker, 4), 4);
     assert_int_equal(worker->units[0].job, next->id);
-    assert_int_equal(queue_position(&sim->farm.queue, next), 0); /* it waits behind nothing */
+    (void)waiting_order(&sim->farm, sim->now_ns);
+    assert_int_equal(next->place.before, 0); /* it waits behind nothing */
 
     assert_int_equal(steer_resume(&sim->farm, next, "ana@desk", sim->now_ns, &err), STATUS_ERR_REFUSED);
     assert_int_equal(steer_resume(&sim->farm, poison, "ana@desk", sim->now_ns, &err), STATUS_OK);
