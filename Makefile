@@ -318,7 +318,7 @@ accuracy-time: tests ## is the time left right on real scenes (docs/ACCURACY.md;
 
 bench: all tests ## the figures in docs/PERFORMANCE.md
 	@BUILD=$(BUILD) tests/bench/run.sh
-bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_echo ## the figures in docs/SCALE.md: many workers, a long queue (10 minutes)
+bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_echo ## the figures in docs/SCALE.md: many workers, a long queue
 	@python3 -B tests/bench/bench_scale.py $(SCALE_ARGS)
 bench-accuracy: all ## efficiency over another commit's: AGAINST=COMMIT
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_accuracy.py "$(AGAINST)"
