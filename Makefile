@@ -320,7 +320,7 @@ bench: all tests ## the figures in docs/PERFORMANCE.md
 	@BUILD=$(BUILD) tests/bench/run.sh
 bench-preview: all ## how soon a picture can be recognised
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_preview.py
-bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_echo ## the figures in docs/SCALE.md: many workers, a long queue (10 minutes)
+bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_echo ## the figures in docs/SCALE.md: many workers, a long queue
 	@python3 -B tests/bench/bench_scale.py $(SCALE_ARGS)
 studio-day: $(BUILD)/tests/bench/studio_day ## a simulated day in a studio: who waits how long (docs/OPERATIONS.md)
 	@$(BUILD)/tests/bench/studio_day

@@ -277,6 +277,19 @@ uint64_t merge_delay_ns(uint64_t sync_ns)
     return COMMIT_DELAY_SYNCS * sync_ns < least ? least : COMMIT_DELAY_SYNCS * sync_ns;
 }
 
+/* When a frame's dirty tiles are due. A young frame waits a quarter of its age at most: what a crash makes
+ * workers send again is a small part of it. */
+static uint64_t frame_due_ns(const struct job_frame *f, uint64_t delay_ns)
+{
+    uint64_t share_ns = f->dirty_since_ns > f->begun_ns ? (f->dirty_since_ns - f->begun_ns) / COMMIT_DELAY_AGES : 0;
+
+    if (f->state == FRAME_COMPLETE)
+        return f->dirty_since_ns;
+    if (share_ns < COMMIT_DELAY_MIN_MS * NS_PER_MS)
+        share_ns = COMMIT_DELAY_MIN_MS * NS_PER_MS;
+    return f->dirty_since_ns + (delay_ns < share_ns ? delay_ns : share_ns);
+}
+
 int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
 {
     const uint64_t delay_ns = merge_delay_ns(farm->sync_ns);
@@ -289,7 +302,7 @@ int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
         for (const struct job_frame *f = job->frames; f; f = f->next) {
             uint64_t frame_ns = trouble_is(&f->trouble)
                                     ? f->trouble.next_ns
-                                    : f->dirty_since_ns + (f->state == FRAME_COMPLETE ? 0 : delay_ns);
+                                    : frame_due_ns(f, delay_ns);
             if (f->dirty_count == 0)
                 continue;
             if (!trouble_is(&f->trouble))

@@ -21,7 +21,8 @@ enum {
     COMMIT_TILES_MAX = 1024,
     COMMIT_DELAY_MIN_MS = 20,    /* how long a first dirty tile waits for others: */
     COMMIT_DELAY_SYNCS = 4,      /* so many times what the last sync took, */
-    COMMIT_DELAY_MAX_MS = 1000,  /* and at most this */
+    COMMIT_DELAY_MAX_MS = 1000,  /* and at most this, */
+    COMMIT_DELAY_AGES = 4,       /* nor more than this part of the frame's age */
     COMMIT_TILES_ENOUGH = 256,   /* this many dirty tiles do not wait */
 };
 

@@ -86,11 +86,14 @@ static void a_complete_frame_does_not_wait(void **state)
     commit = merge_commit_begin(&sim->farm, sim->now_ns);
     commit->sync_ns = 100 * NS_PER_MS;
     merge_commit_end(&sim->farm, commit, sim->now_ns);
-    since_ns = sim->now_ns += NS_PER_SECOND;
+    since_ns = sim->now_ns += 10 * NS_PER_SECOND;
     assert_false(merge_is_dirty(&sim->farm, &due_ns, &tiles));
     job_frame_mark_dirty(sim->farm.queue.active[0]->frames, 0, since_ns);
     assert_true(merge_is_dirty(&sim->farm, &due_ns, &tiles));
     assert_int_equal(due_ns, since_ns + COMMIT_DELAY_SYNCS * 100 * NS_PER_MS);
+    sim->farm.queue.active[0]->frames->begun_ns = since_ns - 200 * NS_PER_MS; /* it is young */
+    assert_true(merge_is_dirty(&sim->farm, &due_ns, &tiles));
+    assert_int_equal(due_ns, since_ns + 200 * NS_PER_MS / COMMIT_DELAY_AGES);
     assert_int_equal(sim_send(sim, worker, 1, 100), MERGE_PENDING); /* the last result */
     assert_true(merge_is_dirty(&sim->farm, &due_ns, &tiles));
     assert_true(due_ns <= sim->now_ns);
