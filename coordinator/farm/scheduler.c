@@ -307,6 +307,17 @@ static unsigned lists_of(struct farm *farm, struct farm_worker *worker)
     return CANDIDATES_BIT(CANDIDATES_WORKING) | (is_barren(farm, lanes) ? 0 : lanes);
 }
 
+/* No frame can be begun: perhaps one of a later job leaves memory for the first job that has none open. */
+static void ask_for_room(struct farm *farm, struct farm_worker *worker, uint64_t now_ns)
+{
+    struct job *job = farm->leaving ? NULL : next_ready(farm, CANDIDATES_ALL_LANES, NULL);
+
+    while (job && (job->frames || !may_serve(farm, job, worker)))
+        job = next_ready(farm, CANDIDATES_ALL_LANES, job);
+    if (job)
+        (void)farm_frame_open_next(farm, job, now_ns);
+}
+
 /* A unit that is wanted: of the first job that has one for the worker. */
 static struct lease *grant_wanted(struct farm *farm, struct farm_worker *worker, uint64_t now_ns, int *full)
 {
@@ -334,6 +345,8 @@ static struct lease *grant_wanted(struct farm *farm, struct farm_worker *worker,
         if (!farm_may_begin(farm))
             lists = CANDIDATES_BIT(CANDIDATES_WORKING);
     }
+    if (!farm_may_begin(farm))
+        ask_for_room(farm, worker, now_ns);
     lists &= CANDIDATES_ALL_LANES;
     if (lists && !refused) {
         farm->barren.lanes = lists;

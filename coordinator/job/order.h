@@ -97,7 +97,7 @@ void order_release(struct order *order);
 /* Bring order->jobs up to date; 1: places changed (queue_order_changed must follow). It stays valid until a job leaves the queue. Without memory it has only as
  * many jobs as there is room for: those of the highest priorities. */
 int order_update(struct order *order, const struct queue *queue, const struct order_questions *ask,
-                  uint64_t now_ns, int64_t wall_s);
+                 uint64_t now_ns, int64_t wall_s) MUST_CHECK;
 
 /* Add to what the job's owner used. */
 void order_charge(struct order *order, struct job *job, double core_s, int64_t wall_s);

@@ -116,21 +116,17 @@ static const char schema_7[] =
     "CREATE TABLE worker_marks (name TEXT PRIMARY KEY, blocked INTEGER NOT NULL,"
     " instance INTEGER NOT NULL, who TEXT NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
 
-static status add_workers(struct store *store, struct error *err)
-{
-    return sql_exec(store, schema_7, "cannot be brought up to date", err);
-}
-
-/* Version 7: what jobs still wait for, if that may differ from the request (NULL: as there); the owners'
- * shares. */
-static const char schema_needs[] =
+/* And what jobs still wait for, if that may differ from the request (NULL: as there); the owners' shares. */
+static const char needs_schema[] =
     "ALTER TABLE jobs ADD COLUMN waits_for TEXT;"
     "ALTER TABLE jobs ADD COLUMN not_before INTEGER;"
     "CREATE TABLE shares (owner TEXT PRIMARY KEY, core_s REAL NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
 
-static status add_needs(struct store *store, struct error *err)
+static status add_workers_and_needs(struct store *store, struct error *err)
 {
-    return sql_exec(store, schema_needs, "cannot be brought up to date", err);
+    status s = sql_exec(store, schema_7, "cannot be brought up to date", err);
+
+    return s == STATUS_OK ? sql_exec(store, needs_schema, "cannot be brought up to date", err) : s;
 }
 
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
@@ -330,9 +326,7 @@ static status open_to_write(struct store *store, const char *path, struct error 
     if (s == STATUS_OK && version < 6)
         s = add_steering(store, err);
     if (s == STATUS_OK && version < 7)
-        s = add_workers(store, err);
-    if (s == STATUS_OK && version < 7)
-        s = add_needs(store, err);
+        s = add_workers_and_needs(store, err);
     if (s == STATUS_OK && version > 0 && version < 5)
         s = sql_exec(store, convert_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)

@@ -154,7 +154,7 @@ def check(shell):
         # Files and folders of here.
         files = [w.rstrip("/") for w in offers("azulejo import ")]
         expect({"scene one.gltf", "other.glb"} <= {w.replace("\\", "") for w in files}, (shell.name, files))
-        folders = [w.rstrip("/") for w in offers("azulejo fetch 1 -o ")]
+        folders = [w.rstrip("/") for w in offers("azulejo-coordinator --store ")]
         expect(folders == ["pictures"], (shell.name, folders))
         offered("azulejo list -k farm", ["farm2.key"])
         exactly("azulejo submit x --size ", [])

@@ -9,22 +9,36 @@
 #include <string.h>
 
 #include "common/base/clock.h"
+#include "coordinator/farm/roster.h"
 #include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
 
-/* The next job of the lists by a walk over all active jobs, which are in the order of service. */
-static struct job *walk_next(const struct queue *queue, unsigned lists, const struct job *after)
+/* The job's place in the order of service: ready ones as the order says, then the others of queue->active. */
+static size_t rank_of(const struct queue *queue, size_t i)
 {
-    int found = after == NULL;
+    const struct job_place *place = &queue->active[i]->place;
+
+    return place->ready ? place->before : queue->active_count + i;
+}
+
+/* The next job of the lists after that rank (SIZE_MAX: the first), by a walk over all active jobs. */
+static struct job *walk_next(const struct queue *queue, unsigned lists, size_t *rank)
+{
+    struct job *next = NULL;
+    size_t best = SIZE_MAX;
 
     for (size_t i = 0; i < queue->active_count; i++) {
-        struct job *job = queue->active[i];
-        for (unsigned list = 0; found && list < CANDIDATES_LISTS; list++)
-            if ((lists >> list & 1) && candidates_belongs(job, list))
-                return job;
-        found |= job == after;
+        size_t mine = rank_of(queue, i);
+        int belongs = 0;
+        for (unsigned list = 0; list < CANDIDATES_LISTS; list++)
+            belongs |= (lists >> list & 1) && candidates_belongs(queue->active[i], list);
+        if (belongs && mine < best && (*rank == SIZE_MAX || mine > *rank)) {
+            next = queue->active[i];
+            best = mine;
+        }
     }
-    return NULL;
+    *rank = best;
+    return next;
 }
 
 static void lists_are_right(const struct queue *queue)
@@ -37,11 +51,11 @@ static void lists_are_right(const struct queue *queue)
     };
 
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++) {
-        const struct job *job = NULL, *expected = NULL;
+        const struct job *job = NULL;
+        size_t rank = SIZE_MAX;
         do {
             job = queue_next(queue, sets[i], job);
-            expected = walk_next(queue, sets[i], expected);
-            assert_ptr_equal(job, expected);
+            assert_ptr_equal(job, walk_next(queue, sets[i], &rank));
         } while (job);
     }
 }
@@ -69,7 +83,7 @@ static void threads_are_right(struct sim *sim)
         for (uint32_t k = 0; k < sim->farm.worker_count; k++) {
             const struct farm_worker *other = sim->farm.workers[k];
             assert_int_equal(other->place.index, k);
-            if (other == worker || credit_is_proven(&other->credit, sim->now_ns))
+            if (other == worker || (worker_takes_work(other) && credit_is_proven(&other->credit, sim->now_ns)))
                 threads += other->credit.threads;
         }
         assert_int_equal(workforce_threads(&sim->farm, worker, sim->now_ns), threads);

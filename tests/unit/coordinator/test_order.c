@@ -79,7 +79,8 @@ static void update(struct world *w)
 {
     const struct order_questions ask = {is_ready, has_worker, w};
 
-    order_update(&w->order, &w->queue, &ask, now_ns(w), w->wall_s);
+    if (order_update(&w->order, &w->queue, &ask, now_ns(w), w->wall_s))
+        queue_order_changed(&w->queue);
 }
 
 /* The numbers of the jobs in their order, "4 2 1". */

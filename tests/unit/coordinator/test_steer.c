@@ -219,7 +219,8 @@ static const char letters[] = "qrdfckgpn";
 
 static const char *const words[VERBS] = {
     [PAUSE] = "pause",   [RESUME] = "resume", [FINISH] = "finish", [PRIORITY] = "priority",
-    [RETRY] = "retry",   [RETRY_FRAME] = "retry --frames", [REMOVE] = "remove", [CANCEL] = "cancel",
+    [RETRY] = "retry",   [RETRY_FRAME] = "retry --frames", [REMOVE] = "remove", [START] = "start",
+    [CANCEL] = "cancel",
     [DISCARD] = "cancel --discard",
 };
 

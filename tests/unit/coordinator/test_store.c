@@ -164,11 +164,11 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
-#define WITHOUT_WORKERS "DROP TABLE workers; DROP TABLE worker_marks;"
+#define WITHOUT_7                                                                               \
+    "DROP TABLE workers; DROP TABLE worker_marks; DROP TABLE shares;"                           \
+    "ALTER TABLE jobs DROP COLUMN waits_for; ALTER TABLE jobs DROP COLUMN not_before;"
 #define WITHOUT_STEERING                                                                        \
-    WITHOUT_WORKERS                                                                             \
-    "DROP TABLE shares; ALTER TABLE jobs DROP COLUMN waits_for;"                                \
-    "ALTER TABLE jobs DROP COLUMN not_before;"                                                  \
+    WITHOUT_7                                                                                   \
     "DROP TABLE events; DROP TABLE removed; ALTER TABLE jobs DROP COLUMN owner;"                \
     "ALTER TABLE jobs DROP COLUMN marks; ALTER TABLE jobs DROP COLUMN priority;"
 #define WITHOUT_WORK_AND_RELEASE                                                                     \
@@ -187,7 +187,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     WITHOUT_WORK_AND_RELEASE
     static const char *const steps_back[] = {
-        WITHOUT_WORKERS "PRAGMA user_version=6",
+        WITHOUT_7 "PRAGMA user_version=6",
         WITHOUT_STEERING "PRAGMA user_version=5",
         WITHOUT_STEERING "ALTER TABLE frames DROP COLUMN health; PRAGMA user_version=4",
         WITHOUT_4 "PRAGMA user_version=3",
