@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/accuracy/stop.h"
+#include "common/base/bytes_text.h"
 #include "common/base/clock.h"
 #include "common/base/duration.h"
 #include "common/base/completion.h"
@@ -74,15 +74,15 @@ static status retention_options(const char *keep, const char *keep_failed, const
 static status parse_length(const char *option, const char *text, double usual_s, double *out_s,
                            struct error *err)
 {
-    uint64_t ms = 0;
+    int64_t seconds = 0;
     status s = STATUS_OK;
 
     *out_s = usual_s;
     if (!text)
         return STATUS_OK;
     if (strcmp(text, "off") != 0)
-        s = stop_duration_parse(option, text, &ms, err);
-    *out_s = (double)ms / 1000;
+        s = duration_parse(option, text, &seconds, err);
+    *out_s = (double)seconds;
     return s;
 }
 
@@ -99,7 +99,7 @@ static int fail(const struct error *err)
 static int copy_store(const char *command, const char *dir, const char *folder)
 {
     int restores = strcmp(command, "restore") == 0;
-    char text[RETENTION_BYTES_SIZE];
+    char text[BYTES_TEXT_SIZE];
     struct copied sum;
     struct error err = {0};
     status s;
@@ -109,7 +109,7 @@ static int copy_store(const char *command, const char *dir, const char *folder)
     if (s != STATUS_OK)
         return fail(&err);
     printf("%s: %llu files, %s\n", restores ? folder : dir, (unsigned long long)sum.files,
-           retention_bytes(text, sum.bytes));
+           bytes_text(text, sum.bytes));
     return 0;
 }
 

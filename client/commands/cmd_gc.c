@@ -12,7 +12,7 @@ static void print_collected(const Azulejo__Wire__StoreInfo *info)
     char bytes[FORMAT_SIZE], text[256];
 
     printf("removed  %" PRIu64 " blobs, %s\n", info->removed_blobs,
-           format_bytes(bytes, info->removed_bytes));
+           bytes_text(bytes, info->removed_bytes));
     if (info->removed_jobs > 0)
         printf("         %" PRIu64 " jobs, by the coordinator's limits\n", info->removed_jobs);
     if (info->removed_films > 0)
@@ -21,10 +21,10 @@ static void print_collected(const Azulejo__Wire__StoreInfo *info)
     if (info->waiting_blobs > 0)
         printf("kept     %" PRIu64
                " blobs, %s, that no job needs but a client named lately (--keep-blobs)\n",
-               info->waiting_blobs, format_bytes(bytes, info->waiting_bytes));
+               info->waiting_blobs, bytes_text(bytes, info->waiting_bytes));
     if (info->held[0])
         printf("held     %s\n", message_text(text, sizeof text, info->held));
-    printf("free     %s of the disk\n", format_bytes(bytes, info->free));
+    printf("free     %s of the disk\n", bytes_text(bytes, info->free));
 }
 
 static json_t *collected_json(const Azulejo__Wire__StoreInfo *i)

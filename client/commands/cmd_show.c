@@ -141,7 +141,7 @@ static void print_needs(const Azulejo__Wire__JobInfo *job)
     if (job->require[0])
         print_field("requires", job->require);
     if (job->memory)
-        printf("  %-10s  %s%s\n", "memory", format_bytes(text, job->memory),
+        printf("  %-10s  %s%s\n", "memory", bytes_text(text, job->memory),
                job->memory_said ? "" : " at least, estimated from the scene's files and triangles");
 }
 

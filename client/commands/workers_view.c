@@ -40,7 +40,7 @@ static void add_bytes(struct table *table, uint64_t bytes)
 {
     char text[FORMAT_SIZE];
 
-    table_add(table, "%s", bytes ? format_bytes(text, bytes) : "-");
+    table_add(table, "%s", bytes ? bytes_text(text, bytes) : "-");
 }
 
 static void add_worker(struct table *table, const Azulejo__Wire__WorkerInfo *w)
@@ -139,10 +139,10 @@ static void print_status(const Azulejo__Wire__WorkerStatus *s)
     printf("  cpu:      %.1f processors", s->cpus);
     if (s->other_cpus >= 0)
         printf(", other processes of its machine %.1f", s->other_cpus);
-    printf("\n  memory:   %s of its machine's %s\n", format_bytes(text, s->memory_bytes),
-           format_bytes(other, s->machine_memory_bytes));
-    printf("  cache:    %s of at most %s\n", format_bytes(text, s->cache_bytes),
-           format_bytes(other, s->cache_limit_bytes));
+    printf("\n  memory:   %s of its machine's %s\n", bytes_text(text, s->memory_bytes),
+           bytes_text(other, s->machine_memory_bytes));
+    printf("  cache:    %s of at most %s\n", bytes_text(text, s->cache_bytes),
+           bytes_text(other, s->cache_limit_bytes));
     for (size_t i = 0; i < s->n_long_units; i++) {
         const Azulejo__Wire__LongUnit *u = s->long_units[i];
         printf("  renders:  job %" PRIu64 ", frame %u, tile %u, group %u, pass %u for %s\n", u->job, u->frame,
@@ -167,7 +167,7 @@ static void print_connected(const Azulejo__Wire__WorkerInfo *w)
     else
         printf("  threads:  %u\n", w->threads);
     if (w->memory)
-        printf("  offers:   %s of memory\n", format_bytes(when, w->memory));
+        printf("  offers:   %s of memory\n", bytes_text(when, w->memory));
     if (w->tags[0])
         printf("  tags:     %s\n", message_text(text, sizeof text, w->tags));
     printf("  rate:     %s samples/s\n", format_count(when, w->samples_per_second));

@@ -174,9 +174,9 @@ static status write_file(struct job_fetch *f, const char *path, const struct buf
     status result = file_write_atomic(path, data->data, data->size, err);
 
     if (result == STATUS_OK && note)
-        snprintf(what, sizeof what, "%s  %s", format_bytes(size, data->size), note);
+        snprintf(what, sizeof what, "%s  %s", bytes_text(size, data->size), note);
     if (result == STATUS_OK)
-        note_file(f, path, note ? what : format_bytes(size, data->size));
+        note_file(f, path, note ? what : bytes_text(size, data->size));
     return result;
 }
 

@@ -85,7 +85,7 @@ static void print_kind(const char *label, uint64_t bytes, const char *what)
 {
     char text[FORMAT_SIZE];
 
-    printf("  %-10s  %10s%s%s\n", label, format_bytes(text, bytes), *what ? "  " : "", what);
+    printf("  %-10s  %10s%s%s\n", label, bytes_text(text, bytes), *what ? "  " : "", what);
 }
 
 static void print_limits(const Azulejo__Wire__StoreInfo *i)
@@ -100,10 +100,10 @@ static void print_limits(const Azulejo__Wire__StoreInfo *i)
                duration_text(age, i->keep_failed_s));
     if (i->store_limit)
         printf("  %-10s  %s in the store, then what ended first goes\n", "limit",
-               format_bytes(size, i->store_limit));
+               bytes_text(size, i->store_limit));
     if (i->owner_limit)
         printf("  %-10s  %s of films and pictures for each owner\n", "",
-               format_bytes(size, i->owner_limit));
+               bytes_text(size, i->owner_limit));
     if (i->keep_s < 0 && i->keep_failed_s < 0 && !i->store_limit && !i->owner_limit)
         printf("  %-10s  no limit: jobs stay until 'azulejo prune' or 'remove'\n", "keep");
 }
@@ -119,8 +119,8 @@ static status print_owners(const Azulejo__Wire__StoreInfo *info, struct error *e
     for (size_t i = 0; i < info->n_owners && i < SHOWN_MAX; i++) {
         table_add(&table, "%s", info->owners[i]->owner[0] ? info->owners[i]->owner : "-");
         table_add(&table, "%" PRIu64, info->owners[i]->jobs);
-        table_add(&table, "%s", format_bytes(text, info->owners[i]->films));
-        table_add(&table, "%s", format_bytes(text, info->owners[i]->pictures));
+        table_add(&table, "%s", bytes_text(text, info->owners[i]->films));
+        table_add(&table, "%s", bytes_text(text, info->owners[i]->pictures));
     }
     result = table_print(&table, err);
     table_release(&table);
@@ -141,8 +141,8 @@ static status print_jobs(const Azulejo__Wire__StoreInfo *info, struct error *err
         table_add(&table, "%s", job_state_name(j->state));
         table_add(&table, "%s", j->name);
         table_add(&table, "%s", j->owner[0] ? j->owner : "-");
-        table_add(&table, "%s", format_bytes(text, j->films));
-        table_add(&table, "%s", format_bytes(text, j->pictures));
+        table_add(&table, "%s", bytes_text(text, j->films));
+        table_add(&table, "%s", bytes_text(text, j->pictures));
     }
     result = table_print(&table, err);
     table_release(&table);
@@ -157,8 +157,8 @@ static status print_store(const Azulejo__Wire__StoreInfo *i, struct error *err)
     char all[FORMAT_SIZE], left[FORMAT_SIZE], disk[FORMAT_SIZE];
     status result = STATUS_OK;
 
-    printf("the store takes %s; %s of the disk's %s are free\n", format_bytes(all, total(i)),
-           format_bytes(left, i->free), format_bytes(disk, i->disk));
+    printf("the store takes %s; %s of the disk's %s are free\n", bytes_text(all, total(i)),
+           bytes_text(left, i->free), bytes_text(disk, i->disk));
     print_kind("films", i->films, "for extend and retry, and of frames in work");
     print_kind("pictures", i->pictures, "");
     print_kind("blobs", i->blobs, "scenes and their files");

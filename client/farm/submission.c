@@ -92,7 +92,7 @@ static void report_upload(const struct upload_progress *progress, void *user)
                           : 1;
 
     snprintf(text, sizeof text, "sending the scene, %s of %s",
-             format_bytes(sent, progress->sent_bytes), format_bytes(all, progress->missing_bytes));
+             bytes_text(sent, progress->sent_bytes), bytes_text(all, progress->missing_bytes));
     progress_draw(user, fraction, text);
 }
 
@@ -111,7 +111,7 @@ status submission_upload(struct connection *c, const struct import_result *scene
         return error_no_memory(err, "an upload");
     if (!quiet)
         fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
-                scene->files.count == 1 ? "" : "s", format_bytes(size, scene->file_bytes));
+                scene->files.count == 1 ? "" : "s", bytes_text(size, scene->file_bytes));
     for (size_t i = 0; i < scene->blob_count; i++)
         items[i] = (struct upload_item){scene->blobs[i].digest, scene->blobs[i].data,
                                         scene->blobs[i].size_bytes};

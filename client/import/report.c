@@ -195,10 +195,10 @@ static void print_files(const struct import_result *result, FILE *out)
     size_t count = result->files.count;
 
     fprintf(out, "takes:          %zu file%s, %s\n", count, count == 1 ? "" : "s",
-            format_bytes(size, result->file_bytes));
+            bytes_text(size, result->file_bytes));
     for (size_t i = 0; i < count && i < LISTED_MAX; i++)
         fprintf(out, "    %-32s %s\n", result->files.files[i].name,
-                format_bytes(size, result->files.files[i].size_bytes));
+                bytes_text(size, result->files.files[i].size_bytes));
     print_rest(out, (uint32_t)count);
 }
 

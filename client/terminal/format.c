@@ -30,20 +30,6 @@ const char *format_count(char out[FORMAT_SIZE], double value)
     return out;
 }
 
-const char *format_bytes(char out[FORMAT_SIZE], uint64_t bytes)
-{
-    static const char *const units[] = {"B", "KiB", "MiB", "GiB", "TiB", "PiB"};
-    double value = (double)bytes;
-    size_t step = 0;
-
-    while (value >= 1023.95 && step + 1 < sizeof units / sizeof units[0]) {
-        value /= 1024;
-        step++;
-    }
-    snprintf(out, FORMAT_SIZE, "%.*f %s", step == 0 ? 0 : 1, value, units[step]);
-    return out;
-}
-
 const char *format_duration(char out[FORMAT_SIZE], double seconds)
 {
     uint64_t whole;

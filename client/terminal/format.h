@@ -5,13 +5,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/base/bytes_text.h"
+
 enum { FORMAT_SIZE = 48 };
 
 /* Three digits and a decimal prefix: "0", "812", "4.21 k", "1.07 M", "93.1 G". */
 const char *format_count(char out[FORMAT_SIZE], double value);
-
-/* Bytes with binary prefixes: "812 B", "1.4 MiB". */
-const char *format_bytes(char out[FORMAT_SIZE], uint64_t bytes);
 
 /* "0.4 s", "12 s", "3:07", "1:02:33", "4 d 03 h"; "?" for a negative or unknown duration. */
 const char *format_duration(char out[FORMAT_SIZE], double seconds);

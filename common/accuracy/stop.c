@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/base/duration.h"
 #include "common/scene/settings.h"
 
 /* How each measure is written, and its valid range. */
@@ -76,26 +77,10 @@ int stop_target_is_stricter(const struct allocation_target *a, const struct allo
 
 /* ---- durations ------------------------------------------------------------------------------ */
 
-static const struct {
-    const char *unit;
-    uint32_t ms;
-} durations[] = {{"h", 3600000}, {"m", 60000}, {"s", 1000}};
-enum { DURATIONS = sizeof durations / sizeof durations[0] };
-
 status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,
                            struct error *err)
 {
-    char *end;
-    double value = strtod(text, &end);
-
-    for (unsigned i = 0; i < DURATIONS && end != text; i++)
-        if (strcmp(end, durations[i].unit) == 0 && value * durations[i].ms >= 1 &&
-            value * durations[i].ms <= (double)STOP_LIMIT_MS_MAX) {
-            *out_ms = (uint64_t)(value * durations[i].ms);
-            return STATUS_OK;
-        }
-    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a length of time: give 90s, 10m or 1.5h",
-                     option, text);
+    return duration_parse_ms(option, text, 1, STOP_LIMIT_MS_MAX, out_ms, err);
 }
 
 /* ---- ends ----------------------------------------------------------------------------------- */

@@ -42,7 +42,7 @@ const char *stop_target_text(char out[STOP_TEXT_SIZE], const struct allocation_t
 /* Does `a` demand a better picture than `b`? Only targets of one measure compare. */
 int stop_target_is_stricter(const struct allocation_target *a, const struct allocation_target *b);
 
-/* "90s", "10m", "1.5h". `option` is named in the error, ERR_USAGE. */
+/* "90s", "10m", "1.5h", "2d". `option` is named in the error, ERR_USAGE. */
 status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,
                            struct error *err) MUST_CHECK;
 

@@ -12,19 +12,30 @@ static const struct {
 } units[] = {{"d", 86400}, {"h", 3600}, {"m", 60}, {"s", 1}, {"w", 7 * 86400}};
 enum { UNITS = sizeof units / sizeof units[0] };
 
-status duration_parse(const char *option, const char *text, int64_t *seconds, struct error *err)
+status duration_parse_ms(const char *option, const char *text, uint64_t least_ms, uint64_t most_ms,
+                         uint64_t *ms, struct error *err)
 {
     char *end;
     double value = strtod(text, &end);
 
-    for (int i = 0; i < UNITS && end != text; i++)
-        if (strcmp(end, units[i].unit) == 0 && value >= 0 &&
-            value * (double)units[i].seconds <= (double)DURATION_S_MAX) {
-            *seconds = (int64_t)(value * (double)units[i].seconds);
+    for (int i = 0; i < UNITS && end != text; i++) {
+        double found_ms = value * 1000 * (double)units[i].seconds;
+        if (strcmp(end, units[i].unit) == 0 && found_ms >= (double)least_ms && found_ms <= (double)most_ms) {
+            *ms = (uint64_t)found_ms;
             return STATUS_OK;
         }
-    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a length of time: give 12h, 30d or 8w",
+    }
+    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a length of time: give 90s, 10m, 1.5h or 30d",
                      option, text);
+}
+
+status duration_parse(const char *option, const char *text, int64_t *seconds, struct error *err)
+{
+    uint64_t ms = 0;
+    status s = duration_parse_ms(option, text, 0, (uint64_t)DURATION_S_MAX * 1000, &ms, err);
+
+    *seconds = (int64_t)(ms / 1000);
+    return s;
 }
 
 const char *duration_text(char out[DURATION_TEXT_SIZE], int64_t seconds)

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/base/bytes_text.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/steer.h"
@@ -172,7 +173,7 @@ status collect_step(struct farm *farm, const struct retention_plan *plan,
 static status check_owner(const struct farm *farm, const struct retention_policy *policy,
                           const struct job *job, uint64_t needed, struct error *err)
 {
-    char need[RETENTION_BYTES_SIZE], limit[RETENTION_BYTES_SIZE], others[RETENTION_BYTES_SIZE];
+    char need[BYTES_TEXT_SIZE], limit[BYTES_TEXT_SIZE], others[BYTES_TEXT_SIZE];
     uint64_t promised = 0;
 
     for (size_t i = 0; i < farm->queue.active_count; i++)
@@ -184,8 +185,8 @@ static status check_owner(const struct farm *farm, const struct retention_policy
         err, STATUS_ERR_LIMIT,
         "the job needs about %s, %s has jobs that have not ended for %s, and %s are allowed "
         "(--owner-limit): submit fewer or smaller frames, or wait until a job has ended",
-        retention_bytes(need, needed), job->owner[0] ? job->owner : "this owner",
-        retention_bytes(others, promised), retention_bytes(limit, policy->owner_limit));
+        bytes_text(need, needed), job->owner[0] ? job->owner : "this owner",
+        bytes_text(others, promised), bytes_text(limit, policy->owner_limit));
 }
 
 /* What may be removed to make room. */
@@ -206,7 +207,7 @@ status collect_check_room(const struct farm *farm, const struct retention_policy
                           const struct footprint *footprint, const struct job *job, int force,
                           struct error *err)
 {
-    char need[RETENTION_BYTES_SIZE], there[RETENTION_BYTES_SIZE];
+    char need[BYTES_TEXT_SIZE], there[BYTES_TEXT_SIZE];
     int films_stay = !retention_makes_room(policy) && !farm->discards_films;
     uint64_t needed = retention_job_bytes(job, films_stay), disk, room, limit,
              used = footprint_total(footprint);
@@ -230,7 +231,7 @@ status collect_check_room(const struct farm *farm, const struct retention_policy
                      "there: submit fewer or smaller frames, remove jobs ('azulejo show --farm' "
                      "says what takes the "
                      "room), or give --force: it then waits whenever the disk is full",
-                     retention_bytes(need, needed), job_frames_wanted(job), job->settings.width,
+                     bytes_text(need, needed), job_frames_wanted(job), job->settings.width,
                      job->settings.height, films_stay ? ", with their films" : "",
-                     retention_bytes(there, room));
+                     bytes_text(there, room));
 }

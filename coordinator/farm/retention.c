@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/base/bytes_text.h"
 #include "common/base/duration.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/farm.h"
@@ -190,18 +191,6 @@ status retention_make(struct retention_plan *plan, const struct retention_policy
 
 /* ---- words ----------------------------------------------------------------------------------- */
 
-const char *retention_bytes(char out[RETENTION_BYTES_SIZE], uint64_t bytes)
-{
-    static const char *const units[] = {"B", "KiB", "MiB", "GiB", "TiB", "PiB"};
-    double value = (double)bytes;
-    size_t unit = 0;
-
-    for (; value >= 1024 && unit + 1 < sizeof units / sizeof *units; unit++)
-        value /= 1024;
-    snprintf(out, RETENTION_BYTES_SIZE, unit ? "%.1f %s" : "%.0f %s", value, units[unit]);
-    return out;
-}
-
 /* "31 days", "5 hours", "40 s". */
 static const char *age_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
 {
@@ -217,7 +206,7 @@ static const char *age_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
 void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy)
 {
-    char used[RETENTION_BYTES_SIZE], limit[RETENTION_BYTES_SIZE];
+    char used[BYTES_TEXT_SIZE], limit[BYTES_TEXT_SIZE];
     char age[DURATION_TEXT_SIZE], keep[DURATION_TEXT_SIZE];
 
     switch (step->reason) {
@@ -229,12 +218,12 @@ void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_pla
     case RETENTION_OWNER:
         snprintf(out, RETENTION_TEXT_MAX + 1,
                  "its owner has more than %s in the store (--owner-limit)",
-                 retention_bytes(limit, policy->owner_limit));
+                 bytes_text(limit, policy->owner_limit));
         return;
     default:
         snprintf(out, RETENTION_TEXT_MAX + 1,
                  "the store takes %s, and %s are allowed (--store-limit)",
-                 retention_bytes(used, plan->used), retention_bytes(limit, plan->limit));
+                 bytes_text(used, plan->used), bytes_text(limit, plan->limit));
     }
 }
 

@@ -79,8 +79,5 @@ void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_pla
 /* The room that the job takes on disk when it is done, at most: pictures after their usual compression, the
  * films in work and, with `films_stay`, those that are kept. */
 uint64_t retention_job_bytes(const struct job *job, int films_stay);
-/* "12.3 GiB"; fills `out` and returns it. */
-enum { RETENTION_BYTES_SIZE = 32 };
-const char *retention_bytes(char out[RETENTION_BYTES_SIZE], uint64_t bytes);
 
 #endif

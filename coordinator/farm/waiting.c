@@ -5,6 +5,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "common/base/bytes_text.h"
 #include "common/base/clock.h"
 #include "common/base/log.h"
 #include "coordinator/farm/roster.h"
@@ -177,11 +178,11 @@ static int has_tags(const struct farm_worker *worker, const struct job *job)
 /* The machines that have the tags, and too little memory. */
 static void explain_memory(char *out, size_t size, const struct farm *farm, const struct job *job)
 {
-    char amount[NEED_TEXT_SIZE];
+    char amount[BYTES_TEXT_SIZE];
     uint32_t named = 0;
     size_t used = (size_t)snprintf(
         out, size, "waits: no worker has enough memory: it needs %s%s%s;", job->needs.memory_said ? "" : "about ",
-        need_text(amount, job->needs.memory),
+        bytes_text(amount, job->needs.memory),
         job->needs.memory_said ? ""
                                : ", an estimate from its files' sizes and triangles ('submit --memory' says it better)");
 
@@ -194,7 +195,7 @@ static void explain_memory(char *out, size_t size, const struct farm *farm, cons
             return;
         }
         used += (size_t)snprintf(out + used, size - used, "%s %.64s has %s", named > 1 ? "," : "",
-                                 worker->deliverer.host, need_text(amount, worker->memory));
+                                 worker->deliverer.host, bytes_text(amount, worker->memory));
     }
 }
 

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "common/base/bytes_text.h"
 #include "common/base/memory.h"
 #include "common/scene/scene.h"
 
@@ -31,30 +32,18 @@ uint64_t need_of_scene(const struct scene *scene, uint64_t packed_bytes)
 int needs_fit(const struct job_needs *needs, uint64_t job, const char *tags, uint64_t memory, char *why,
               size_t why_size)
 {
-    char has[NEED_TEXT_SIZE], wants[NEED_TEXT_SIZE], missing[TAG_MAX + 1];
+    char has[BYTES_TEXT_SIZE], wants[BYTES_TEXT_SIZE], missing[TAG_MAX + 1];
 
     if (!tags_have(tags, needs->require, missing)) {
         snprintf(why, why_size, "it has no tag %s, which job %" PRIu64 " requires", missing, job);
         return 0;
     }
     if (memory > 0 && needs->memory > memory) {
-        snprintf(why, why_size, "it has %s of memory, and job %" PRIu64 " needs %s%s", need_text(has, memory),
-                 job, needs->memory_said ? "" : "an estimated ", need_text(wants, needs->memory));
+        snprintf(why, why_size, "it has %s of memory, and job %" PRIu64 " needs %s%s", bytes_text(has, memory),
+                 job, needs->memory_said ? "" : "an estimated ", bytes_text(wants, needs->memory));
         return 0;
     }
     return 1;
-}
-
-const char *need_text(char out[NEED_TEXT_SIZE], uint64_t bytes)
-{
-    static const char *const units[] = {"KiB", "MiB", "GiB", "TiB"};
-    double value = (double)bytes / 1024;
-    size_t i = 0;
-
-    for (; value >= 1023.5 && i + 1 < sizeof units / sizeof *units; i++)
-        value /= 1024;
-    snprintf(out, NEED_TEXT_SIZE, value < 99.95 ? "%.1f %s" : "%.0f %s", value, units[i]);
-    return out;
 }
 
 const char *needs_after_text(char out[NEEDS_AFTER_TEXT_SIZE], const struct job_needs *needs)

@@ -38,10 +38,6 @@ uint64_t need_of_scene(const struct scene *scene, uint64_t packed_bytes);
 int needs_fit(const struct job_needs *needs, uint64_t job, const char *tags, uint64_t memory, char *why,
               size_t why_size);
 
-/* Bytes for people, "12.4 GiB". */
-enum { NEED_TEXT_SIZE = 24 };
-const char *need_text(char out[NEED_TEXT_SIZE], uint64_t bytes);
-
 /* The jobs that are waited for as text, "3,17", and back: for the store. A text that is damaged gives fewer. */
 enum { NEEDS_AFTER_TEXT_SIZE = JOB_AFTER_MAX * 21 + 1 };
 const char *needs_after_text(char out[NEEDS_AFTER_TEXT_SIZE], const struct job_needs *needs);

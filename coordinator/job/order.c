@@ -1,12 +1,12 @@
 #include "coordinator/job/order.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "common/base/clock.h"
 #include "common/base/memory.h"
+#include "common/math/elementary.h"
 #include "coordinator/job/queue.h"
 
 _Static_assert((int)ORDER_OWNER_MAX == (int)JOB_WHO_MAX, "an owner is a person");
@@ -34,7 +34,7 @@ double owner_share_at(const struct owner_share *share, double half_life_s, int64
 {
     if (wall_s <= share->at_s || !(half_life_s > 0))
         return share->core_s;
-    return share->core_s * exp2(-(double)(wall_s - share->at_s) / half_life_s);
+    return share->core_s * det_pow_d(0.5, (double)(wall_s - share->at_s) / half_life_s);
 }
 
 /* The place of the first owner that does not come before this one. */

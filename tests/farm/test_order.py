@@ -60,8 +60,8 @@ def several_at_once():
     """A job that cannot use all workers leaves the rest to the next one"""
     with Farm() as farm:
         farm.start_coordinator()
-        # One tile: a frame can lend few units at a time.
-        small = farm.submit(farm.scene(), "--size", "16x16", "--spp", "1000000", "--max-depth", "64")
+        # One tile: when the last of its units are lent, some of which take seconds, there is nothing left to lend.
+        small = farm.submit(farm.scene(), "--size", "16x16", "--spp", "65536", "--max-depth", "64")
         large = farm.submit(farm.scene(), *ENDLESS)
         for _ in range(2):
             farm.start_worker(threads=2)

@@ -31,11 +31,11 @@ static void byte_sizes(void **state)
     char out[FORMAT_SIZE];
 
     (void)state;
-    assert_string_equal(format_bytes(out, 0), "0 B");
-    assert_string_equal(format_bytes(out, 1023), "1023 B");
-    assert_string_equal(format_bytes(out, 1024), "1.0 KiB");
-    assert_string_equal(format_bytes(out, 1536 * 1024), "1.5 MiB");
-    assert_string_equal(format_bytes(out, UINT64_MAX), "16384.0 PiB");
+    assert_string_equal(bytes_text(out, 0), "0 B");
+    assert_string_equal(bytes_text(out, 1023), "1023 B");
+    assert_string_equal(bytes_text(out, 1024), "1.0 KiB");
+    assert_string_equal(bytes_text(out, 1536 * 1024), "1.5 MiB");
+    assert_string_equal(bytes_text(out, UINT64_MAX), "16384.0 PiB");
 }
 
 static void durations(void **state)

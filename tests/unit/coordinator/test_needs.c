@@ -7,6 +7,7 @@
 #include <cmocka.h>
 #include <string.h>
 
+#include "common/base/bytes_text.h"
 #include "common/scene/scene.h"
 #include "coordinator/job/needs.h"
 
@@ -34,14 +35,14 @@ static void fits(void **state)
 
 static void words(void **state)
 {
-    char text[NEED_TEXT_SIZE];
+    char text[BYTES_TEXT_SIZE];
 
     (void)state;
-    assert_string_equal(need_text(text, 512), "0.5 KiB");
-    assert_string_equal(need_text(text, 300 << 20), "300 MiB");
-    assert_string_equal(need_text(text, 12 * GIB + GIB / 2), "12.5 GiB");
-    assert_string_equal(need_text(text, 2048 * GIB), "2.0 TiB");
-    assert_string_equal(need_text(text, UINT64_MAX), "16777216 TiB");
+    assert_string_equal(bytes_text(text, 512), "512 B");
+    assert_string_equal(bytes_text(text, 300 << 20), "300.0 MiB");
+    assert_string_equal(bytes_text(text, 12 * GIB + GIB / 2), "12.5 GiB");
+    assert_string_equal(bytes_text(text, 2048 * GIB), "2.0 TiB");
+    assert_string_equal(bytes_text(text, UINT64_MAX), "16.0 EiB");
 }
 
 static void jobs_as_text(void **state)
