@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "client/commands/command.h"
+#include "client/commands/workers_view.h"
 #include "client/farm/job_info.h"
 #include "client/farm/reconnect.h"
 #include "client/farm/signals.h"
@@ -28,7 +29,7 @@ enum {
 /* A terminal with fewer than NARROW columns has no room for owners. */
 static const char *const job_titles[] = {">JOB",  "<NAME", ">PRIO",   "STATE",    ">DONE",
                                          ">LEFT", ">RATE/s", ">WORKERS", "<NOTE", "<OWNER"};
-static const char *const worker_titles[] = {"<HOST", ">PROCESS", ">THREADS", ">RATE/s",
+static const char *const worker_titles[] = {"<NAME", "<STATE", ">THREADS", ">RATE/s",
                                             ">UNITS", ">JOB", ">SINCE", "<NOTE"};
 
 struct top {
@@ -172,8 +173,8 @@ static status print_workers(const Azulejo__Wire__WorkerList *list, size_t rows, 
     table_init(&table, worker_titles, sizeof worker_titles / sizeof *worker_titles);
     for (size_t i = 0; i < rows; i++) {
         const Azulejo__Wire__WorkerInfo *w = list->workers[i];
-        table_add(&table, "%s", w->host);
-        table_add(&table, "%u", w->process);
+        table_add(&table, "%s", w->name);
+        table_add(&table, "%s", worker_state_name(w->state));
         table_add(&table, "%u", w->threads);
         table_add(&table, "%s", format_count(text, w->samples_per_second));
         table_add(&table, "%u", w->units_leased);

@@ -421,6 +421,12 @@ static status verdict(const struct job_fetch *f, uint64_t frames, struct error *
     if (f->fetched == 0 && job_state_is_final(f->job->state))
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " is %s and has no picture%s",
                          f->job->job, job_state_name(f->job->state), which);
+    if (f->fetched == 0 && (f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_PAUSED ||
+                            f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_PARKED))
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 " is %s and has no finished frame%s ('azulejo resume %" PRIu64
+                         "' continues it)",
+                         f->job->job, job_state_name(f->job->state), which, f->job->job);
     if (f->fetched == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 " has no finished frame%s (--preview FILE.png shows the "

@@ -382,22 +382,37 @@ static void put_threads(struct writer *w)
     }
 }
 
+/* "worker gpu-1 (node-12, process 4711)". Any connection of the process may be the one whose name is known. */
+static void name_worker(const struct writer *w, size_t i, char *out, size_t size)
+{
+    const Azulejo__Wire__TraceWorker *worker = w->trace->workers[i];
+    const char *label = "";
+    char name[128], host[128];
+
+    for (size_t k = i; k < w->trace->worker_count && !label[0]; k++)
+        if (w->processes[k] == w->processes[i])
+            label = w->trace->workers[k]->name;
+    message_text(host, sizeof host, worker->host);
+    if (label[0])
+        snprintf(out, size, "worker %s (%s, process %u)", message_text(name, sizeof name, label), host, worker->process);
+    else
+        snprintf(out, size, "worker %s, process %u", host, worker->process);
+}
+
 static void put_processes(struct writer *w)
 {
-    char name[256], host[128];
+    char name[384];
 
     put_name(w, "process_name", COORDINATOR, LOG, "coordinator");
     put_order(w, "process_sort_index", COORDINATOR, LOG, 0);
     for (size_t i = 0; i < w->trace->worker_count; i++) {
-        const Azulejo__Wire__TraceWorker *worker = w->trace->workers[i];
         size_t k = 0;
 
         while (w->processes[k] != w->processes[i])
             k++;
         if (k < i)
             continue;
-        snprintf(name, sizeof name, "worker %s, process %u", message_text(host, sizeof host, worker->host),
-                 worker->process);
+        name_worker(w, i, name, sizeof name);
         put_name(w, "process_name", w->processes[i], 1, name);
         put_order(w, "process_sort_index", w->processes[i], 1, w->processes[i]);
     }

@@ -83,7 +83,7 @@ static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job, int
         buffer_printf(line, " (%s)", job_info_note(note, job));
 }
 
-/* A line for each worker: "  node-12, process 4711   32 threads   1.2 M samples/s   96 units". */
+/* A line for each worker: "  gpu-1 (node-12, process 4711)   32 threads   1.2 M samples/s   96 units". */
 static status describe_workers(struct connection *c, uint64_t job, struct buffer *lines,
                                struct error *err)
 {
@@ -100,8 +100,9 @@ static status describe_workers(struct connection *c, uint64_t job, struct buffer
         return s;
     for (size_t i = 0; i < answer->worker_list->n_workers; i++) {
         const Azulejo__Wire__WorkerInfo *w = answer->worker_list->workers[i];
-        char host[128], number[FORMAT_SIZE];
-        buffer_printf(lines, "  %s, process %u   %u thread%s   %s samples/s   %u units\n",
+        char name[128], host[128], number[FORMAT_SIZE];
+        buffer_printf(lines, "  %s (%s, process %u)   %u thread%s   %s samples/s   %u units\n",
+                      message_text(name, sizeof name, w->name),
                       message_text(host, sizeof host, w->host), w->process, w->threads,
                       w->threads == 1 ? "" : "s", format_count(number, w->samples_per_second),
                       w->units_leased);

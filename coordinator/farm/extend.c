@@ -19,6 +19,7 @@ static status check_state(const struct job *job, struct error *err)
                          : job->state == JOB_STATE_PAUSED || job->state == JOB_STATE_PARKED
                              ? "'resume' it first, and let it end"
                          : job->state == JOB_STATE_CANCELLING ? "when its pictures are made, 'retry' goes on with it"
+                         : job->state == JOB_STATE_FINISHING ? "let it end"
                                                               : "let it end, or 'finish' it");
     if (job->to_develop)
         return error_set(err, STATUS_ERR_REFUSED,

@@ -26,14 +26,49 @@ static int is_unsaved(const struct farm *farm, const struct job *job)
            (job->unsaved || store_job_unsaved(farm->store, job->id));
 }
 
+/* It waits for workers, or for its turn. */
+static void explain_workers(char *out, size_t size, const struct farm *farm, const struct job *job)
+{
+    const struct farm_worker *held_back = NULL; /* of those that could render it, the first */
+    char why[256] = "", unable[256] = "";
+    uint32_t resting = 0, held_able = 0;
+
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        const struct farm_worker *worker = farm->workers[i];
+        int able = farm_can_serve(job, worker, why, sizeof why);
+        if (able && worker_takes_work(worker)) {
+            if (job->place.before > 0 && job->state != JOB_STATE_FINISHING)
+                snprintf(out, size, "waits behind %zu job%s", job->place.before, job->place.before == 1 ? "" : "s");
+            return;
+        }
+        resting += (uint32_t)!worker_takes_work(worker);
+        held_able += (uint32_t)able;
+        if (able && !held_back)
+            held_back = worker;
+        if (!able && worker_takes_work(worker))
+            memcpy(unable, why, sizeof unable);
+    }
+    if (farm->worker_count == 0)
+        snprintf(out, size, "waits: no worker is connected");
+    else if (resting == farm->worker_count)
+        snprintf(out, size, "waits: no worker takes work at present ('azulejo workers' says why)");
+    else if (waiting_explain_workers(out, size, farm, job))
+        return;
+    else if (held_back) {
+        worker_explain(held_back, why, sizeof why);
+        snprintf(out, size, "waits: the %u worker%s that could render it take%s no work at present; %s: %s", held_able,
+                 held_able == 1 ? "" : "s", held_able == 1 ? "s" : "", held_back->label, why);
+    } else {
+        snprintf(out, size, "waits: none of the %u workers can render it; of one: %s",
+                 farm->worker_count, unable);
+    }
+}
+
 /* The reason why an active job makes no progress at the moment; empty if there is none. *until: the moment
  * that it waits for, if that is the reason. */
 static void explain_wait(char *out, size_t size, int64_t *until, const struct farm *farm,
                          const struct job *job)
 {
-    char why[256] = "";
-    uint32_t able = 0, resting = 0;
-
     out[0] = 0;
     if (job->state == JOB_STATE_PARKED || job->state == JOB_STATE_PAUSED) {
         snprintf(out, size, "%s%.480s", is_unsaved(farm, job) ? "not stored yet; " : "", job->state_text);
@@ -67,10 +102,8 @@ static void explain_wait(char *out, size_t size, int64_t *until, const struct fa
                  job->suspicion.deaths, job->suspicion.deaths == 1 ? "" : "s");
         return;
     }
-    if (job->state == JOB_STATE_FINISHING) {
+    if (job->state == JOB_STATE_FINISHING)
         snprintf(out, size, "frames in work complete their first pass, then it is done");
-        return;
-    }
     if (job->leases > 0)
         return;
     if (waiting_explain(out, size, farm, job)) {
@@ -81,25 +114,7 @@ static void explain_wait(char *out, size_t size, int64_t *until, const struct fa
         snprintf(out, size, "its last pictures are being tone mapped");
         return;
     }
-    for (uint32_t i = 0; i < farm->worker_count; i++) {
-        if (!worker_takes_work(farm->workers[i])) {
-            resting++;
-        } else if (farm_can_serve(job, farm->workers[i], why, sizeof why)) {
-            able++;
-            break;
-        }
-    }
-    if (farm->worker_count == 0)
-        snprintf(out, size, "waits: no worker is connected");
-    else if (resting == farm->worker_count)
-        snprintf(out, size, "waits: no worker takes work at present ('azulejo workers' says why)");
-    else if (waiting_explain_workers(out, size, farm, job))
-        return;
-    else if (able == 0)
-        snprintf(out, size, "waits: none of the %u workers can render it; of one: %s",
-                 farm->worker_count, why);
-    else if (job->place.before > 0)
-        snprintf(out, size, "waits behind %zu job%s", job->place.before, job->place.before == 1 ? "" : "s");
+    explain_workers(out, size, farm, job);
 }
 
 /* How a job ended. */

@@ -35,6 +35,8 @@ static int is_question(const Azulejo__Wire__Envelope *message)
     case AZULEJO__WIRE__ENVELOPE__BODY_OUTPUT_GET:
     case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
         return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_STORE_QUERY:
+        return !message->store_query->collect;
     default:
         return 0;
     }
@@ -132,6 +134,12 @@ static void put_list(struct buffer *out, const ProtobufCFieldDescriptor *field, 
     buffer_puts(out, "]");
 }
 
+/* Fields that the line has outside of the details. */
+static int is_in_line(const char *field)
+{
+    return strcmp(field, "job") == 0 || strcmp(field, "verb") == 0;
+}
+
 static void put_message(struct buffer *out, const ProtobufCMessage *message, int depth)
 {
     const ProtobufCMessageDescriptor *d = message->descriptor;
@@ -146,7 +154,7 @@ static void put_message(struct buffer *out, const ProtobufCMessage *message, int
 
         if (repeated)
             count = *(const size_t *)((const char *)message + field->quantifier_offset);
-        if ((depth == 0 && strcmp(field->name, "job") == 0) || (repeated ? count == 0 : is_absent(field, at)))
+        if ((depth == 0 && is_in_line(field->name)) || (repeated ? count == 0 : is_absent(field, at)))
             continue;
         buffer_printf(out, "%s\"%s\": ", any ? ", " : "", field->name);
         if (repeated) {
@@ -183,11 +191,28 @@ static uint64_t job_of(const ProtobufCMessage *body)
                : 0;
 }
 
-/* "job_pause" is the verb pause. */
+static const char *worker_verb(Azulejo__Wire__WorkerVerb verb)
+{
+    switch (verb) {
+    case AZULEJO__WIRE__WORKER_VERB__WORKER_DRAIN: return "workers drain";
+    case AZULEJO__WIRE__WORKER_VERB__WORKER_RESUME: return "workers resume";
+    case AZULEJO__WIRE__WORKER_VERB__WORKER_BLOCK: return "workers block";
+    case AZULEJO__WIRE__WORKER_VERB__WORKER_UNBLOCK: return "workers unblock";
+    default: return "workers";
+    }
+}
+
+/* The words that a person types: "job_pause" is the verb pause. */
 static const char *verb_of(const Azulejo__Wire__Envelope *message)
 {
     const char *name = message_name(message);
 
+    if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_WORKER_STEER)
+        return worker_verb(message->worker_steer->verb);
+    if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_STORE_QUERY)
+        return "gc";
+    if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_JOB_REMOVE && message->job_remove->unless_read)
+        return "prune";
     return strncmp(name, "job_", 4) == 0 ? name + 4 : name;
 }
 

@@ -56,6 +56,7 @@ static void find_worker(const struct farm *farm, uint32_t number, struct deliver
     for (uint32_t i = 0; i < farm->worker_count; i++)
         if (farm->workers[i]->deliverer.number == number) {
             *out = farm->workers[i]->deliverer;
+            snprintf(out->label, sizeof out->label, "%s", farm->workers[i]->label);
             return;
         }
     if (!farm->store || store_deliverer_find(farm->store, number, out, NULL) != STATUS_OK)
@@ -69,6 +70,7 @@ static void fill_worker(Azulejo__Wire__TraceWorker *out, struct deliverer *d, ui
     out->host = d->host;
     out->process = d->process;
     out->software = d->software;
+    out->name = d->label;
 }
 
 static void fill_event(Azulejo__Wire__TraceEvent *out, const struct trace_event *e)

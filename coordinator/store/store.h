@@ -131,6 +131,7 @@ struct deliverer {
     uint32_t number, process;
     char host[64], software[64];
     int64_t first_seen;          /* seconds since 1970, UTC */
+    char label[64];              /* when it is found: the process's name on the farm, if that is still known */
 };
 /* The last stored number; 0: none. */
 status store_deliverers_last(struct store *store, uint32_t *last, struct error *err) MUST_CHECK;

@@ -40,8 +40,10 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
 {
     sqlite3_stmt *statement = NULL;
     status s = sql_select(store,
-                          "SELECT host, process, software, first_seen FROM deliverers "
-                          "WHERE number=?",
+                          "SELECT host, process, software, first_seen,"
+                          " (SELECT name FROM workers w WHERE w.host=d.host AND w.process=d.process"
+                          "  ORDER BY joined_at DESC LIMIT 1)"
+                          " FROM deliverers d WHERE number=?",
                           SQL_VALUES(sql_number(number)), &statement, err);
     int code;
 
@@ -55,6 +57,7 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
         out->process = (uint32_t)column_number(statement, 1);
         column_text(statement, 2, out->software, sizeof out->software);
         out->first_seen = sqlite3_column_int64(statement, 3);
+        column_text(statement, 4, out->label, sizeof out->label);
     } else if (code != SQLITE_DONE) {
         s = sql_error(store, "the deliverers cannot be read", err);
     }

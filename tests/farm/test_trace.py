@@ -90,7 +90,7 @@ def whole():
             expect(e["pid"] in trace.workers and "process %d" % 0 not in trace.processes[e["pid"]], e)
             expect(trace.threads[e["pid"], e["tid"]] in ("thread 1", "thread 2"), e)
             expect(e["dur"] > 0 and e["args"]["cpu_ms"] > 0 and "estimated" not in e["args"], e)
-        expect({trace.processes[p].rsplit(" ", 1)[1] for p in trace.workers} <=
+        expect({trace.processes[p].rsplit(" ", 1)[1].rstrip(")") for p in trace.workers} <=
                {str(w.pid) for w in farm.workers}, trace.processes)
         # A unit was rendered before it was merged, up to the difference between clocks on one machine.
         merged = {tuple(e["args"][k] for k in ("frame", "tile", "group", "pass")): e["ts"]

@@ -320,7 +320,7 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
 static void deliverers_keep_their_numbers(void **state)
 {
     struct store *store = sim_store(folder);
-    struct deliverer in = {7, 1234, "node-3", "azulejo 9", 1700000000}, out;
+    struct deliverer in = {7, 1234, "node-3", "azulejo 9", 1700000000, ""}, out;
     struct error err = {0};
     uint32_t last;
 
