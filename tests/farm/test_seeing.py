@@ -126,13 +126,15 @@ def top_shows_the_farm():
             pipe.terminate()
             pipe.communicate(timeout=60)
         # On a terminal: one screen, and the terminal as it was when it ends.
-        for end in (lambda s: s.write(b"q"), lambda s: s.process.send_signal(signal.SIGINT)):
-            with Screen(farm.cli_argv("top", "--interval", "0.1"), rows=20, columns=80) as screen:
+        for columns, end in ((80, lambda s: s.write(b"q")), (72, lambda s: s.process.send_signal(signal.SIGINT))):
+            with Screen(farm.cli_argv("top", "--interval", "0.1"), rows=20, columns=columns) as screen:
                 screen.wait_text(rb"(?s)\x1b\[\?1049h\x1b\[\?25l.*\x1b\[H\x1b\[2J.*\x1b\[H\x1b\[2J.*more")
                 expect(not screen.settings_are_restored(), "keys would be seen")
                 pictures = screen.seen.split(b"\x1b[H\x1b[2J")
                 lines = pictures[1].decode().splitlines()
                 expect(len(lines) < 20 and all(len(line) <= 80 for line in lines), lines)
+                expect(all(len(line) <= columns for line in lines[3:]), lines)
+                expect("waits " in lines[5], lines[5])
                 end(screen)
                 expect(screen.end() in (0, 130), screen.process.returncode)
                 expect(screen.seen.endswith(b"\x1b[?25h\x1b[?1049l"), screen.seen[-100:])
