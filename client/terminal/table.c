@@ -113,21 +113,22 @@ static void print_cell(const char *text, size_t width, char mark, int last)
     fputs(last ? "\n" : "  ", stdout);
 }
 
-/* Narrow the column whose texts may be cut, so that the rows fit `columns`. */
+/* Narrow the columns whose texts may be cut, the first one first, so that the rows fit `columns`. */
 static void fit(const struct table *t, size_t *widths, size_t columns)
 {
     size_t all = 2 * (t->column_count - 1);
 
     for (size_t c = 0; c < t->column_count; c++)
         all += widths[c];
-    for (size_t c = 0; c < t->column_count && all > columns; c++)
-        if (t->titles[c][0] == '<') {
-            size_t too_much = all - columns;
-            widths[c] = widths[c] > CUT_MIN + too_much ? widths[c] - too_much
-                        : widths[c] > CUT_MIN          ? CUT_MIN
-                                                       : widths[c];
-            return;
-        }
+    for (size_t c = 0; c < t->column_count && all > columns; c++) {
+        size_t cut = all - columns;
+
+        if (t->titles[c][0] != '<' || widths[c] <= CUT_MIN)
+            continue;
+        cut = cut < widths[c] - CUT_MIN ? cut : widths[c] - CUT_MIN;
+        widths[c] -= cut;
+        all -= cut;
+    }
 }
 
 /* Rows without the last column, whose texts follow on separate lines. */

@@ -14,7 +14,7 @@ enum { TABLE_COLUMNS_MAX = 16 };
 
 struct table {
     /* A title that starts with '>' sets its column flush right, one with '<' allows its texts to be
-     * cut if a terminal is too narrow. The last one may start with '~': a column of notes, which a
+     * cut if a terminal is too narrow, the first such column first. The last one may start with '~': a column of notes, which a
      * terminal shows on separate lines below their rows. */
     const char *const *titles;
     size_t column_count;

@@ -114,6 +114,7 @@ def top_shows_the_farm():
         expect("1 worker, 1 busy, 1 thread;" in out, out)
         rows = re.findall(r"^ *(\d+) +job-(\d+) +(\d+)", out, re.M)
         # Paused: it is not in the order of service, so it comes after all that are.
+        # The paused job comes after those that could be served.
         expect([int(row[1]) for row in rows] == [59] + [i for i in range(50) if i != 3], rows)
         expect(rows[0][2] == "5" and "... and 10 more" in out, out)
         name = farm.list_workers()[0]["name"]
@@ -127,13 +128,15 @@ def top_shows_the_farm():
             pipe.terminate()
             pipe.communicate(timeout=60)
         # On a terminal: one screen, and the terminal as it was when it ends.
-        for end in (lambda s: s.write(b"q"), lambda s: s.process.send_signal(signal.SIGINT)):
-            with Screen(farm.cli_argv("top", "--interval", "0.1"), rows=20, columns=80) as screen:
+        for columns, end in ((80, lambda s: s.write(b"q")), (72, lambda s: s.process.send_signal(signal.SIGINT))):
+            with Screen(farm.cli_argv("top", "--interval", "0.1"), rows=20, columns=columns) as screen:
                 screen.wait_text(rb"(?s)\x1b\[\?1049h\x1b\[\?25l.*\x1b\[H\x1b\[2J.*\x1b\[H\x1b\[2J.*more")
                 expect(not screen.settings_are_restored(), "keys would be seen")
                 pictures = screen.seen.split(b"\x1b[H\x1b[2J")
                 lines = pictures[1].decode().splitlines()
                 expect(len(lines) < 20 and all(len(line) <= 80 for line in lines), lines)
+                expect(all(len(line) <= columns for line in lines[3:]), lines)
+                expect("waits " in lines[5], lines[5])
                 end(screen)
                 expect(screen.end() in (0, 130), screen.process.returncode)
                 expect(screen.seen.endswith(b"\x1b[?25h\x1b[?1049l"), screen.seen[-100:])

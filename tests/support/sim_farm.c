@@ -143,7 +143,7 @@ void sim_release(struct sim *sim)
         sim_disconnect(sim, i);
     /* A development that was begun ends unsuccessfully, as in a crash. */
     for (size_t i = 0; i < sim->developing_count; i++)
-        sim->developing[i]->in_flight--;
+        farm_frame_unpin(&sim->farm, sim->developing[i]); /* frees a frame that was closed meanwhile */
     sim->developing_count = 0;
     /* So does a measurement; its note may have been written. */
     for (size_t i = 0; i < sim->freezing_count; i++) {
