@@ -114,7 +114,6 @@ def top_shows_the_farm():
         expect("1 worker, 1 busy, 1 thread;" in out, out)
         rows = re.findall(r"^ *(\d+) +job-(\d+) +(\d+)", out, re.M)
         # Paused: it is not in the order of service, so it comes after all that are.
-        # The paused job comes after those that could be served.
         expect([int(row[1]) for row in rows] == [59] + [i for i in range(50) if i != 3], rows)
         expect(rows[0][2] == "5" and "... and 10 more" in out, out)
         name = farm.list_workers()[0]["name"]
