@@ -164,11 +164,12 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
-#define WITHOUT_WORKERS "DROP TABLE workers; DROP TABLE worker_marks;"
+#define WITHOUT_WORKERS                                                                         \
+    "DROP TABLE workers; DROP TABLE worker_marks;"                                              \
+    "DROP TABLE shares; ALTER TABLE jobs DROP COLUMN waits_for;"                                \
+    "ALTER TABLE jobs DROP COLUMN not_before;"
 #define WITHOUT_STEERING                                                                        \
     WITHOUT_WORKERS                                                                             \
-    "DROP TABLE shares; ALTER TABLE jobs DROP COLUMN waits_for;"                                \
-    "ALTER TABLE jobs DROP COLUMN not_before;"                                                  \
     "DROP TABLE events; DROP TABLE removed; ALTER TABLE jobs DROP COLUMN owner;"                \
     "ALTER TABLE jobs DROP COLUMN marks; ALTER TABLE jobs DROP COLUMN priority;"
 #define WITHOUT_WORK_AND_RELEASE                                                                     \
