@@ -70,10 +70,11 @@ static json_t *owners_json(const Azulejo__Wire__StoreInfo *info)
 json_t *store_json(const Azulejo__Wire__StoreInfo *i)
 {
     return json_pack(
-        "{s:o, s:o, s:o, s:{s:o, s:o, s:o, s:o, s:o, s:o}, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
+        "{s:o, s:o, s:o, s:{s:o, s:o, s:o, s:o, s:o, s:o}, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
         "disk", number(i->disk), "free", number(i->free), "total", number(total(i)), "kinds",
         "films", number(i->films), "pictures", number(i->pictures), "blobs", number(i->blobs),
         "database", number(i->database), "reserve", number(i->reserve), "other", number(i->other),
+        "trash", number(i->trash),
         "store_limit", limit_json(i->store_limit), "owner_limit", limit_json(i->owner_limit),
         "keep_s", age_json(i->keep_s), "keep_failed_s", age_json(i->keep_failed_s), "jobs",
         jobs_json(i), "more_jobs", number(i->more_jobs), "owners", owners_json(i));
@@ -166,6 +167,8 @@ static status print_store(const Azulejo__Wire__StoreInfo *i, struct error *err)
     print_kind("reserve", i->reserve, "for the database on a full disk");
     if (i->other > 0)
         print_kind("other", i->other, "");
+    if (i->trash > 0)
+        print_kind("trash", i->trash, "removed: being freed, and not counted above");
     print_limits(i);
     if (i->n_owners > 0) {
         printf("\n");

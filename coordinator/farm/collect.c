@@ -203,26 +203,34 @@ static uint64_t evictable(const struct farm *farm, const struct retention_policy
     return sum;
 }
 
+/* What a job may take when so many bytes of the disk are free. */
+static uint64_t room_within(const struct farm *farm, const struct retention_policy *policy,
+                            const struct footprint *footprint, uint64_t disk, uint64_t free_bytes)
+{
+    uint64_t limit = retention_store_limit(policy, disk), used = footprint_total(footprint);
+    uint64_t allowed = limit == 0 ? UINT64_MAX : limit < used ? 0 : limit - used;
+
+    return (allowed < free_bytes ? allowed : free_bytes) + evictable(farm, policy, footprint);
+}
+
 status collect_check_room(const struct farm *farm, const struct retention_policy *policy,
                           const struct footprint *footprint, const struct job *job, int force,
                           struct error *err)
 {
     char need[BYTES_TEXT_SIZE], there[BYTES_TEXT_SIZE];
     int films_stay = !retention_makes_room(policy) && !farm->discards_films;
-    uint64_t needed = retention_job_bytes(job, films_stay), disk, room, limit,
-             used = footprint_total(footprint);
+    uint64_t needed = retention_job_bytes(job, films_stay), disk, left, room;
     struct error why = {0};
     status s = check_owner(farm, policy, job, retention_job_bytes(job, 0), err);
 
     if (s != STATUS_OK || force ||
-        footprint_disk(store_folder(farm->store), &disk, &room, &why) != STATUS_OK)
+        footprint_disk(store_folder(farm->store), &disk, &left, &why) != STATUS_OK)
         return s;
-    if (room < ROOM_NONE_BYTES)
+    if (left < ROOM_NONE_BYTES)
         return s;
-    limit = retention_store_limit(policy, disk);
-    if (limit > 0 && (limit < used ? 0 : limit - used) < room)
-        room = limit < used ? 0 : limit - used;
-    room += evictable(farm, policy, footprint);
+    room = room_within(farm, policy, footprint, disk, left);
+    if (needed > room) /* what was removed last may be on its way; asked only now, since that walks a folder */
+        room = room_within(farm, policy, footprint, disk, left + footprint_trash(store_folder(farm->store)));
     if (needed <= room)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_LIMIT,

@@ -12,6 +12,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/base/trash.h"
 
 struct film_file {
     pthread_mutex_t lock;        /* of fd, read_only and serials */
@@ -338,7 +339,7 @@ void film_file_close(struct film_file *file)
     if (!file)
         return;
     if (file->fd >= 0)
-        close(file->fd);
+        trash_close_file(file->fd);
     pthread_mutex_destroy(&file->lock);
     mem_free(file->serials);
     mem_free(file->path);
@@ -467,10 +468,4 @@ status film_file_notes_restore(struct film_file *file, const struct buffer *note
         s = write_at(file, notes->data, notes->size, NOTES_AT, err);
     pthread_mutex_unlock(&file->lock);
     return s == STATUS_OK ? film_file_sync(file, err) : s;
-}
-
-void film_file_discard(struct film_file *file)
-{
-    if (file && ftruncate(file->fd, 0) != 0)
-        log_debug("%s: cannot be emptied: %s", file->path, strerror(errno));
 }

@@ -49,9 +49,6 @@ status film_file_note_write(struct film_file *file, uint32_t group, const struct
 status film_file_note_read(struct film_file *file, uint32_t group, struct buffer *out,
                            struct error *err) MUST_CHECK;
 
-/* The film is no longer needed: free its disk space now, so that closing is quick. */
-void film_file_discard(struct film_file *file);
-
 /* Write a film that is complete, atomically, with the notes of the one in work (`file`; NULL: none). Any
  * thread. ERR_IO, ERR_NO_MEMORY. */
 status film_kept_write(const char *path, uint64_t job, uint32_t frame, const struct film *film,

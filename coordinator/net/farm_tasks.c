@@ -149,7 +149,6 @@ static void keep_film(const struct develop_task *t)
     struct error err = {0};
 
     if (!t->keep_film) {
-        film_file_discard(frame->file);
         store_film_remove(store, frame->job->id, frame->number);
         return;
     }

@@ -116,6 +116,7 @@ static void fill_sums(Azulejo__Wire__StoreInfo *info, const struct collector *c)
     info->database = f->database;
     info->reserve = f->reserve;
     info->other = f->other;
+    info->trash = f->trash;
     info->store_limit = retention_store_limit(&c->policy, f->disk_bytes);
     info->owner_limit = c->policy.owner_limit;
     info->keep_s = c->policy.keep_s;

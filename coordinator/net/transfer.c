@@ -9,6 +9,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/base/trash.h"
 #include "coordinator/store/reserve.h"
 #include "protocol/message.h"
 
@@ -29,7 +30,7 @@ struct transfer {
 static void transfer_free(struct transfer *t)
 {
     if (t->fd >= 0)
-        close(t->fd);
+        trash_close_file(t->fd); /* its job may be removed */
     preview_file_drop(t->bytes);
     mem_free(t->path);
     mem_free(t);

@@ -14,9 +14,11 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/base/trash.h"
 #include "coordinator/store/reserve.h"
 
 struct upload {
+    char *folder;                   /* the store's */
     struct buffer temporary, final; /* paths; `temporary` is empty once renamed */
     struct digest digest;
     struct digest_stream *stream;
@@ -38,12 +40,14 @@ void blobs_clean(const char *folder)
     DIR *stream = path ? opendir(path) : NULL;
     const struct dirent *entry;
 
-    if (stream) {
-        while ((entry = readdir(stream)))
-            if (entry->d_name[0] != '.')
-                unlinkat(dirfd(stream), entry->d_name, 0);
-        closedir(stream);
+    while (stream && (entry = readdir(stream))) {
+        char *file = entry->d_name[0] != '.' ? file_join(path, entry->d_name) : NULL;
+        if (file)
+            (void)trash_unlink(folder, file);
+        mem_free(file);
     }
+    if (stream)
+        closedir(stream);
     mem_free(path);
 }
 
@@ -156,7 +160,7 @@ int blobs_remove_older(const char *folder, const struct digest *digest, int64_t 
     if (buffer_ok(&path) && stat(buffer_text(&path), &info) == 0) {
         *bytes = (uint64_t)info.st_blocks * 512;
         gone = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec < cutoff_ns &&
-               unlink(buffer_text(&path)) == 0;
+               trash_unlink(folder, buffer_text(&path)) == 0;
     }
     pthread_mutex_unlock(&age_lock);
     buffer_release(&path);
@@ -183,7 +187,7 @@ status blobs_read(const char *folder, const struct digest *digest, size_t limit_
     if (s == STATUS_OK && !digest_equal(&found, digest)) {
         s = error_set(err, STATUS_ERR_CORRUPT,
                       "%s: was damaged on disk and has been removed; send it again", buffer_text(&path));
-        unlink(buffer_text(&path));
+        (void)trash_unlink(folder, buffer_text(&path));
     }
     buffer_release(&path);
     return s;
@@ -227,11 +231,12 @@ status upload_begin(struct upload **out, const char *folder, const struct digest
     upload->fd = -1;
     upload->digest = *digest;
     upload->total = total_bytes;
+    upload->folder = mem_strdup(folder);
     upload->stream = digest_stream_new();
     digest_to_hex(digest, hex);
     blobs_path(folder, digest, &upload->final);
     buffer_printf(&upload->temporary, "%s/blobs/tmp/%.16s.XXXXXX", folder, hex);
-    if (!upload->stream || !buffer_ok(&upload->final) || !buffer_ok(&upload->temporary)) {
+    if (!upload->folder || !upload->stream || !buffer_ok(&upload->final) || !buffer_ok(&upload->temporary)) {
         buffer_clear(&upload->temporary);
         s = error_no_memory(err, "an upload");
     } else {
@@ -332,9 +337,10 @@ void upload_free(struct upload *upload)
     if (upload->fd >= 0)
         close(upload->fd);
     if (upload->temporary.size > 0)
-        unlink(buffer_text(&upload->temporary));
+        (void)trash_unlink(upload->folder, buffer_text(&upload->temporary));
     digest_stream_free(upload->stream);
     buffer_release(&upload->temporary);
     buffer_release(&upload->final);
+    mem_free(upload->folder);
     mem_free(upload);
 }

@@ -48,6 +48,16 @@ static uint64_t folder_bytes(int store, const char *name)
     return tree_bytes(openat(store, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), 0);
 }
 
+/* What is in the trash, without its folder, which stays. */
+static uint64_t being_freed(int store)
+{
+    uint64_t all = folder_bytes(store, "trash");
+    struct stat info;
+
+    return fstatat(store, "trash", &info, AT_SYMLINK_NOFOLLOW) == 0 && all > bytes_of(&info) ? all - bytes_of(&info)
+                                                                                             : 0;
+}
+
 static int compare(const void *a, const void *b)
 {
     uint64_t left = ((const struct job_footprint *)a)->job,
@@ -164,9 +174,20 @@ status footprint_measure(struct footprint *out, const char *folder, struct error
         s = footprint_disk(folder, &out->disk_bytes, &out->free_bytes, err);
     join_rows(out);
     out->blobs = folder_bytes(store, "blobs");
+    out->trash = being_freed(store);
     walk_files(out, store);
     close(store);
     return s;
+}
+
+uint64_t footprint_trash(const char *folder)
+{
+    int store = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    uint64_t bytes = store >= 0 ? being_freed(store) : 0;
+
+    if (store >= 0)
+        close(store);
+    return bytes;
 }
 
 void footprint_release(struct footprint *footprint)

@@ -13,6 +13,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/base/trash.h"
 #include "coordinator/store/reserve.h"
 #include "coordinator/store/store_backup.h"
 #include "coordinator/store/store_parts.h"
@@ -132,6 +133,8 @@ status store_open(struct store **out, const char *folder, struct error *err)
         s = database_open(store, err);
     if (s == STATUS_OK)
         s = saves_start(store, err);
+    if (s == STATUS_OK)
+        s = trash_open(&store->trash, folder, err);
     if (s != STATUS_OK) {
         store_close(store);
         return s;
@@ -147,7 +150,8 @@ void store_close(struct store *store)
 {
     if (!store)
         return;
-    saves_stop(store);
+    saves_stop(store); /* it removes films, too */
+    trash_close(store->trash);
     sqlite3_close(store->db);
     if (store->lock_fd >= 0)
         close(store->lock_fd);
@@ -198,6 +202,8 @@ status store_check(struct store *store, struct error *err)
         s = store_make_folder(store, "films", err);
     if (s == STATUS_OK)
         s = store_make_folder(store, "outputs", err);
+    if (s == STATUS_OK)
+        s = store_make_folder(store, "trash", err);
     if (s == STATUS_OK && store->read_only)
         s = database_reopen(store, err);
     if (s == STATUS_OK)
@@ -207,6 +213,7 @@ status store_check(struct store *store, struct error *err)
     if (s == STATUS_OK)
         s = write_probe(store, err);
     saves_retry(store);
+    trash_wake();
     return s == STATUS_OK ? saves_state(store, err) : s;
 }
 

@@ -10,9 +10,12 @@
  * STORE/blobs/tmp/        unfinished uploads; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h)
  *                 frame-NNNN.kept   films of frames that are done: azulejo extend and retry go on from them
+ * STORE/trash/            what was removed; its thread empties it (common/base/trash.h)
  * STORE/outputs/JOB/frame-NNNN.exr, .png, .jpg, .effects.json
  *     .picture.exr        the means in 32 bits, where frame-NNNN.exr is not that
  *     .state              what tone mapping measured (develop.c): only saves time
+ *
+ * What is removed goes to the trash by a rename: the room of a large file is never freed on the loop's thread.
  *
  * Folders have mode 700, files 600.
  *
@@ -45,6 +48,7 @@ struct store;
 /* ERR_REFUSED: another coordinator uses it. ERR_IO, ERR_NO_MEMORY: cannot be made or read; nothing was
  * changed. ERR_CORRUPT: not a store, damaged, or of a newer version. */
 status store_open(struct store **out, const char *folder, struct error *err) MUST_CHECK;
+/* Waits for the waiting saves, and for the one file whose room is being freed. */
 void store_close(struct store *store);
 const char *store_folder(const struct store *store);
 

@@ -11,6 +11,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/memory.h"
+#include "common/base/trash.h"
 #include "coordinator/store/store_parts.h"
 
 static status make_job_folder(const struct store *store, const char *kind, uint64_t job,
@@ -82,9 +83,9 @@ int store_film_exists(const struct store *store, uint64_t job, uint32_t frame)
     return exists;
 }
 
-static void remove_path(const struct buffer *path)
+static void remove_path(const struct store *store, const struct buffer *path)
 {
-    if (buffer_ok(path) && unlink(buffer_text(path)) != 0 && errno != ENOENT)
+    if (buffer_ok(path) && trash_unlink(store->folder, buffer_text(path)) != 0 && errno != ENOENT)
         log_warn("%s: cannot be removed: %s", buffer_text(path), strerror(errno));
 }
 
@@ -101,7 +102,7 @@ status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const 
     if (s == STATUS_OK)
         s = film_kept_write(buffer_text(&kept), job, frame, film, file, err);
     if (s == STATUS_OK)
-        remove_path(&path);
+        remove_path(store, &path);
     buffer_release(&kept);
     buffer_release(&path);
     return s;
@@ -112,10 +113,10 @@ void store_film_remove(struct store *store, uint64_t job, uint32_t frame)
     struct buffer path = BUFFER_INIT;
 
     film_path(store, job, frame, &path);
-    remove_path(&path);
+    remove_path(store, &path);
     buffer_clear(&path);
     kept_path(store, job, frame, &path);
-    remove_path(&path);
+    remove_path(store, &path);
     buffer_release(&path);
 }
 
@@ -125,7 +126,7 @@ int store_film_kept_remove(struct store *store, uint64_t job, uint32_t frame)
     int gone;
 
     kept_path(store, job, frame, &path);
-    gone = buffer_ok(&path) && unlink(buffer_text(&path)) == 0;
+    gone = buffer_ok(&path) && trash_unlink(store->folder, buffer_text(&path)) == 0;
     buffer_release(&path);
     return gone;
 }
@@ -137,6 +138,10 @@ void store_films_remove(struct store *store, uint64_t job)
     const struct dirent *entry;
 
     buffer_printf(&path, "%s/films/%" PRIu64, store->folder, job);
+    if (buffer_ok(&path) && trash_take(store->folder, buffer_text(&path))) {
+        buffer_release(&path);
+        return;
+    }
     folder = buffer_ok(&path) ? opendir(buffer_text(&path)) : NULL;
     if (folder) {
         while ((entry = readdir(folder)))
@@ -155,7 +160,8 @@ int store_outputs_remove(struct store *store, uint64_t job)
 
     buffer_printf(&path, "%s/outputs/%" PRIu64, store->folder, job);
     if (buffer_ok(&path)) {
-        file_remove_tree(buffer_text(&path));
+        if (!trash_take(store->folder, buffer_text(&path)) && errno != ENOENT)
+            file_remove_tree(buffer_text(&path));
         gone = !may_exist(&path);
     }
     if (!gone)

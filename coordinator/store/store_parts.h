@@ -27,6 +27,7 @@ struct saved_job;
 struct saved_event;
 struct saved_worker;
 struct saved_share;
+struct trash;
 
 struct store {
     char *folder;
@@ -35,6 +36,7 @@ struct store {
     int read_only;                 /* `db` was opened for reading; store_check opens it again */
     uint64_t epoch_limit;          /* to be stored; 0: it is */
     atomic_int suspect;
+    struct trash *trash;           /* its thread empties STORE/trash */
     int clear_held;                /* files of removed jobs are still there: a backup was being made */
 
     /* Saves that wait for the writer thread. `order` is held by a thread that writes to the

@@ -50,9 +50,10 @@ def fill_up(path):
 
 
 class OddDisk:
-    """A coordinator's calls on files that fail at a test's word; start it with env=disk.env."""
+    """A coordinator's calls on files that fail at a test's word; start it with env=disk.env. slow: removing a file
+    of more than 1 MiB takes so many seconds."""
 
-    def __init__(self, farm):
+    def __init__(self, farm, slow=0):
         if not os.path.exists(ODD_DISK):
             raise Skip("odd_disk.so is not built")
         self.control = farm.path("odd-disk")
@@ -61,6 +62,8 @@ class OddDisk:
         self.env = {"ODD_DISK": self.control, "LD_PRELOAD": ODD_DISK,
                     "ASAN_OPTIONS": options + ("" if PATIENCE == 1 else
                                                ":verify_asan_link_order=0")}
+        if slow:
+            self.env["SLOW_REMOVAL"] = "%d,%d" % (slow * 1000, 1 << 20)
 
     def fail(self, number, text, kind="write"):
         with open(self.control + ".new", "w") as out:

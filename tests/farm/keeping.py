@@ -43,6 +43,11 @@ def pictures(farm, number):
     return sorted(os.listdir(folder)) if os.path.exists(folder) else []
 
 
+def trash(farm):
+    folder = os.path.join(farm.store, "trash")
+    return sorted(os.listdir(folder)) if os.path.exists(folder) else []
+
+
 def log_of(farm, number):
     return farm.cli("log", number, expect=0).out
 

@@ -4,6 +4,9 @@
  * (everything that makes or changes files and folders) or "any" (opening to read as well); TEXT is
  * part of the paths concerned. No file, or an empty one: nothing fails. It is read at every call, so a
  * test changes it as it goes.
+ *
+ * SLOW_REMOVAL=MS,BYTES: freeing the room of a file larger than BYTES takes MS milliseconds, as on ext4 with
+ * discard: where its last name goes, or the last descriptor of one without a name.
  */
 #undef _FORTIFY_SOURCE
 #include <dlfcn.h>
@@ -15,6 +18,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <time.h>
 #include <unistd.h>
 
 #define EXPORT __attribute__((visibility("default")))
@@ -133,4 +137,65 @@ EXPORT int rename(const char *from, const char *to)
     int (*real)(const char *, const char *) = (int (*)(const char *, const char *))next("rename");
 
     return fault(to, 1) ? -1 : real(from, to);
+}
+
+/* ---- slow removals ---- */
+
+static void free_room(const struct stat *file)
+{
+    const char *how = getenv("SLOW_REMOVAL");
+    long ms, bytes;
+
+    if (how && sscanf(how, "%ld,%ld", &ms, &bytes) == 2 && S_ISREG(file->st_mode) && (long)file->st_size > bytes)
+        nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL);
+}
+
+static int is_open(const struct stat *file)
+{
+    struct stat info;
+
+    for (int fd = 0; fd < 1024; fd++)
+        if (fstat(fd, &info) == 0 && info.st_ino == file->st_ino && info.st_dev == file->st_dev)
+            return 1;
+    return 0;
+}
+
+static void free_name(int folder, const char *path)
+{
+    struct stat file;
+    int code = errno;
+
+    if (getenv("SLOW_REMOVAL") && fstatat(folder, path, &file, AT_SYMLINK_NOFOLLOW) == 0 && file.st_nlink == 1 &&
+        !is_open(&file))
+        free_room(&file);
+    errno = code;
+}
+
+EXPORT int unlink(const char *path)
+{
+    free_name(AT_FDCWD, path);
+    return ((int (*)(const char *))next("unlink"))(path);
+}
+
+EXPORT int remove(const char *path)
+{
+    free_name(AT_FDCWD, path);
+    return ((int (*)(const char *))next("remove"))(path);
+}
+
+EXPORT int unlinkat(int folder, const char *path, int flags)
+{
+    free_name(folder, path);
+    return ((int (*)(int, const char *, int))next("unlinkat"))(folder, path, flags);
+}
+
+EXPORT int close(int fd)
+{
+    struct stat file;
+    int code = errno;
+
+    if (getenv("SLOW_REMOVAL") && fstat(fd, &file) == 0 && file.st_nlink == 0)
+        free_room(&file);
+    errno = code;
+    return ((int (*)(int))next("close"))(fd);
 }

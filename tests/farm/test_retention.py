@@ -11,7 +11,7 @@ from disk import SmallDisk, fill_up
 from farm import Farm, Skip, Tests, wait_for
 from jobs import Outcome, expect, expect_same
 from keeping import (COLLECT_ALL, ENDLESS, LONG, SMALL, begun, blobs, exists, films, gc, log_of, pictures,
-                     scene_with_textures)
+                     scene_with_textures, trash)
 
 tests = Tests()
 
@@ -348,6 +348,13 @@ def killed():
             expect(not left, "%s without a job: %s" % (folder, left))
 
 
+def freed(farm):
+    """The room of what was removed is free, and the database has its reserve again."""
+    def done():
+        return not trash(farm) and os.path.exists(os.path.join(farm.store, "reserve"))
+    wait_for(done, "the room to be freed")
+
+
 @tests.add
 def full_disk():
     """On a full disk gc, prune and the limits make room, and what waited goes on"""
@@ -366,9 +373,11 @@ def full_disk():
         farm.cli("pause", number, expect=0)
         fill_up(os.path.join(disk, "filler"))
         farm.cli("prune", old[0], "--films", expect=0)
+        freed(farm)
         fill_up(os.path.join(disk, "filler-2"))
         farm.cli("prune", old[0], expect=0)
         expect(not exists(farm, old[0]), "pruned")
+        freed(farm)
         fill_up(os.path.join(disk, "filler-3"))
         gc(farm)
         farm.coordinator.kill()

@@ -1,0 +1,178 @@
+"""Removing films and pictures never holds the coordinator up, however long the disk takes to free their room."""
+import os
+import threading
+import time
+
+from disk import OddDisk, SmallDisk
+from farm import PATIENCE, Farm, Skip, Tests, wait_for
+from jobs import Outcome, expect, expect_same
+from keeping import begun, exists, films, gc, trash
+
+tests = Tests()
+
+# A film of some 8 MiB a frame, soon rendered.
+LARGE = ("--size", "320x200", "--spp", "4")
+ENDLESS = ("--size", "320x200", "--spp", "1000000")
+SLOW_S = 6 * PATIENCE
+ANSWER_S = SLOW_S / 2  # far more than an answer takes, far less than one removal
+
+
+class Watch:
+    """Asks the coordinator for its jobs all the time, and notes the longest wait."""
+
+    def __init__(self, farm):
+        self.farm, self.worst, self.asked, self.failed, self.ended = farm, 0.0, 0, None, False
+        self.thread = threading.Thread(target=self.ask)
+
+    def __enter__(self):
+        self.thread.start()
+        wait_for(lambda: self.asked > 0, "a first answer")
+        return self
+
+    def ask(self):
+        while not self.ended and not self.failed:
+            begin = time.monotonic()
+            result = self.farm.cli("list")
+            self.worst = max(self.worst, time.monotonic() - begin)
+            self.failed = None if result.code == 0 else result
+            self.asked += 1
+
+    def __exit__(self, kind, *_):
+        asked = self.asked
+        if not kind:
+            wait_for(lambda: self.asked > asked + 1 or self.failed, "another answer")
+        self.ended = True
+        self.thread.join()
+        if not kind:
+            expect(not self.failed, str(self.failed))
+            expect(self.worst < ANSWER_S, "an answer took %.1f s" % self.worst)
+
+
+def large_film(farm, number):
+    folder = os.path.join(farm.store, "films", str(number))
+    expect(any(os.path.getsize(os.path.join(folder, name)) > 1 << 20 for name in films(farm, number)),
+           "job %d has a large film" % number)
+
+
+@tests.add
+def every_way_to_remove():
+    """cancel --discard, the end of a frame, prune --films, remove and a limit: the coordinator answers meanwhile"""
+    with Farm() as farm:
+        farm.start_coordinator(env=OddDisk(farm, SLOW_S).env)
+        scene = farm.scene()
+        farm.start_worker()
+        number = farm.submit(scene, *ENDLESS)
+        begun(farm, number)
+        large_film(farm, number)
+        with Watch(farm):
+            farm.cli("cancel", number, "--discard", expect=0)
+            wait_for(lambda: not films(farm, number), "the films to go")
+        with Watch(farm):  # each frame's film in work is replaced by a kept one
+            kept = [farm.submit(scene, *LARGE) for _ in range(2)]
+            for job in kept:
+                farm.wait_for_job(job)
+        for job in kept:
+            large_film(farm, job)
+        with Watch(farm):
+            farm.cli("prune", kept[0], "--films", "--yes", expect=0)
+            wait_for(lambda: not films(farm, kept[0]), "pruned films to go")
+        with Watch(farm):
+            farm.cli("remove", kept[1], expect=0)
+            expect(not exists(farm, kept[1]) and not films(farm, kept[1]), "removed")
+        farm.coordinator.stop()
+        farm.restart_coordinator("--store-limit", "1M", env=OddDisk(farm, SLOW_S).env)
+        wait_for(lambda: farm.list_workers(), "the worker to be back")
+        with Watch(farm):
+            limited = farm.submit(scene, *LARGE, "--force")
+            farm.wait_for_job(limited)
+            gc(farm)
+            wait_for(lambda: not films(farm, limited), "the limit to be kept")
+        farm.coordinator.kill()  # an orderly end waits for the file that is being removed
+
+
+@tests.add
+def again_at_once():
+    """A job whose films are just being removed is tried again: the same bits"""
+    with Farm() as farm:
+        farm.start_coordinator(env=OddDisk(farm, SLOW_S).env)
+        scene = farm.scene()
+        farm.start_worker()
+        some = ("--size", "320x200", "--spp", "32")
+        reference = farm.submit(scene, *some)
+        farm.wait_for_job(reference)
+        outcome = Outcome(farm, reference, "reference")
+        number = farm.submit(scene, *some)
+        begun(farm, number)
+        with Watch(farm):
+            farm.cli("cancel", number, "--discard", expect=0)
+            farm.cli("retry", number, "--frames", "1", expect=0)
+            expect(trash(farm), "its film is still being removed")
+            farm.wait_for_job(number)
+        expect_same(farm, Outcome(farm, number, "again"), outcome, "tried again", counts=False)
+        farm.coordinator.kill()
+
+
+@tests.add
+def killed_while_emptying():
+    """What a kill left in the trash goes after the next start, and the removed job stays removed"""
+    with Farm() as farm:
+        env = OddDisk(farm, SLOW_S).env
+        farm.start_coordinator(env=env)
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *LARGE)
+        farm.wait_for_job(number)
+        wait_for(lambda: not trash(farm), "the film in work to go", 300.0)
+        farm.cli("remove", number, expect=0)
+        farm.coordinator.kill()
+        expect(trash(farm), "something is left")
+        begin = time.monotonic()
+        farm.restart_coordinator(env=env)
+        expect(time.monotonic() - begin < ANSWER_S, "the start does not wait for it")
+        expect(not exists(farm, number), "removed")
+        with Watch(farm):
+            wait_for(lambda: not trash(farm), "the trash to be emptied", 300.0)
+
+
+@tests.add
+def room_being_freed():
+    """show --farm names what is being freed, which no limit counts"""
+    with Farm() as farm:
+        farm.start_coordinator(env=OddDisk(farm, 5 * SLOW_S).env)
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *LARGE)
+        farm.wait_for_job(number)
+        farm.cli("remove", number, expect=0)
+        store = farm.cli("show", "--farm", "--json", expect=0).json()
+        expect(store["trash"] > 1 << 20, store)
+        expect(store["kinds"]["films"] == 0 and store["total"] == sum(store["kinds"].values()), store)
+        expect(store["total"] < store["trash"], store)
+        expect("being freed" in farm.cli("show", "--farm", expect=0).out, "in words")
+        farm.coordinator.kill()  # an orderly end waits for the file that is being removed
+
+
+@tests.add
+def room_for_the_next():
+    """A job that fits once the trash is empty is taken, and rendered when it is"""
+    with Farm() as farm, SmallDisk(farm, 96 << 20) as disk:
+        if disk is None:
+            raise Skip("mounting is not permitted: no full disk here")
+        farm.store = os.path.join(disk, "store")
+        farm.start_coordinator(env=OddDisk(farm, SLOW_S).env)
+        farm.start_worker()
+        scene = farm.scene()
+        large = farm.submit(scene, "--size", "640x360", "--spp", "1")
+        farm.wait_for_job(large)
+        wait_for(lambda: not trash(farm), "the film in work to go", 300.0)
+        free = os.statvfs(disk)
+        with open(os.path.join(disk, "filler"), "wb") as filler:
+            filler.write(bytes(free.f_bavail * free.f_frsize - (6 << 20)))
+        refused = farm.cli("submit", scene, *LARGE)
+        expect(refused.code == 3 and "on the coordinator's disk" in refused.err, refused)
+        farm.cli("remove", large, expect=0)
+        number = farm.submit(scene, *LARGE)
+        expect(trash(farm), "what was removed is still being freed")
+        farm.wait_for_job(number)
+        farm.coordinator.kill()
+
+
+tests.run()
