@@ -61,7 +61,7 @@ def several_at_once():
     with Farm() as farm:
         farm.start_coordinator()
         # One tile: a frame can lend few units at a time.
-        small = farm.submit(farm.scene(), "--size", "16x16", "--spp", "1000000", "--max-depth", "64")
+        small = farm.submit(farm.scene(), "--size", "16x16", "--spp", "262144", "--max-depth", "64")
         large = farm.submit(farm.scene(), *ENDLESS)
         for _ in range(2):
             farm.start_worker(threads=2)
