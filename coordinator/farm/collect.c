@@ -129,7 +129,7 @@ static void remove_films(struct farm *farm, const struct job *job, const char *w
 }
 
 static status take_step(struct farm *farm, struct job *job, int whole, const char *why,
-                        struct error *err)
+                        uint64_t now_ns, struct error *err)
 {
     uint64_t id = job->id;
     status s;
@@ -138,7 +138,7 @@ static status take_step(struct farm *farm, struct job *job, int whole, const cha
         remove_films(farm, job, why);
         return STATUS_OK;
     }
-    s = steer_remove(farm, job, "the coordinator", err);
+    s = steer_remove(farm, job, "the coordinator", now_ns, err);
     if (s == STATUS_OK)
         log_info("job %" PRIu64 " was removed because %s", id, why);
     return s;
@@ -146,8 +146,8 @@ static status take_step(struct farm *farm, struct job *job, int whole, const cha
 
 status collect_step(struct farm *farm, const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy,
-                    collect_read_fn *is_read, void *user, enum collect_result *result,
-                    struct error *err)
+                    collect_read_fn *is_read, void *user, uint64_t now_ns,
+                    enum collect_result *result, struct error *err)
 {
     struct job *job = queue_find(&farm->queue, step->job);
     char why[RETENTION_TEXT_MAX + 1];
@@ -162,7 +162,7 @@ status collect_step(struct farm *farm, const struct retention_plan *plan,
     s = store_hold_exclude(store_folder(farm->store), &hold, err);
     store_hold_end(hold);
     if (s == STATUS_OK)
-        s = take_step(farm, job, step->whole, why, err);
+        s = take_step(farm, job, step->whole, why, now_ns, err);
     if (s == STATUS_OK)
         *result = step->whole ? COLLECT_JOB : COLLECT_FILMS;
     return s;

@@ -28,8 +28,8 @@ enum collect_result { COLLECT_NOTHING, COLLECT_FILMS, COLLECT_JOB };
  * removed. */
 status collect_step(struct farm *farm, const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy,
-                    collect_read_fn *is_read, void *user, enum collect_result *result,
-                    struct error *err) MUST_CHECK;
+                    collect_read_fn *is_read, void *user, uint64_t now_ns,
+                    enum collect_result *result, struct error *err) MUST_CHECK;
 
 /* Does the job fit the disk and its owner's quota? `force`: only the quota counts. ERR_LIMIT: no; the text
  * says what it needs, what there is, and what to do. `footprint` is the last one, zeroed if there is none. */

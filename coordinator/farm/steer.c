@@ -233,7 +233,8 @@ status steer_retry(struct farm *farm, struct job *job, const uint32_t *frames, s
 
 /* ---- remove ---------------------------------------------------------------------------------- */
 
-status steer_remove(struct farm *farm, struct job *job, const char *who, struct error *err)
+status steer_remove(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
+                    struct error *err)
 {
     status s = STATUS_OK;
 
@@ -241,6 +242,7 @@ status steer_remove(struct farm *farm, struct job *job, const char *who, struct 
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %" PRIu64 " is %s and cannot be removed: 'cancel' it first", job->id,
                          job_state_word(job->state));
+    waiting_settle(farm, now_ns); /* while it is there */
     if (farm->store)
         s = store_job_remove(farm->store, job->id, err);
     if (s != STATUS_OK)

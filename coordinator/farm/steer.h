@@ -45,8 +45,10 @@ status steer_start(struct farm *farm, struct job *job, const char *who, uint64_t
  * again. ERR_INPUT: no such frame; ERR_IO, ERR_LIMIT, ERR_NO_MEMORY. */
 status steer_retry(struct farm *farm, struct job *job, const uint32_t *frames, size_t count,
                    const char *who, struct error *err) MUST_CHECK;
-/* The job leaves the queue, and its row, log, films and pictures are removed. It is freed now or,
+/* The job leaves the queue, and its row, log, films and pictures are removed; if it was done, nothing waits
+ * for it any longer. It is freed now or,
  * while a commit or a develop holds it, later. ERR_IO. */
-status steer_remove(struct farm *farm, struct job *job, const char *who, struct error *err) MUST_CHECK;
+status steer_remove(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
+                    struct error *err) MUST_CHECK;
 
 #endif

@@ -57,12 +57,11 @@ static void wait_no_longer(struct farm *farm, struct job *job, uint32_t i, uint6
     needs->after_count--; /* also on disk, so that nobody waits again if it is extended */
     memmove(needs->after + i, needs->after + i + 1, (needs->after_count - i) * sizeof *needs->after);
     farm->order.stale = 1;
-    farm_job_save(farm, job, now_ns);
+    farm_job_save_now(farm, job, now_ns); /* the done job may be removed next */
     farm->events.job_changed(farm->events.user, job);
 }
 
-/* Nobody waits any longer for jobs that have been done. */
-static void look_at_the_jobs(struct farm *farm, uint64_t now_ns)
+void waiting_settle(struct farm *farm, uint64_t now_ns)
 {
     if (farm->queue.changes == farm->order.seen_changes)
         return;
@@ -81,7 +80,7 @@ const struct order *waiting_order(struct farm *farm, uint64_t now_ns)
 {
     const struct order_questions ask = {is_ready, has_worker, farm};
 
-    look_at_the_jobs(farm, now_ns);
+    waiting_settle(farm, now_ns);
     look_at_the_clock(farm);
     if (order_update(&farm->order, &farm->queue, &ask, now_ns, farm->wall_s))
         queue_order_changed(&farm->queue);

@@ -12,6 +12,8 @@ enum { SHARES_SAVE_MS = 10 * 1000 }; /* how often the owners' shares go to the s
  * needs. */
 const struct order *waiting_order(struct farm *farm, uint64_t now_ns);
 
+/* What has been done is waited for no longer, on disk, too. Also called before a done job is removed. */
+void waiting_settle(struct farm *farm, uint64_t now_ns);
 /* Do the jobs exist that this new one waits for? ERR_INPUT. */
 status waiting_check(const struct farm *farm, const struct job *job, struct error *err) MUST_CHECK;
 /* The job waits no longer for other jobs and for its time. */

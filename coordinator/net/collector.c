@@ -259,7 +259,7 @@ static void take_steps(struct server *server, uint64_t now_ns)
         enum collect_result result;
         struct error err = {0};
         s = collect_step(&server->farm, &c->plan, &c->plan.steps[c->plan_at++], &c->policy,
-                         collector_is_read, server, &result, &err);
+                         collector_is_read, server, clock_monotonic_ns(), &result, &err);
         c->removed_jobs += result == COLLECT_JOB;
         c->removed_films += result == COLLECT_FILMS;
         c->round_removed |= result == COLLECT_JOB;

@@ -83,7 +83,6 @@ status session_remove(struct session *session, const Azulejo__Wire__Envelope *me
     char name[JOB_NAME_MAX + 1];
     status s;
 
-    (void)now_ns;
     if (!job)
         return STATUS_ERR_NOT_FOUND;
     memcpy(name, job->name, sizeof name); /* the job may be freed */
@@ -94,7 +93,7 @@ status session_remove(struct session *session, const Azulejo__Wire__Envelope *me
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu stays: somebody fetches its pictures just now ('remove' does not wait for that)",
                          (unsigned long long)job->id);
-    s = steer_remove(farm, job, session->who, err);
+    s = steer_remove(farm, job, session->who, now_ns, err);
     if (s != STATUS_OK)
         return s;
     collector_wake(session->server);

@@ -43,7 +43,8 @@ static size_t collect(struct sim_stored *f, const struct retention_policy *polic
                      STATUS_OK);
     for (size_t i = 0; i < plan.count; i++) {
         enum collect_result result;
-        status s = collect_step(farm, &plan, &plan.steps[i], policy, is_read, NULL, &result, &err);
+        status s = collect_step(farm, &plan, &plan.steps[i], policy, is_read, NULL, f->sim->now_ns,
+                                &result, &err);
         assert_true(s == STATUS_OK || s == STATUS_ERR_REFUSED);
         done += result != COLLECT_NOTHING;
     }
@@ -238,7 +239,8 @@ static void what_is_read_or_copied_stays(void **state)
     assert_int_equal(collect(f, &policy), 0);
     assert_int_equal(f->sim->farm.queue.count, 1);
     /* A person may remove it: its files wait for the end of the back-up, over a restart, too. */
-    assert_int_equal(steer_remove(&f->sim->farm, f->sim->farm.queue.all[0], "ana@desk", &err),
+    assert_int_equal(steer_remove(&f->sim->farm, f->sim->farm.queue.all[0], "ana@desk",
+                                  f->sim->now_ns, &err),
                      STATUS_OK);
     assert_true(has_folder(f, "outputs"));
     sim_stored_restart(f);

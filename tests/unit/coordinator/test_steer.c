@@ -190,7 +190,7 @@ static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, str
     case PRIORITY: return steer_priority(farm, job, 7, "ana@desk", f->sim->now_ns, err);
     case RETRY: return steer_retry(farm, job, NULL, 0, "ana@desk", err);
     case RETRY_FRAME: return steer_retry(farm, job, &frame, 1, "ana@desk", err);
-    case REMOVE: return steer_remove(farm, job, "ana@desk", err);
+    case REMOVE: return steer_remove(farm, job, "ana@desk", f->sim->now_ns, err);
     case START:
         job->needs.not_before = INT64_MAX;
         job->needs.after[job->needs.after_count++] = 1;
@@ -532,7 +532,7 @@ static void removing_leaves_nothing(void **state)
     assert_int_equal(store_output_write(f->store, job->id, 1, "png", &picture, NULL), STATUS_OK);
     buffer_release(&picture);
     assert_true(exists(f, "outputs/1") && exists(f, "films/1"));
-    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", NULL), STATUS_OK);
+    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_false(exists(f, "outputs/1") || exists(f, "films/1"));
     sim_stored_restart(f);
     assert_int_equal(f->sim->farm.queue.count, 0);
@@ -563,7 +563,7 @@ static void a_job_that_is_held_is_freed_later(void **state)
     assert_int_equal(f->sim->developing_count, 1);
     farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
     assert_int_equal(job->closing_frames, 1);
-    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", NULL), STATUS_OK);
+    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(f->sim->farm.queue.count, 0);
     assert_int_equal(job->removed, 1); /* still there for the develop */
     sim_develop(f->sim);

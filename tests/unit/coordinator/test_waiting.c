@@ -120,6 +120,27 @@ static void a_moment_is_waited_for_once(void **state)
     assert_true(sim_grant(sim, worker, 4) > 0);
 }
 
+/* A job that was done and is removed in the same turn of the loop is waited for no longer, nor after a crash. */
+static void what_was_done_may_be_removed(void **state)
+{
+    struct sim_stored *f = *state;
+    struct sim *sim = f->sim;
+    struct job *first = sim_submit(sim, 16, 16, 1, 1, 1, 0), *job = sim_job(16, 16, 1, 1, 1, 0);
+    uint64_t id = first->id;
+
+    job->needs = (struct job_needs){.after = {id}, .after_count = 1};
+    assert_int_equal(farm_submit(&sim->farm, job, NULL), STATUS_OK);
+    (void)waiting_order(&sim->farm, sim->now_ns);
+    assert_int_equal(job->needs.after_count, 1);
+    job_set_state(&sim->farm.queue, first, JOB_STATE_RUNNING, NULL, sim->now_ns, sim->farm.wall_s);
+    job_set_state(&sim->farm.queue, first, JOB_STATE_DONE, NULL, sim->now_ns, sim->farm.wall_s);
+    assert_int_equal(steer_remove(&sim->farm, first, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(job->needs.after_count, 0);
+    id = job->id;
+    sim_stored_restart(f);
+    assert_int_equal(queue_find(&f->sim->farm.queue, id)->needs.after_count, 0);
+}
+
 static void what_is_waited_for_survives_a_restart(void **state)
 {
     struct sim_stored *f = *state;
@@ -252,6 +273,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(shares_survive_a_restart, sim_stored_set_up, sim_stored_tear_down),
         cmocka_unit_test_setup_teardown(a_moment_is_waited_for_once, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(what_is_waited_for_survives_a_restart, sim_stored_set_up, sim_stored_tear_down),
+        cmocka_unit_test_setup_teardown(what_was_done_may_be_removed, sim_stored_set_up, sim_stored_tear_down),
         cmocka_unit_test_setup_teardown(what_is_served_needs_no_turn, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(room_is_made_for_the_first_job, sim_stored_set_up, sim_stored_tear_down),
         cmocka_unit_test_setup_teardown(jobs_wait_for_jobs, sim_stored_set_up, sim_stored_tear_down),
