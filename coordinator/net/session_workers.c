@@ -124,6 +124,7 @@ struct worker_answer {
     Azulejo__Wire__WorkerLine lines[WORKER_LINES_MAX], *line_pointers[WORKER_LINES_MAX];
     char (*notes)[640];
     int with_lines;
+    const struct farm *farm;
 };
 
 static void answer_release(struct worker_answer *a)
@@ -273,9 +274,12 @@ static status take_marks(struct worker_answer *a, struct farm *farm, const char 
 static status take_gone(void *user, const struct worker_row *row, struct error *err)
 {
     struct worker_answer *a = user;
+    const struct farm_worker *connected = roster_find(a->farm, row->name);
     struct gone *gone;
     Azulejo__Wire__WorkerGone *m;
 
+    if (connected && connected->instance == row->instance)
+        return STATUS_OK; /* it has connected again, and its row will say so soon */
     if (a->with_lines && a->gone_count == GONE_OF_NAME_MAX)
         return STATUS_OK;
     if (!MEM_GROW(a->gone, a->gone_capacity, a->gone_count + 1) || !(gone = mem_calloc(1, sizeof *gone)))
@@ -329,6 +333,7 @@ static status answer(struct session *session, uint64_t request, const char *name
         return error_no_memory(err, "a list of workers");
     azulejo__wire__worker_list__init(&a->list);
     a->with_lines = name[0] != 0;
+    a->farm = &server->farm;
     s = take_workers(a, server, name, job, now_ns, err);
     if (s == STATUS_OK)
         s = take_marks(a, &server->farm, name, err);

@@ -50,8 +50,8 @@ class Watch:
 
 def large_film(farm, number):
     folder = os.path.join(farm.store, "films", str(number))
-    expect(any(os.path.getsize(os.path.join(folder, name)) > 1 << 20 for name in films(farm, number)),
-           "job %d has a large film" % number)
+    wait_for(lambda: any(os.path.getsize(os.path.join(folder, name)) > 1 << 20 for name in films(farm, number)),
+             "job %d to have a large film" % number)
 
 
 @tests.add
