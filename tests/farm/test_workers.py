@@ -384,9 +384,10 @@ def a_thread_that_hangs():
         number = long.submit(farm)
         wait_mid_frame(farm, number)
         with StoppedThread(farm.workers[0].pid):
-            farm.start_worker("--name", "b")
+            # Before another worker is there: it could render the unit as an overdue one first.
             wait_for(lambda: "has been rendering a unit of job %d" % number in named(farm, "a")["note"],
                      "the note")
+            farm.start_worker("--name", "b")
             farm.wait_for_job(number)
         expect_same(farm, Outcome(farm, number, "hung"), Outcome(farm, reference, "reference"), "hung")
         expect("another worker gets it" in farm.cli("log", number, expect=0).out, "the job's log")
