@@ -7,7 +7,7 @@
 #include "client/farm/connection.h"
 #include "common/base/buffer.h"
 
-/* What the coordinator told of a job. Zero-initialised. */
+/* The coordinator's answers about a job. Zero-initialised. */
 struct job_trace {
     Azulejo__Wire__Envelope **answers; /* JobTraces; own what `events` and `workers` point at */
     size_t answer_count, answer_capacity;

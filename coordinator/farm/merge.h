@@ -9,8 +9,8 @@
  * picture. One commit is in flight at a time; each takes every dirty tile, up to COMMIT_TILES_MAX,
  * so results that arrive during a commit share the next one. Syncs run beside the loop, which goes on
  * receiving. The slower the disk, the longer a first dirty tile waits for others, so that the disk spends
- * at most a fifth of its time on syncs of sparse results; nobody waits for an acknowledgement but a
- * worker's memory. A frame that is complete does not wait: its picture does.
+ * at most a fifth of its time on syncs of sparse results. Only a worker's memory waits for the
+ * acknowledgement. A frame that is complete does not wait: its picture does.
  */
 #ifndef AZULEJO_COORDINATOR_MERGE_H
 #define AZULEJO_COORDINATOR_MERGE_H

@@ -132,7 +132,7 @@ status roster_load(struct farm *farm, struct error *err)
 
     if (!farm->store)
         return STATUS_OK;
-    if (store_workers_begin(farm->store, &why) != STATUS_OK) /* the store's trouble is told elsewhere */
+    if (store_workers_begin(farm->store, &why) != STATUS_OK) /* farm_store_check reports it */
         log_debug("%s", why.text);
     return store_worker_marks_load(farm->store, mark_add, &farm->roster, err);
 }
@@ -408,7 +408,7 @@ void worker_save(struct farm *farm, struct farm_worker *worker, const char *why)
         return;
     row = mem_calloc(1, sizeof *row);
     if (!row)
-        return; /* what it did is told with the next save */
+        return; /* the next save has what it did */
     snprintf(row->name, sizeof row->name, "%s", worker->label);
     snprintf(row->host, sizeof row->host, "%s", worker->deliverer.host);
     snprintf(row->address, sizeof row->address, "%s", worker->address);

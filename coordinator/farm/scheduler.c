@@ -389,7 +389,7 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
     int full = 0, takes = worker->room > 0 && worker_takes_work(worker);
 
     if (takes) {
-        waiting_order(farm, now_ns);
+        (void)waiting_order(farm, now_ns); /* the lists follow it */
         lease = grant_wanted(farm, worker, now_ns, &full);
         if (!lease && !full)
             lease = grant_early(farm, worker, now_ns, &full);

@@ -54,7 +54,7 @@ static void wait_no_longer(struct farm *farm, struct job *job, uint32_t i, uint6
     struct job_needs *needs = &job->needs;
 
     farm_note(farm, job, NULL, "job %" PRIu64 " is done", needs->after[i]);
-    needs->after_count--; /* also on disk, so that nobody waits again if it is extended */
+    needs->after_count--; /* also on disk: an extension of that job is not waited for */
     memmove(needs->after + i, needs->after + i + 1, (needs->after_count - i) * sizeof *needs->after);
     farm->order.stale = 1;
     farm_job_save_now(farm, job, now_ns); /* the done job may be removed next */
