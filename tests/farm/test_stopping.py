@@ -174,14 +174,17 @@ def killed_render():
             for client in (render.client, other.client):
                 client.kill()
             wait_for(lambda: not render.pid_of("azulejo-worker"), "the workers' end")
-        expect(len(scratch_folders(farm.path("tmp"))) == 2, "the folders")
+        stale = set(scratch_folders(farm.path("tmp")))
+        expect(len(stale) == 2, stale)
         # One whose owner lives stays, the stale ones go.
         with Render(farm, "-o", "cut") as render:
-            render.wait_for_samples()
+            wait_for(lambda: len(scratch_folders(render.temporary)) == 1 and
+                     not stale & set(scratch_folders(render.temporary)), "the stale folders to go")
             farm.cli("render", farm.scene(), "--size", "32x32", "--spp", "4", "-o", "small",
                      env={"TMPDIR": render.temporary}, expect=0)
             expect(len(scratch_folders(render.temporary)) == 1, scratch_folders(render.temporary))
-            expect(has_samples(render.temporary) and render.client.poll() is None, "it was swept away")
+            render.wait_for_samples()
+            expect(render.client.poll() is None, "it was swept away")
 
 
 @tests.add
