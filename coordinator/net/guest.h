@@ -1,0 +1,31 @@
+/* guest: something else that lives on the server's loop and sees its farm: the page and its API
+ * (coordinator/web). The server knows only this table; a build without the page has none.
+ *
+ *   start --> job_changed, job_event, tick, ... --> stop --> its handles close --> the loop ends
+ */
+#ifndef AZULEJO_COORDINATOR_GUEST_H
+#define AZULEJO_COORDINATOR_GUEST_H
+
+#include <stdint.h>
+
+#include "common/base/status.h"
+
+struct server;
+struct job;
+struct job_event;
+
+struct server_guest {
+    /* Once, when the server listens. An error ends the server. */
+    status (*start)(void *user, struct server *server, struct error *err);
+    /* What follows is called on the loop's thread, and must not block it. */
+    void (*job_changed)(void *user, const struct job *job);   /* its state or its samples */
+    void (*job_removed)(void *user, uint64_t job);
+    void (*workers_changed)(void *user);                      /* joined, left, steered */
+    void (*job_event)(void *user, const struct job_event *event); /* a line of a job's log */
+    void (*tick)(void *user, uint64_t now_ns);                /* ten times a second */
+    /* Close all handles; the loop ends when they are closed. */
+    void (*stop)(void *user);
+    void *user;
+};
+
+#endif
