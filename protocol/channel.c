@@ -44,6 +44,8 @@ void channel_hold_drop(struct channel *c)
     if (--c->holds > 0)
         return;
     c->callbacks.on_close(c, &c->why, c->user);
+    if (c->sink)
+        c->sink->on_closed(c->sink_user, &c->why);
     channel_free(c);
 }
 
@@ -58,9 +60,11 @@ static void finish(struct channel *c)
     if (c->state == DEAD)
         return;
     c->state = DEAD;
+    uv_close((uv_handle_t *)&c->timer, on_handle_closed);
+    if (c->sink)
+        return;
     if (!uv_is_closing((uv_handle_t *)&c->tcp))
         uv_close((uv_handle_t *)&c->tcp, on_handle_closed);
-    uv_close((uv_handle_t *)&c->timer, on_handle_closed);
     uv_cancel((uv_req_t *)&c->resolve); /* refused if it is not waiting, which is fine */
 }
 
@@ -220,6 +224,8 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
     size = azulejo__wire__envelope__get_packed_size(message);
     if (size == 0 || size > CHANNEL_FRAME_MAX)
         return STATUS_ERR_LIMIT;
+    if (c->sink)
+        return channel_local_give(c, message);
     buffer_clear(&c->outgoing);
     space = buffer_append_space(&c->outgoing, FRAME_HEADER_BYTES + size);
     if (!space)
@@ -458,7 +464,7 @@ static void close_gently(struct channel *c)
 
     if (c->state == CLOSING || c->state == DEAD)
         return;
-    if (c->state < HANDSHAKE) {
+    if (c->state < HANDSHAKE || c->sink) {
         finish(c);
         return;
     }
@@ -500,7 +506,7 @@ void channel_abort(struct channel *c, status code, const char *format, ...)
 
 size_t channel_queued_bytes(const struct channel *c)
 {
-    return c->queued_bytes;
+    return c->sink ? c->sink->queued_bytes(c->sink_user) : c->queued_bytes;
 }
 
 enum farm_role channel_role(const struct channel *c)
@@ -515,12 +521,12 @@ const char *channel_peer(const struct channel *c)
 
 uint64_t channel_last_heard_ns(const struct channel *c)
 {
-    return c->last_heard_ns;
+    return c->sink ? clock_monotonic_ns() : c->last_heard_ns;
 }
 
 uint64_t channel_last_sent_ns(const struct channel *c)
 {
-    return c->last_sent_ns;
+    return c->sink ? clock_monotonic_ns() : c->last_sent_ns;
 }
 
 void channel_adopt(struct channel *c, const struct channel_callbacks *callbacks, void *user)

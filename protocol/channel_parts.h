@@ -3,7 +3,7 @@
 #define AZULEJO_PROTOCOL_CHANNEL_PARTS_H
 
 #include "common/base/buffer.h"
-#include "protocol/channel.h"
+#include "protocol/channel_local.h"
 #include "protocol/framing.h"
 #include "protocol/tls.h"
 
@@ -39,6 +39,8 @@ struct channel {
     enum farm_role role;
     uint64_t last_heard_ns, last_sent_ns;
     struct error why;
+    const struct channel_sink *sink;  /* channel_local.c; NULL: it has a socket */
+    void *sink_user;
     struct channel_callbacks callbacks;
     void *user;
     char peer[PEER_NAME_MAX];
@@ -61,6 +63,9 @@ void channel_read_start(struct channel *c);
 void channel_begin_handshake(struct channel *c);
 void channel_end_now(struct channel *c, status code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/* channel_local.c: what the owner of a channel without a socket sends. */
+status channel_local_give(struct channel *c, const Azulejo__Wire__Envelope *message) MUST_CHECK;
 
 /* channel_accept.c: bytes that arrived before the handshake. */
 void channel_take_first(struct channel *c, const void *data, size_t size_bytes);

@@ -483,19 +483,41 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     mem_free(session);
 }
 
-status session_begin(struct server *server, struct channel *channel, struct error *err)
+/* NULL: out of memory. The channel's callbacks are its from now on. */
+static struct session *session_new(struct server *server, struct channel *channel, struct error *err)
 {
     static const struct channel_callbacks callbacks = {NULL, on_message, on_drain, on_close};
     struct session *session = mem_calloc(1, sizeof *session);
 
-    if (!session)
-        return error_no_memory(err, "a session");
+    if (!session) {
+        error_no_memory(err, "a session");
+        return NULL;
+    }
     session->channel = channel;
     session->role = channel_role(channel);
     session->begun_ns = clock_monotonic_ns();
     snprintf(session->peer, sizeof session->peer, "%s", channel_peer(channel));
     session_table_add(server, session);
     channel_adopt(channel, &callbacks, session);
+    return session;
+}
+
+status session_begin(struct server *server, struct channel *channel, struct error *err)
+{
+    return session_new(server, channel, err) ? STATUS_OK : STATUS_ERR_NO_MEMORY;
+}
+
+status session_begin_local(struct server *server, struct channel *channel, const char *who, struct error *err)
+{
+    struct session *session = session_new(server, channel, err);
+    const char *at = strrchr(who, '@');
+
+    if (!session)
+        return STATUS_ERR_NO_MEMORY;
+    message_text(session->who, sizeof session->who, who);
+    message_text(session->host, sizeof session->host, at ? at + 1 : who);
+    snprintf(session->software, sizeof session->software, "azulejo " AZULEJO_VERSION);
+    session->state = SESSION_OPEN;
     return STATUS_OK;
 }
 

@@ -2,6 +2,7 @@
  *
  *   GREETING --Hello taken--> OPEN --peer, error, silence or server--> ENDING --on_close--> freed
  *       \--Hello refused, or none in time--> ENDING
+ *   session_begin_local --> OPEN, without a Hello
  *
  * A worker's session owns its farm_worker; a client's owns its watches, uploads and transfers. The
  * session frees itself when its channel has closed.
@@ -80,6 +81,9 @@ struct session {
 
 /* For an open channel, which the session then owns. ERR_NO_MEMORY: it does not. */
 status session_begin(struct server *server, struct channel *channel, struct error *err) MUST_CHECK;
+/* The same for a peer in this process (channel_local.h), a client that needs no Hello: `who` is user@host. */
+status session_begin_local(struct server *server, struct channel *channel, const char *who,
+                           struct error *err) MUST_CHECK;
 
 /* Heartbeat, silence, watches: a few times a second. */
 void session_tick(struct session *session, uint64_t now_ns);
