@@ -125,7 +125,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale studio-day layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale studio-day layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -261,6 +261,10 @@ endif
 
 test: tests layers circles words ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
+
+test-web: tests ## the page in a real Chromium; axe-core is fetched from npm (docs/WEB.md)
+	@scripts/fetch-axe.sh || true
+	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh tests/web/
 
 check-asan: ## the tests under AddressSanitizer and UndefinedBehaviorSanitizer
 	$(MAKE) SANITIZE=address,undefined test

@@ -46,7 +46,7 @@ for target in $(find tests/fuzz -name 'fuzz_*.c' 2>/dev/null | sort); do
     base=$(basename "$target" .c)
     run_one "tests/fuzz/$base" "$BUILD/tests/fuzz/${base}_replay" "tests/fuzz/corpus/${base#fuzz_}"
 done
-for test in $(find tests/farm tests/fault -name 'test_*.py' 2>/dev/null | sort); do
+for test in $(find tests/farm tests/fault tests/web -name 'test_*.py' 2>/dev/null | sort); do
     [[ $test =~ $pattern ]] || continue
     run_one "$test" python3 "$test"
 done
