@@ -13,7 +13,7 @@
 #include "coordinator/store/store_parts.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 7, BUSY_MS = 5000 };
+enum { STORE_VERSION = 8, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -327,10 +327,12 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = add_steering(store, err);
     if (s == STATUS_OK && version < 7)
         s = add_workers_and_needs(store, err);
+    if (s == STATUS_OK && version < 8)
+        s = sql_exec(store, web_schema, "cannot be brought up to date", err);
     if (s == STATUS_OK && version > 0 && version < 5)
         s = sql_exec(store, convert_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=7; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, "PRAGMA user_version=8; COMMIT", "cannot be set up", err);
     if (s == STATUS_OK && version > 0)
         log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s",
                  store->folder, version, STORE_VERSION,

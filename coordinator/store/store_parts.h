@@ -10,6 +10,7 @@
  * store_shares.c    what owners used recently
  * store_deliverers.c workers that delivered results
  * store_workers.c   what workers did, and the names that people drained or blocked
+ * store_web.c       tokens and webhooks of the page (store_web.h)
  * store_files.c     the places of films and outputs
  */
 #ifndef AZULEJO_COORDINATOR_STORE_PARTS_H
@@ -112,6 +113,8 @@ status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_
                   const struct film_coverage *cut, struct error *err) MUST_CHECK;
 /* Note the newest figures of the job's finished frames in job->figures. */
 status history_load_last(struct store *store, struct job *job, struct error *err) MUST_CHECK;
+/* The tables of tokens and webhooks. */
+extern const char web_schema[];
 /* The table of deliverers, and a row of it. */
 extern const char deliverers_schema[];
 status deliverer_write(struct store *store, const struct deliverer *deliverer,

@@ -164,7 +164,9 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
+#define WITHOUT_8 "DROP TABLE webhook_events; DROP TABLE webhooks; DROP TABLE tokens;"
 #define WITHOUT_7                                                                               \
+    WITHOUT_8                                                                                   \
     "DROP TABLE workers; DROP TABLE worker_marks; DROP TABLE shares;"                           \
     "ALTER TABLE jobs DROP COLUMN waits_for; ALTER TABLE jobs DROP COLUMN not_before;"
 #define WITHOUT_STEERING                                                                        \
@@ -187,6 +189,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     WITHOUT_WORK_AND_RELEASE
     static const char *const steps_back[] = {
+        WITHOUT_8 "PRAGMA user_version=7",
         WITHOUT_7 "PRAGMA user_version=6",
         WITHOUT_STEERING "PRAGMA user_version=5",
         WITHOUT_STEERING "ALTER TABLE frames DROP COLUMN health; PRAGMA user_version=4",
