@@ -9,8 +9,10 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "protocol/azulejo.pb-c.h"
 
 struct server;
+struct session;
 struct job;
 struct job_event;
 
@@ -23,6 +25,9 @@ struct server_guest {
     void (*workers_changed)(void *user);                      /* joined, left, steered */
     void (*job_event)(void *user, const struct job_event *event); /* a line of a job's log */
     void (*tick)(void *user, uint64_t now_ns);                /* ten times a second */
+    /* A client's message about the guest's own things (tokens, webhooks): as a session_handler. */
+    status (*message)(void *user, struct session *session, const Azulejo__Wire__Envelope *message,
+                      uint64_t now_ns, struct error *err);
     /* Close all handles; the loop ends when they are closed. */
     void (*stop)(void *user);
     void *user;

@@ -34,6 +34,8 @@ static int is_question(const Azulejo__Wire__Envelope *message)
     case AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY:
     case AZULEJO__WIRE__ENVELOPE__BODY_OUTPUT_GET:
     case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
+    case AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_QUERY:
+    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_QUERY:
         return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_STORE_QUERY:
         return !message->store_query->collect;
@@ -205,6 +207,17 @@ static const char *worker_verb(Azulejo__Wire__WorkerVerb verb)
 /* The words that a person types: "job_pause" is the verb pause. */
 static const char *verb_of(const Azulejo__Wire__Envelope *message)
 {
+    static const struct {
+        int body;
+        const char *words;
+    } spoken[] = {
+        {AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_CREATE, "token create"},
+        {AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_REVOKE, "token revoke"},
+        {AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_RENEW, "token renew"},
+        {AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_ADD, "webhook add"},
+        {AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_REMOVE, "webhook remove"},
+        {AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_TEST, "webhook test"},
+    };
     const char *name = message_name(message);
 
     if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_WORKER_STEER)
@@ -213,6 +226,9 @@ static const char *verb_of(const Azulejo__Wire__Envelope *message)
         return "gc";
     if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_JOB_REMOVE && message->job_remove->unless_read)
         return "prune";
+    for (size_t i = 0; i < sizeof spoken / sizeof *spoken; i++)
+        if (spoken[i].body == (int)message->body_case)
+            return spoken[i].words;
     return strncmp(name, "job_", 4) == 0 ? name + 4 : name;
 }
 
