@@ -1,0 +1,98 @@
+#include "coordinator/web/problem.h"
+
+#include "coordinator/web/json_wire.h"
+
+const struct problem_kind problem_kinds[PROBLEM_COUNT] = {
+#define PROBLEM_ROW(name, code, http, title, meaning) {code, http, title, meaning},
+    PROBLEM_MAP(PROBLEM_ROW)
+#undef PROBLEM_ROW
+};
+
+/* What has one meaning wherever it comes from. */
+static enum problem plain(status code)
+{
+    switch (code) {
+    case STATUS_ERR_NOT_FOUND:
+        return PROBLEM_NOT_FOUND;
+    case STATUS_ERR_FORBIDDEN:
+        return PROBLEM_FORBIDDEN;
+    case STATUS_ERR_LIMIT:
+        return PROBLEM_LIMIT;
+    case STATUS_ERR_UNSUPPORTED:
+        return PROBLEM_UNSUPPORTED;
+    case STATUS_ERR_NO_MEMORY:
+    case STATUS_ERR_IO:
+    case STATUS_ERR_UNREACHABLE:
+        return PROBLEM_UNAVAILABLE;
+    case STATUS_ERR_TIMEOUT:
+        return PROBLEM_TIMEOUT;
+    default:
+        return PROBLEM_INTERNAL;
+    }
+}
+
+enum problem problem_of_request(status code, int has_token)
+{
+    switch (code) {
+    case STATUS_ERR_USAGE:
+    case STATUS_ERR_INPUT:
+    case STATUS_ERR_PROTOCOL:
+        return PROBLEM_INPUT;
+    case STATUS_ERR_REFUSED:
+        return has_token ? PROBLEM_FORBIDDEN : PROBLEM_NO_TOKEN;
+    default:
+        return plain(code);
+    }
+}
+
+enum problem problem_of_farm(status code)
+{
+    switch (code) {
+    case STATUS_ERR_USAGE:
+    case STATUS_ERR_INPUT:
+    case STATUS_ERR_PROTOCOL:
+        return PROBLEM_VALUE;
+    case STATUS_ERR_REFUSED:
+    case STATUS_ERR_MISMATCH:
+    case STATUS_ERR_INCOMPLETE:
+    case STATUS_ERR_JOB_FAILED:
+        return PROBLEM_STATE;
+    default:
+        return plain(code);
+    }
+}
+
+void problem_put(struct buffer *out, enum problem problem, const char *detail, const char *instance)
+{
+    const struct problem_kind *kind = &problem_kinds[problem];
+
+    buffer_printf(out, "{\"type\":\"/docs/errors#%s\",\"title\":", kind->code);
+    json_put_text(out, kind->title);
+    buffer_printf(out, ",\"status\":%u,\"code\":\"%s\",\"detail\":", kind->http_status, kind->code);
+    json_put_text(out, detail);
+    buffer_puts(out, ",\"instance\":");
+    json_put_text(out, instance);
+    buffer_puts(out, "}\n");
+}
+
+void problem_answer(struct web_request *request, enum problem problem, const char *detail)
+{
+    const char *headers = problem == PROBLEM_NO_TOKEN ? "www-authenticate: Bearer realm=\"azulejo\"\r\n" : NULL;
+    struct buffer text = BUFFER_INIT;
+
+    problem_put(&text, problem, detail, request->path);
+    web_answer(request, problem_kinds[problem].http_status, PROBLEM_CONTENT_TYPE, headers, text.data, text.size);
+    buffer_release(&text);
+}
+
+void problem_list(struct web_request *request)
+{
+    struct buffer text = BUFFER_INIT;
+
+    buffer_puts(&text, "The problems that the API answers with. 'code' is one of these; 'detail' says more.\n");
+    for (int i = 0; i < PROBLEM_COUNT; i++)
+        buffer_printf(&text, "\n%s (%u): %s.\n    %s\n", problem_kinds[i].code, problem_kinds[i].http_status,
+                      problem_kinds[i].title, problem_kinds[i].meaning);
+    web_answer(request, 200, "text/plain; charset=utf-8", NULL, text.data, text.size);
+    buffer_release(&text);
+}
