@@ -274,7 +274,8 @@ static void group_fold_waiting(struct film *film, uint32_t tile, uint32_t group)
            film_group_seen(g) < group_limit(film, g, group)) {
         struct waiting *w = g->waiting;
         (void)group_take(film, tile, group, w->sums, &w->tail, &w->work,
-                         (struct film_log_entry){.hash = w->hash, .deliverer = w->deliverer});
+                         (struct film_log_entry){
+                             .hash = w->hash, .deliverer = w->deliverer, .cost = w->cost});
         g->waiting = w->next;
         g->waiting_count--;
         mem_free(w);
@@ -290,6 +291,7 @@ static status group_wait(struct film_group *g, struct waiting **at, const struct
         return error_no_memory(err, "an early tile result");
     entry->pass = unit->pass;
     entry->deliverer = deliverer;
+    entry->cost = 0;
     entry->hash = hash;
     entry->count = unit->count;
     entry->work = unit->work;

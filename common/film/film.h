@@ -93,6 +93,21 @@ uint32_t film_wanted_most(const struct film *film);
 int film_has(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
 /* Who delivered this unit; 0: it is not there. */
 uint32_t film_deliverer(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
+/* Note how the unit, which is folded or waits, was rendered: on which of the deliverer's threads (from 1; 0:
+ * not known), in how much processor time. Kept with the tile's state; it is measured, so no picture depends
+ * on it. No effect if the unit is not there. */
+void film_note_cost(struct film *film, uint32_t tile, uint32_t group, uint32_t pass, uint32_t thread,
+                    uint64_t cpu_ns);
+/* What is noted of a folded unit; 0: nothing. */
+void film_cost(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass, uint32_t *thread,
+               uint64_t *cpu_ns);
+/* Where a tile's picture comes from: of the newest pass, who delivered it; of all folded ones, the sum. */
+struct film_origin {
+    uint32_t units;              /* folded passes of both groups; 0: the rest is 0, too */
+    uint32_t deliverer, thread;  /* thread from 1; 0: not known */
+    uint64_t cpu_ns;             /* to 4 digits; without those of which it is not known */
+};
+struct film_origin film_tile_origin(const struct film *film, uint32_t tile);
 /* Samples per pixel folded into the tile: of both groups, and of one. */
 uint32_t film_tile_samples(const struct film *film, uint32_t tile);
 uint32_t film_group_samples(const struct film *film, uint32_t tile, uint32_t group);
@@ -147,6 +162,12 @@ uint32_t film_aov_channels(enum aov aov);
  * of TILE_SIZE. */
 void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
                       float *out);
+
+/* One tile, [pixel, row-major]: the mean radiance, to the bits of film_develop, and the standard error of its
+ * luminance (Rec. 709) from the replicates; NaN: a group has only one. 0: the tile has no samples. */
+int film_tile_picture(const struct film *film, uint32_t tile, float (*out)[4]);
+/* The same of an AOV, as film_develop_aov: channels that it has not are 0, and out[][3] is NaN. */
+int film_tile_aov(const struct film *film, uint32_t tile, enum aov aov, float (*out)[4]);
 
 /* Every pixel has a sample of each replicate. */
 int film_has_replicates(const struct film *film);

@@ -141,6 +141,22 @@ static double aov_value(const struct film *film, uint32_t tile, unsigned there, 
     return value;
 }
 
+int film_tile_aov(const struct film *film, uint32_t tile, enum aov aov, float (*out)[4])
+{
+    unsigned there = groups_there(film, tile, (1u << GROUPS) - 1);
+    uint32_t pixels = film_tile_pixels(film, tile), channels = film_aov_channels(aov);
+
+    if (!there)
+        return 0;
+    for (uint32_t p = 0; p < pixels; p++) {
+        memset(out[p], 0, sizeof out[p]);
+        out[p][3] = NAN;
+        for (uint32_t c = 0; c < channels; c++)
+            out[p][c] = (float)aov_value(film, tile, there, aov, p, c);
+    }
+    return 1;
+}
+
 void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
                       float *out)
 {

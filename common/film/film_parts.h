@@ -3,6 +3,7 @@
  * film.c            life, merging
  * film_questions.c  what a film holds
  * film_develop.c    means, AOVs, the error estimate
+ * film_tile.c       the same of one tile, quickly
  * film_state.c      a tile's state as bytes
  */
 #ifndef AZULEJO_FILM_FILM_PARTS_H
@@ -13,7 +14,7 @@
 /* A result that may not be folded yet. */
 struct waiting {
     struct waiting *next; /* ascending pass */
-    uint32_t pass, deliverer;
+    uint32_t pass, deliverer, cost;
     uint64_t hash;
     size_t count;
     struct unit_work work;
@@ -30,7 +31,8 @@ struct film_sums {
 
 struct film_log_entry {
     uint64_t hash;        /* unit_hash() */
-    uint32_t deliverer, spare;
+    uint32_t deliverer;
+    uint32_t cost;        /* film_note_cost: the time and the thread; 0: not known */
 };
 
 /* Passes of a group that has ended, for the statistics of their levels alone. */

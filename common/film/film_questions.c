@@ -95,6 +95,80 @@ uint32_t film_deliverer(const struct film *film, uint32_t tile, uint32_t group, 
     return pass < g->passes ? g->log[pass].deliverer : w ? w->deliverer : 0;
 }
 
+/* ---- who rendered it ------------------------------------------------------------------------- */
+
+/* In 32 bits, from the lowest: the thread, then digits and exponent of the time. */
+enum {
+    COST_THREAD_BITS = 13,
+    COST_DIGIT_BITS = 14,
+    COST_EXPONENT_MAX = 31,      /* 2^45 ns are 9 hours */
+    COST_THREAD_MAX = (1 << COST_THREAD_BITS) - 1,
+    COST_DIGITS_MAX = (1 << COST_DIGIT_BITS) - 1,
+};
+
+static uint32_t cost_pack(uint32_t thread, uint64_t cpu_ns)
+{
+    uint32_t exponent = 0;
+
+    while (cpu_ns > COST_DIGITS_MAX && exponent < COST_EXPONENT_MAX) {
+        cpu_ns >>= 1;
+        exponent++;
+    }
+    if (cpu_ns > COST_DIGITS_MAX)
+        cpu_ns = COST_DIGITS_MAX;
+    return (thread <= COST_THREAD_MAX ? thread : 0) | (uint32_t)cpu_ns << COST_THREAD_BITS |
+           exponent << (COST_THREAD_BITS + COST_DIGIT_BITS);
+}
+
+static uint64_t cost_ns(uint32_t cost)
+{
+    return (uint64_t)(cost >> COST_THREAD_BITS & COST_DIGITS_MAX)
+           << (cost >> (COST_THREAD_BITS + COST_DIGIT_BITS));
+}
+
+void film_note_cost(struct film *film, uint32_t tile, uint32_t group, uint32_t pass, uint32_t thread,
+                    uint64_t cpu_ns)
+{
+    struct film_group *g = &film->tiles[tile].groups[group];
+    struct waiting *w = g->waiting;
+
+    while (w && w->pass < pass)
+        w = w->next;
+    if (pass < g->passes)
+        g->log[pass].cost = cost_pack(thread, cpu_ns);
+    else if (w && w->pass == pass)
+        w->cost = cost_pack(thread, cpu_ns);
+}
+
+void film_cost(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass, uint32_t *thread,
+               uint64_t *cpu_ns)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+    uint32_t cost = pass < g->passes ? g->log[pass].cost : 0;
+
+    *thread = cost & COST_THREAD_MAX;
+    *cpu_ns = cost_ns(cost);
+}
+
+struct film_origin film_tile_origin(const struct film *film, uint32_t tile)
+{
+    const struct film_group *groups = film->tiles[tile].groups, *newest = groups;
+    struct film_origin origin = {0};
+
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        if (groups[g].passes > 0 && groups[g].passes >= newest->passes)
+            newest = &groups[g]; /* units are lent in the order (pass, group) */
+        origin.units += groups[g].passes;
+        for (uint32_t pass = 0; pass < groups[g].passes; pass++)
+            origin.cpu_ns += cost_ns(groups[g].log[pass].cost);
+    }
+    if (origin.units > 0) {
+        origin.deliverer = newest->log[newest->passes - 1].deliverer;
+        origin.thread = newest->log[newest->passes - 1].cost & COST_THREAD_MAX;
+    }
+    return origin;
+}
+
 uint32_t film_group_samples(const struct film *film, uint32_t tile, uint32_t group)
 {
     return film_samples_after(film, group, film->tiles[tile].groups[group].passes);

@@ -205,7 +205,7 @@ static uint8_t *put_group(uint8_t *at, const struct film *film, uint32_t tile, u
     for (uint32_t i = 0; i < g->passes; i++) {
         at = put64(at, g->log[i].hash);
         at = put32(at, g->log[i].deliverer);
-        at = put32(at, g->log[i].spare);
+        at = put32(at, g->log[i].cost);
     }
     return at;
 }
@@ -417,7 +417,7 @@ static void group_load(struct film *film, uint32_t tile, uint32_t group,
     for (uint32_t i = 0; i < passes; i++) {
         g->log[i].hash = get64(&at);
         g->log[i].deliverer = get32(&at);
-        g->log[i].spare = get32(&at);
+        g->log[i].cost = get32(&at);
     }
     film_group_set_passes(film, tile, group, passes);
     film_want(film, tile, group, passes);

@@ -162,6 +162,8 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
     frame->ack_count--;
     floats_from_wire(sums, result->sums, unit.count);
     s = film_merge(frame->film, &unit, worker->deliverer.number, merged, err);
+    if (s == STATUS_OK && (*merged == FILM_MERGED || *merged == FILM_WAITING))
+        film_note_cost(frame->film, u.tile, u.group, u.pass, result->times.thread, result->stats.cpu_ns);
     if (s == STATUS_ERR_INPUT) {
         s = STATUS_ERR_PROTOCOL;
         if (err)

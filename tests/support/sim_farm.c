@@ -447,7 +447,8 @@ static void merge_in_order(struct film *reference, const struct film *film, uint
                                    .sums = sums};
         struct tile_rect rect = tile_rect_of(film_width(film), film_height(film), name.tile);
         enum film_merge_result result;
-        uint32_t begin, end;
+        uint32_t begin, end, thread;
+        uint64_t cpu_ns;
 
         unit.count = sim_sums(film_width(film), film_height(film), number, name, bytes) / 4;
         memcpy(sums, bytes, unit.count * 4);
@@ -457,6 +458,8 @@ static void merge_in_order(struct film *reference, const struct film *film, uint
                                     film_deliverer(film, name.tile, name.group, name.pass), &result,
                                     NULL),
                          STATUS_OK);
+        film_cost(film, name.tile, name.group, name.pass, &thread, &cpu_ns);
+        film_note_cost(reference, name.tile, name.group, name.pass, thread, cpu_ns);
     }
 }
 

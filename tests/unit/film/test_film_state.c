@@ -57,6 +57,50 @@ static void state_goes_to_disk_and_back(void **state)
     film_free(resumed);
 }
 
+/* Who rendered a tile, and for how long, is known after a restart; pictures do not depend on it. */
+static void origins_go_to_disk_and_back(void **state)
+{
+    struct film *film = film_data_new(24, 20, 60, 0), *plain = film_data_new(24, 20, 60, 0);
+    struct film *loaded = film_data_new(24, 20, 60, 0);
+    struct film_origin o;
+    float rgb[2][24 * 20 * 3];
+
+    (void)state;
+    assert_int_equal(film_tile_origin(film, 1).units, 0);
+    film_note_cost(film, 1, 0, 0, 3, 1000); /* it is not there: no effect */
+    for (uint32_t p = 0; p < 3; p++) {
+        film_data_merge(film, 1, 0, p);
+        film_note_cost(film, 1, 0, p, 7 + p, 1000000 * (p + 1));
+    }
+    film_data_merge(film, 1, 1, 1); /* waits for pass 0 */
+    film_note_cost(film, 1, 1, 1, 4000, 5000000);
+    assert_int_equal(film_tile_origin(film, 1).units, 3);
+    assert_int_equal(film_tile_origin(film, 1).thread, 9);
+    film_data_merge(film, 1, 1, 0);
+    film_data_merge(film, 1, 1, 2);
+    film_note_cost(film, 1, 1, 2, 4096, UINT64_MAX);
+    copy_states(film, loaded);
+    o = film_tile_origin(loaded, 1);
+    assert_int_equal(o.units, 6);
+    assert_int_equal(o.thread, 4096); /* of two last passes, group 1's is newer */
+    assert_int_equal(o.deliverer, film_deliverer(film, 1, 1, 2));
+    assert_true(o.cpu_ns > (1ull << 45) - (1ull << 32));
+    film_note_cost(loaded, 1, 1, 2, 4096, 0);
+    o = film_tile_origin(loaded, 1);
+    assert_in_range(o.cpu_ns, 11000000 - 11000000 / 4096, 11000000);
+    film_note_cost(loaded, 1, 1, 2, 100000, 0);
+    assert_int_equal(film_tile_origin(loaded, 1).thread, 0);
+    for (uint32_t p = 0; p < 3; p++)
+        for (uint32_t g = 0; g < GROUPS; g++)
+            film_data_merge(plain, 1, g, p);
+    film_develop(film, rgb[0]);
+    film_develop(plain, rgb[1]);
+    assert_memory_equal(rgb[0], rgb[1], sizeof rgb[0]);
+    film_free(film);
+    film_free(plain);
+    film_free(loaded);
+}
+
 /* The bound does not depend on the cap, and the largest film keeps to it. */
 static void the_bound_is_fixed(void **state)
 {
@@ -144,6 +188,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(state_goes_to_disk_and_back),
+        cmocka_unit_test(origins_go_to_disk_and_back),
         cmocka_unit_test(the_bound_is_fixed),
         cmocka_unit_test(a_larger_cap_goes_on),
         cmocka_unit_test(damaged_state_is_refused),
