@@ -30,8 +30,9 @@ struct job_frame *job_frame_new(struct job *job, uint32_t number, uint32_t width
     frame->slot = mem_calloc(tiles, 1);
     frame->dirty_mark = mem_calloc(tiles, 1);
     frame->dirty = mem_calloc(tiles, sizeof *frame->dirty);
+    frame->shown = mem_calloc(tiles, sizeof *frame->shown);
     if (!frame->film || !frame->buckets || !frame->spread || !frame->durable || !frame->slot ||
-        !frame->dirty_mark || !frame->dirty) {
+        !frame->dirty_mark || !frame->dirty || !frame->shown) {
         job_frame_free(frame);
         return NULL;
     }
@@ -46,6 +47,8 @@ status job_frame_begin(struct job_frame *frame, struct error *err)
                            err);
 
     job_frame_wish(frame);
+    for (uint32_t i = 0; i < film_tile_count(frame->film); i++)
+        frame->shown[i] = film_tile_samples(frame->film, i);
     return s;
 }
 
@@ -66,6 +69,7 @@ void job_frame_free(struct job_frame *frame)
         tonemap_pixels_free(frame->display[g]);
     rounds_release(&frame->rounds);
     mem_free(frame->acks);
+    mem_free(frame->shown);
     mem_free(frame->dirty);
     mem_free(frame->dirty_mark);
     mem_free(frame->slot);
@@ -410,6 +414,7 @@ void job_frame_mark_folded(struct job_frame *frame, uint64_t now_ns)
 
 void job_frame_mark_dirty(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
 {
+    frame->shown[tile] = film_tile_samples(frame->film, tile);
     if (frame->dirty_mark[tile])
         return;
     if (frame->dirty_count == 0)

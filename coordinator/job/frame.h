@@ -103,6 +103,7 @@ struct job_frame {
     uint32_t *dirty;             /* tiles to write, in order of arrival */
     uint32_t dirty_count;
     uint64_t dirty_since_ns;
+    uint32_t *shown;             /* [tiles] samples of a pixel: with them the tile's picture changes (live.h) */
     struct pending_ack *acks;
     size_t ack_count, ack_capacity;
     struct tonemap_pixels *display[GROUPS]; /* how its pixels are shown; NULL: not frozen (freeze.h) */
