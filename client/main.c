@@ -17,7 +17,7 @@ static const struct command *const commands[] = {
     &command_develop, &command_cancel, &command_extend,
     &command_start, &command_pause, &command_resume, &command_finish, &command_priority, &command_retry,
     &command_remove, &command_log, &command_prune, &command_gc, &command_trace, &command_top,
-    &command_workers, &command_keygen, &command_completion,
+    &command_workers, &command_token, &command_webhook, &command_keygen, &command_completion,
     &command_tonemap, &command_compare,
 };
 enum { COMMAND_COUNT = sizeof commands / sizeof commands[0] };
