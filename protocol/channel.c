@@ -212,6 +212,20 @@ static status flush_output(struct channel *c)
     return STATUS_OK;
 }
 
+/* A channel without a socket (channel_local.h). */
+static status give_sink(struct channel *c, const Azulejo__Wire__Envelope *message)
+{
+    size_t queued;
+
+    c->sink->on_send(c->sink_user, message);
+    queued = c->sink->queued_bytes(c->sink_user);
+    if (c->state != OPEN || queued <= CHANNEL_QUEUE_MAX)
+        return STATUS_OK;
+    channel_end_now(c, STATUS_ERR_LIMIT, "it does not read: %zu bytes wait to be sent (limit %d)", queued,
+                    CHANNEL_QUEUE_MAX);
+    return STATUS_ERR_LIMIT;
+}
+
 status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
 {
     struct error err = {0};
@@ -225,7 +239,7 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
     if (size == 0 || size > CHANNEL_FRAME_MAX)
         return STATUS_ERR_LIMIT;
     if (c->sink)
-        return channel_local_give(c, message);
+        return give_sink(c, message);
     buffer_clear(&c->outgoing);
     space = buffer_append_space(&c->outgoing, FRAME_HEADER_BYTES + size);
     if (!space)

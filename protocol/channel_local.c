@@ -27,20 +27,6 @@ status channel_local(struct channel **out, uv_loop_t *loop, const struct channel
     return STATUS_OK;
 }
 
-status channel_local_give(struct channel *c, const Azulejo__Wire__Envelope *message)
-{
-    size_t queued;
-
-    c->sink->on_send(c->sink_user, message);
-    queued = c->sink->queued_bytes(c->sink_user);
-    if (c->state == OPEN && queued > CHANNEL_QUEUE_MAX) {
-        channel_end_now(c, STATUS_ERR_LIMIT, "it does not read: %zu bytes wait to be sent (limit %d)", queued,
-                        CHANNEL_QUEUE_MAX);
-        return STATUS_ERR_LIMIT;
-    }
-    return STATUS_OK;
-}
-
 void channel_local_message(struct channel *c, const Azulejo__Wire__Envelope *message)
 {
     if (c->state == OPEN)

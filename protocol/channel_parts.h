@@ -64,9 +64,6 @@ void channel_begin_handshake(struct channel *c);
 void channel_end_now(struct channel *c, status code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-/* channel_local.c: what the owner of a channel without a socket sends. */
-status channel_local_give(struct channel *c, const Azulejo__Wire__Envelope *message) MUST_CHECK;
-
 /* channel_accept.c: bytes that arrived before the handshake. */
 void channel_take_first(struct channel *c, const void *data, size_t size_bytes);
 
