@@ -115,6 +115,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct effects_auto effects = {0};
     struct needs_options needs = NEEDS_OPTIONS_INIT;
     const char *name = NULL;
+    const char *owner = NULL;
     const char *token = NULL;
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     const char *out = NULL;
@@ -138,6 +139,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "a name for this submission, up to 64 bytes: submitting again with it creates no second "
          "job, but prints the first one's number (default: a random one)",
          0, 0, NULL},
+        {"owner", 0, OPTION_STRING, &owner, "USER@HOST",
+         "submit it on behalf of somebody else, whose share of the farm it then uses (default: you)", 0, 0, NULL},
         {"force", 0, OPTION_FLAG, &force, NULL,
          "submit it also if it seems not to fit the coordinator's disk: it then waits whenever the disk is full", 0, 0,
          NULL},
@@ -175,6 +178,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     if (result == STATUS_OK)
         result = job_options_check(&options, &request, err);
     request.force = force;
+    request.owner = owner;
     if (result == STATUS_OK)
         result = effects_auto_check(&effects, options.stop.target, err);
     if (result == STATUS_OK)

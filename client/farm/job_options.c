@@ -246,7 +246,7 @@ status job_request_submit(struct connection *c, const struct job_request *reques
     submit.force = request->force;
     submit.token = (char *)request->token;
     submit.source = (char *)buffer_text(&request->source);
-    submit.owner = (char *)connection_who(owner);
+    submit.owner = (char *)(request->owner && *request->owner ? request->owner : connection_who(owner));
     needs_request_set(&submit, &needs);
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
     envelope.job_submit = &submit;

@@ -158,6 +158,7 @@ struct job_request {
     int32_t priority;
     int force;                   /* also if it does not fit the coordinator's disk */
     struct needs_request needs;
+    const char *owner;           /* whose job it is, user@host; NULL or "": of who runs this program */
     /* The submission's own name, so that it can be sent twice and is one job; "": none. */
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };

@@ -1,0 +1,381 @@
+/* A scene's files are there: run `azulejo submit` on them. */
+#include <errno.h>
+#include <inttypes.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "common/base/trash.h"
+#include "coordinator/web/import_parts.h"
+#include "protocol/key.h"
+
+extern char **environ;
+
+enum {
+    BODY_BYTES_MAX = 64 << 10,
+    OUTPUT_BYTES = 16 << 20,       /* it lists the files that it read */
+    TEXT_SIZE = 1024,
+    ADDRESS_SIZE = 64,
+    OWN_WORDS = 16,                /* of the command line, besides the options */
+};
+#define MEMORY_BYTES ((uint64_t)16 << 30) /* or half of the machine's, if that is less */
+
+/* ---- the answer --------------------------------------------------------------------------- */
+
+static uint64_t memory_limit(void)
+{
+    long pages = sysconf(_SC_PHYS_PAGES), size = sysconf(_SC_PAGESIZE);
+    uint64_t half = pages > 0 && size > 0 ? (uint64_t)pages * (uint64_t)size / 2 : MEMORY_BYTES;
+
+    return half < MEMORY_BYTES ? half : MEMORY_BYTES;
+}
+
+/* What the program's exit status means here (common/base/status.h). */
+static status code_of(int64_t exit_status)
+{
+    switch (exit_status) {
+    case 2: return STATUS_ERR_USAGE;
+    case 3: return STATUS_ERR_INPUT;
+    case 5: return STATUS_ERR_REFUSED;
+    case 4:
+    case 7:
+    case 8: return STATUS_ERR_IO;
+    default: return STATUS_ERR_INTERNAL;
+    }
+}
+
+/* Why there is no job. */
+static void explain(const struct import *import, const struct web_child_result *r, struct error *err)
+{
+    char text[TEXT_SIZE];
+    int too_much = r->signal == SIGABRT || r->signal == SIGSEGV;
+
+    import_sentence(text, sizeof text, buffer_text(r->errors), import->folder);
+    if (r->end == CHILD_TOO_LONG || r->signal == SIGXCPU)
+        error_set(err, STATUS_ERR_LIMIT,
+                  "reading the scene took longer than an upload may (%d minutes): use 'azulejo submit'",
+                  IMPORT_RUN_S / 60);
+    else if (r->end == CHILD_TOO_MUCH)
+        error_set(err, STATUS_ERR_LIMIT, "the scene's import printed too much: use 'azulejo submit'");
+    else if (r->end == CHILD_KILLED)
+        error_set(err, STATUS_ERR_REFUSED, "the upload was removed while it was imported");
+    else if (too_much || strstr(text, "out of memory"))
+        error_set(err, STATUS_ERR_LIMIT,
+                  "the scene needs more memory than an upload may (%" PRIu64 " MiB), or its import failed: use "
+                  "'azulejo submit'%s%s", memory_limit() >> 20, text[0] ? ": " : "", text);
+    else if (text[0])
+        error_set(err, code_of(r->exit_status), "%s", text);
+    else
+        error_set(err, STATUS_ERR_INTERNAL,
+                  "the scene's import ended without a word (status %d, signal %d); the coordinator's log has more",
+                  (int)r->exit_status, r->signal);
+}
+
+/* {"job": 12, "estimate_spp": 0, "warnings": []} out of what the program printed. */
+static json_t *answer_of(const struct import *import, const struct web_child_result *r)
+{
+    json_t *said = json_loadb((const char *)r->output->data, r->output->size, 0, NULL);
+    const json_t *job = json_object_get(said, "job"), *spp = json_object_get(said, "estimate_spp");
+    json_t *answer = NULL;
+
+    if (r->end == CHILD_EXITED && r->signal == 0 && r->exit_status == 0 && json_is_integer(job))
+        answer = json_pack("{s:I, s:I, s:o}", "job", json_integer_value(job), "estimate_spp",
+                           json_integer_value(spp), "warnings",
+                           import_warnings(buffer_text(r->errors), import->folder));
+    json_decref(said);
+    return answer;
+}
+
+static void note(const struct import *import, const char *peer, uint64_t job, const struct error *why)
+{
+    struct audit_actor actor = {.key = "web"};
+    char details[64];
+
+    snprintf(actor.who, sizeof actor.who, "%s", import->who);
+    snprintf(actor.address, sizeof actor.address, "%s", peer);
+    snprintf(details, sizeof details, "{\"token\": %" PRIu64 ", \"files\": %u}", import->token, import->files);
+    audit_note(&import->all->server->audit, &actor, "import", job, details, why);
+}
+
+/* Its job is known: keep only the answer. */
+static void done(struct import *import, json_t *answer)
+{
+    char *text = json_dumps(answer, JSON_COMPACT);
+
+    import->state = IMPORT_DONE;
+    buffer_puts(&import->answer, text ? text : "{}");
+    free(text);
+    import->bytes = 0;
+    if (!trash_take(store_folder(import->all->server->store), import->folder))
+        log_warn("%s: cannot be removed: %s", import->folder, strerror(errno));
+}
+
+static void on_end(void *user, const struct web_child_result *r)
+{
+    struct import *import = user;
+    struct imports *all = import->all;
+    struct web_request *asker = import->asker;
+    struct error err = {0};
+    json_t *answer = answer_of(import, r);
+    uint64_t job = (uint64_t)json_integer_value(json_object_get(answer, "job"));
+
+    import->child = NULL;
+    import->asker = NULL;
+    import->state = IMPORT_OPEN;
+    all->running--;
+    if (!answer)
+        explain(import, r, &err);
+    note(import, asker ? asker->peer : "", job, answer ? NULL : &err);
+    if (!answer)
+        log_info("an upload of %s was not submitted: %s", import->who, err.text);
+    if (answer && !import->removed)
+        done(import, answer);
+    if (asker)
+        asker->state = NULL;
+    if (asker && answer)
+        import_answer(asker, 201, json_incref(answer));
+    else if (asker)
+        web_fail(asker, &err);
+    json_decref(answer);
+    import_settle(import);
+    imports_pump(all);
+}
+
+/* ---- running ------------------------------------------------------------------------------ */
+
+/* A descriptor with a client's key. The program reads it by its name below /proc/self/fd, so nobody sees the key in
+ * a command line, an environment or a folder. */
+static int make_secret(const struct farm_key *farm, struct error *err)
+{
+    struct farm_key key;
+    struct buffer text = BUFFER_INIT;
+    int fd = memfd_create("azulejo-key", MFD_CLOEXEC);
+
+    if (fd < 0 || fchmod(fd, 0600) != 0) {
+        error_set(err, STATUS_ERR_IO, "no memory file for a key: %s", strerror(errno));
+    } else if (farm_key_derive(farm, FARM_ROLE_CLIENT, &key, err) == STATUS_OK) {
+        farm_key_print(&key, &text);
+        if (buffer_ok(&text) && write(fd, text.data, text.size) == (ssize_t)text.size)
+            err->code = STATUS_OK;
+        else
+            error_set(err, STATUS_ERR_IO, "no memory file for a key: %s", strerror(errno));
+        explicit_bzero(&key, sizeof key);
+        if (text.data)
+            explicit_bzero(text.data, text.size);
+    }
+    buffer_release(&text);
+    if (err->code != STATUS_OK && fd >= 0) {
+        close(fd);
+        fd = -1;
+    }
+    return fd;
+}
+
+/* Where the coordinator itself can be reached by this machine's programs. */
+static void own_address(struct server *server, char out[ADDRESS_SIZE])
+{
+    struct sockaddr_storage where = {0};
+    int size = sizeof where;
+    char host[INET6_ADDRSTRLEN] = "";
+
+    (void)uv_tcp_getsockname(&server->listener, (struct sockaddr *)&where, &size);
+    if (where.ss_family == AF_INET6) {
+        const struct sockaddr_in6 *six = (const struct sockaddr_in6 *)&where;
+        (void)uv_ip6_name(six, host, sizeof host);
+        snprintf(out, ADDRESS_SIZE, "[%s]:%u", strcmp(host, "::") == 0 ? "::1" : host, ntohs(six->sin6_port));
+    } else {
+        const struct sockaddr_in *four = (const struct sockaddr_in *)&where;
+        (void)uv_ip4_name(four, host, sizeof host);
+        snprintf(out, ADDRESS_SIZE, "%s:%u", strcmp(host, "0.0.0.0") == 0 ? "127.0.0.1" : host,
+                 ntohs(four->sin_port));
+    }
+}
+
+/* This process's environment without Azulejo's own variables, and with the key. The caller frees the array only. */
+static const char **make_environment(void)
+{
+    static const char key[] = "AZULEJO_KEY=/proc/self/fd/3";
+    size_t count = 0, kept = 0;
+    const char **out;
+
+    while (environ[count])
+        count++;
+    out = mem_calloc(count + 2, sizeof *out);
+    for (size_t i = 0; out && i < count; i++)
+        if (strncmp(environ[i], "AZULEJO_", strlen("AZULEJO_")) != 0)
+            out[kept++] = environ[i];
+    if (out)
+        out[kept] = key;
+    return out;
+}
+
+static status start(struct import *import, struct error *err)
+{
+    struct imports *all = import->all;
+    char address[ADDRESS_SIZE], token[ADDRESS_SIZE];
+    const char *words[OWN_WORDS + IMPORT_OPTIONS_MAX] = {
+        "azulejo", "submit", import->scene, "--json", "--reconnect=0", "--allow-outside=.", "--coordinator", address,
+        "--token", token, "--owner", import->who};
+    size_t count = 0;
+    char *folder = file_join(import->folder, "files");
+    const char **environment = make_environment();
+    int secret = make_secret(all->server->key, err);
+    status s = secret >= 0 ? STATUS_OK : err->code;
+
+    while (words[count])
+        count++;
+    memcpy(words + count, import->words.items, import->words.count * sizeof *words);
+    own_address(all->server, address);
+    snprintf(token, sizeof token, "upload-%" PRIu64, import->number);
+    if (s == STATUS_OK && (!folder || !environment))
+        s = error_no_memory(err, "an import");
+    if (s == STATUS_OK) {
+        const struct web_child_options how = {
+            .program = all->client, .arguments = words, .environment = environment, .folder = folder,
+            .secret = secret, .memory_bytes = memory_limit(), .processor_s = IMPORT_PROCESSOR_S,
+            .limit_ms = IMPORT_RUN_S * UINT64_C(1000), .output_bytes = OUTPUT_BYTES};
+        s = web_child_start(&import->child, &all->server->loop, &how, on_end, import, err);
+    }
+    if (secret >= 0)
+        close(secret);
+    mem_free(folder);
+    mem_free(environment);
+    return s;
+}
+
+void imports_pump(struct imports *imports)
+{
+    while (!imports->stopped && imports->running < IMPORTS_RUNNING_MAX) {
+        struct import *first = NULL;
+        struct web_request *asker;
+        struct error err = {0};
+        for (struct import *i = imports->list; i; i = i->next)
+            if (i->state == IMPORT_WAITING)
+                first = i; /* the oldest */
+        if (!first)
+            return;
+        first->state = IMPORT_RUNNING;
+        if (start(first, &err) == STATUS_OK) {
+            imports->running++;
+            continue;
+        }
+        first->state = IMPORT_OPEN;
+        asker = first->asker;
+        first->asker = NULL;
+        if (asker) {
+            asker->state = NULL;
+            web_fail(asker, &err);
+        }
+    }
+}
+
+void import_stop_running(struct import *import)
+{
+    struct web_request *asker = import->asker;
+    struct error err = {0};
+
+    if (import->state == IMPORT_RUNNING && import->child)
+        web_child_kill(import->child); /* on_end answers */
+    if (import->state != IMPORT_WAITING)
+        return;
+    import->state = IMPORT_OPEN;
+    import->asker = NULL;
+    if (!asker)
+        return;
+    asker->state = NULL;
+    error_set(&err, STATUS_ERR_REFUSED, "the upload was removed before it was imported");
+    web_fail(asker, &err);
+}
+
+static void on_gone(struct web_request *request)
+{
+    struct import *import = request->state;
+
+    if (!import)
+        return;
+    request->state = NULL;
+    import->asker = NULL;
+    import_stop_running(import);
+}
+
+/* ---- the request -------------------------------------------------------------------------- */
+
+/* {"scene": "path", "options": [...]} */
+static status read_body(struct import *import, const struct buffer *body, struct error *err)
+{
+    json_error_t where;
+    json_t *said = body->size > 0 && body->size <= BODY_BYTES_MAX
+                       ? json_loadb((const char *)body->data, body->size, JSON_REJECT_DUPLICATES, &where)
+                       : NULL;
+    const char *scene = json_string_value(json_object_get(said, "scene")), *name;
+    struct buffer path = BUFFER_INIT;
+    json_t *value;
+    status s = STATUS_OK;
+
+    if (!scene)
+        s = error_set(err, STATUS_ERR_USAGE,
+                      "the body must be JSON as in {\"scene\": \"room.gltf\", \"options\": [\"--spp\", \"64\"]}");
+    if (s == STATUS_OK)
+        json_object_foreach (said, name, value)
+            if (strcmp(name, "scene") != 0 && strcmp(name, "options") != 0)
+                s = error_set(err, STATUS_ERR_USAGE, "the body may have 'scene' and 'options', not '%.64s'", name);
+    if (s == STATUS_OK)
+        s = import_path_check(scene, err);
+    if (s == STATUS_OK)
+        s = import_words_read(&import->words, json_object_get(said, "options"), err);
+    if (s == STATUS_OK) {
+        buffer_printf(&path, "./%s", scene);
+        import->scene = buffer_ok(&path) ? mem_strdup(buffer_text(&path)) : NULL;
+        s = import->scene ? STATUS_OK : error_no_memory(err, "a path");
+    }
+    buffer_release(&path);
+    json_decref(said);
+    return s;
+}
+
+static status check(const struct import *import, struct error *err)
+{
+    if (import->state != IMPORT_OPEN)
+        return error_set(err, STATUS_ERR_REFUSED, "the upload is being imported already");
+    if (import->writes > 0)
+        return error_set(err, STATUS_ERR_REFUSED, "%u files of the upload are still arriving", import->writes);
+    if (import->files == 0)
+        return error_set(err, STATUS_ERR_USAGE, "nothing was uploaded: PUT the scene's files first");
+    return farm_store_usable(&import->all->server->farm, err);
+}
+
+void import_run(struct web_request *request)
+{
+    struct import *import = NULL;
+    struct error err = {0};
+    status s = import_find(request, &import, &err);
+
+    if (s == STATUS_OK && import->state == IMPORT_DONE) {
+        web_answer(request, 201, "application/json", NULL, import->answer.data, import->answer.size);
+        return;
+    }
+    if (s == STATUS_OK)
+        s = check(import, &err);
+    if (s == STATUS_OK) {
+        mem_free(import->scene);
+        import->scene = NULL;
+        import_words_release(&import->words);
+        s = read_body(import, &request->body, &err);
+    }
+    if (s != STATUS_OK) {
+        web_fail(request, &err);
+        return;
+    }
+    import->state = IMPORT_WAITING;
+    import->asker = request;
+    request->state = import;
+    request->on_gone = on_gone;
+    imports_pump(import->all);
+}

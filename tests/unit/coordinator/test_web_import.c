@@ -1,0 +1,385 @@
+/* Uploads: names, options and words of the importer (import_check.h), and programs run under limits (child.h). */
+#include <inttypes.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "common/base/clock.h"
+#include "coordinator/web/child.h"
+#include "coordinator/web/import_check.h"
+
+/* ---- names -------------------------------------------------------------------------------- */
+
+static void plain_paths_are_taken(void **state)
+{
+    static const char *const good[] = {"a", "scene.gltf", "textures/wood.png", "a b/ç~$.png", "-o", "..a/b..", "...",
+                                       "a\\b", "C:/x"};
+    struct error err = {0};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+        assert_int_equal(import_path_check(good[i], &err), STATUS_OK);
+}
+
+static void paths_that_lead_elsewhere_are_refused(void **state)
+{
+    static const char *const bad[] = {"", "/", "/etc/passwd", "..", "../x", "a/../b", "a/..", "./a", "a/.", "a//b", "a/",
+                                      "a\nb", "a\x7f", "\x1b[2J"};
+    char deep[200] = "", name[400];
+    struct error err = {0};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        memset(&err, 0, sizeof err);
+        assert_int_equal(import_path_check(bad[i], &err), STATUS_ERR_USAGE);
+        assert_true(err.text[0]);
+    }
+    for (int i = 0; i < IMPORT_DEPTH_MAX; i++)
+        strcat(deep, "a/");
+    deep[2 * IMPORT_DEPTH_MAX - 1] = 0;
+    assert_int_equal(import_path_check(deep, &err), STATUS_OK);
+    strcat(deep, "/a");
+    assert_int_equal(import_path_check(deep, &err), STATUS_ERR_USAGE);
+    memset(name, 'n', sizeof name);
+    name[IMPORT_NAME_MAX] = 0;
+    assert_int_equal(import_path_check(name, &err), STATUS_OK);
+    name[IMPORT_NAME_MAX] = 'n';
+    name[IMPORT_NAME_MAX + 1] = 0;
+    assert_int_equal(import_path_check(name, &err), STATUS_ERR_USAGE);
+}
+
+/* ---- options ------------------------------------------------------------------------------ */
+
+static status read_words(struct import_words *words, const char *text, struct error *err)
+{
+    json_t *options = json_loads(text, 0, NULL);
+    status s = import_words_read(words, options, err);
+
+    assert_non_null(options);
+    json_decref(options);
+    return s;
+}
+
+static void options_become_single_words(void **state)
+{
+    struct import_words words = {0};
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(read_words(&words,
+                                "[\"--spp\", \"64\", \"--size=32x32\", \"--alpha\", \"--name\", \"--output\","
+                                " \"--env\", \"sky.exr\", \"--name=a=b\"]", &err), STATUS_OK);
+    assert_int_equal(words.count, 6);
+    assert_string_equal(words.items[0], "--spp=64");
+    assert_string_equal(words.items[1], "--size=32x32");
+    assert_string_equal(words.items[2], "--alpha");
+    assert_string_equal(words.items[3], "--name=--output"); /* a value is never an option */
+    assert_string_equal(words.items[4], "--env=./sky.exr");
+    assert_string_equal(words.items[5], "--name=a=b");
+    import_words_release(&words);
+    assert_int_equal(import_words_read(&words, NULL, &err), STATUS_OK);
+    assert_int_equal(words.count, 0);
+}
+
+static void other_options_are_refused_by_name(void **state)
+{
+    static const char *const bad[] = {
+        "[\"-o\", \"x\"]", "[\"--output=x\"]", "[\"--follow\"]", "[\"--watch\"]", "[\"--key\", \"/etc/passwd\"]",
+        "[\"--coordinator=1.2.3.4\"]", "[\"--allow-outside=/\"]", "[\"--schedule-from=/x.exr\"]",
+        "[\"--token=x\"]", "[\"--owner=root\"]", "[\"--force\"]", "[\"--\"]", "[\"--help\"]", "[\"x\"]", "[\"\"]",
+        "[\"--spp\"]", "[\"--alpha=1\"]", "[7]", "{}", "[\"--spp\", 7]", "[\"--env=/etc/passwd\"]",
+        "[\"--env=../x\"]", "[\"--lut\", \"a/../../b\"]", "[\"--name=a\\nb\"]", "[\"--sp=6\"]"};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct import_words words = {0};
+        struct error err = {0};
+        assert_int_equal(read_words(&words, bad[i], &err), STATUS_ERR_USAGE);
+        assert_non_null(strstr(err.text, "options"));
+        import_words_release(&words);
+    }
+}
+
+/* ---- what the importer says --------------------------------------------------------------- */
+
+static void expect_sentence(const char *printed, const char *expected)
+{
+    char text[512];
+
+    import_sentence(text, sizeof text, printed, "/srv/store/imports/7");
+    assert_string_equal(text, expected);
+}
+
+static void errors_name_no_folder_of_the_server(void **state)
+{
+    (void)state;
+    expect_sentence("warning: x\nazulejo submit: ./a.gltf: bad JSON in line 3\n", "a.gltf: bad JSON in line 3");
+    expect_sentence("azulejo submit: /srv/store/imports/7/files/a.obj: no faces\n", "files/a.obj: no faces");
+    expect_sentence("azulejo submit: --spp: must be a number ('azulejo submit --help' shows more)\n",
+                    "--spp: must be a number");
+    expect_sentence("", "");
+    expect_sentence("Segmentation fault\n", "");
+}
+
+static void files_elsewhere_are_told_of_alike_whether_there_or_not(void **state)
+{
+    static const char alike[] =
+        "a.gltf: image 0: /etc/shadow: is not among the uploaded files: upload it, too, where the scene looks for it";
+
+    (void)state;
+    expect_sentence("azulejo submit: ./a.gltf: image 0: /etc/shadow: cannot be opened: No such file or directory\n", alike);
+    expect_sentence("azulejo submit: ./a.gltf: image 0: /etc/shadow: lies outside the scene's folder, at /etc/shadow, and "
+                    "is not read: to allow it, add --allow-outside /etc\n", alike);
+    expect_sentence("azulejo submit: ./a.gltf: image 0: /etc/shadow: is not a regular file\n", alike);
+}
+
+static void warnings_are_listed(void **state)
+{
+    json_t *warnings = import_warnings("takes 1 file\nwarning: ./a.obj: no normals\nwarning: b\x1b[1m\nazulejo submit: x\n",
+                                       "/srv");
+
+    (void)state;
+    assert_int_equal(json_array_size(warnings), 2);
+    assert_string_equal(json_string_value(json_array_get(warnings, 0)), "a.obj: no normals");
+    assert_string_equal(json_string_value(json_array_get(warnings, 1)), "b?[1m");
+    json_decref(warnings);
+}
+
+/* ---- programs under limits ---------------------------------------------------------------- */
+
+struct outcome {
+    int ends;
+    enum web_child_end end;
+    int64_t exit_status;
+    int signal;
+    char output[256], errors[256];
+};
+
+static void on_end(void *user, const struct web_child_result *r)
+{
+    struct outcome *o = user;
+
+    o->ends++;
+    o->end = r->end;
+    o->exit_status = r->exit_status;
+    o->signal = r->signal;
+    snprintf(o->output, sizeof o->output, "%s", buffer_text(r->output));
+    snprintf(o->errors, sizeof o->errors, "%s", buffer_text(r->errors));
+}
+
+static const char *words[] = {"sh", "-c", NULL, NULL};
+static const char *const environment[] = {"PATH=/usr/bin:/bin", "COLOUR=blue", NULL};
+static struct web_child_options options_of(const char *script)
+{
+    words[2] = script;
+    return (struct web_child_options){.program = "/bin/sh", .arguments = words, .environment = environment, .folder = "/",
+                                  .secret = -1, .processor_s = 100, .file_bytes = 0, .limit_ms = 60000,
+                                  .output_bytes = 1 << 16};
+}
+
+/* Run it on a loop of its own until nothing is left. */
+static struct outcome run(const struct web_child_options *options, void (*meanwhile)(struct web_child *child))
+{
+    struct outcome o = {0};
+    struct web_child *child;
+    struct error err = {0};
+    uv_loop_t loop;
+
+    assert_int_equal(uv_loop_init(&loop), 0);
+    assert_int_equal(web_child_start(&child, &loop, options, on_end, &o, &err), STATUS_OK);
+    if (meanwhile)
+        meanwhile(child);
+    assert_int_equal(uv_run(&loop, UV_RUN_DEFAULT), 0);
+    assert_int_equal(uv_loop_close(&loop), 0);
+    return o;
+}
+
+static void a_program_gives_its_output_and_status(void **state)
+{
+    struct web_child_options how = options_of("pwd; echo $COLOUR; echo oh >&2; exit 5");
+    struct outcome o = run(&how, NULL);
+
+    (void)state;
+    assert_int_equal(o.ends, 1);
+    assert_int_equal(o.end, CHILD_EXITED);
+    assert_int_equal(o.exit_status, 5);
+    assert_string_equal(o.output, "/\nblue\n");
+    assert_string_equal(o.errors, "oh\n");
+}
+
+static void a_program_that_is_not_there_says_so(void **state)
+{
+    struct web_child_options how = options_of("true");
+    struct outcome o;
+
+    (void)state;
+    how.program = "/nowhere/azulejo";
+    o = run(&how, NULL);
+    assert_int_equal(o.exit_status, 127);
+    assert_non_null(strstr(o.errors, "/nowhere/azulejo: cannot be run"));
+}
+
+static void only_the_secret_is_inherited(void **state)
+{
+    struct web_child_options how = options_of("cat <&3; ls /proc/self/fd | wc -l");
+    int stray = dup(0); /* not closed on exec */
+    int pipes[2];
+    struct outcome o;
+
+    (void)state;
+    assert_int_equal(pipe(pipes), 0);
+    assert_int_equal(write(pipes[1], "key\n", 4), 4);
+    close(pipes[1]);
+    how.secret = pipes[0];
+    o = run(&how, NULL);
+    close(pipes[0]);
+    close(stray);
+    assert_string_equal(o.output, "key\n5\n"); /* three, the secret, and the folder that ls reads */
+}
+
+static void limits_are_kept(void **state)
+{
+    struct web_child_options how = options_of("sleep 100");
+    struct outcome o;
+
+    (void)state;
+    how.limit_ms = 50;
+    o = run(&how, NULL);
+    assert_int_equal(o.end, CHILD_TOO_LONG);
+    how = options_of("sleep 100 & sleep 100"); /* a child of its own holds its output open */
+    how.limit_ms = 50;
+    o = run(&how, NULL);
+    assert_int_equal(o.end, CHILD_TOO_LONG);
+    how = options_of("while :; do :; done");
+    how.processor_s = 1;
+    o = run(&how, NULL);
+    assert_int_equal(o.end, CHILD_EXITED);
+    assert_true(o.signal == SIGXCPU || o.signal == SIGKILL);
+    how = options_of("while :; do echo aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa; done");
+    o = run(&how, NULL);
+    assert_int_equal(o.end, CHILD_TOO_MUCH);
+    how = options_of("f=${TMPDIR:-/tmp}/azulejo-test-import-$$; /bin/echo x >$f; s=$?; rm -f $f; exit $s");
+    o = run(&how, NULL);
+    assert_int_not_equal(o.exit_status, 0);
+}
+
+static void much_on_standard_error_ends_nothing(void **state)
+{
+    struct web_child_options how = options_of("i=0; while [ $i -lt 20000 ]; do echo $i-aaaaaaaaaaaaaaaaaaa >&2; i=$((i+1)); done");
+    struct outcome o = run(&how, NULL);
+
+    (void)state;
+    assert_int_equal(o.end, CHILD_EXITED);
+    assert_int_equal(o.exit_status, 0);
+}
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+static void memory_is_limited(void **state)
+{
+    struct web_child_options how = options_of("x=$(head -c 200000000 /dev/zero | tr '\\0' x); echo ${#x}");
+    struct outcome o = run(&how, NULL);
+
+    (void)state;
+    assert_string_equal(o.output, "200000000\n");
+    how.memory_bytes = 100 << 20;
+    o = run(&how, NULL);
+    assert_string_not_equal(o.output, "200000000\n");
+}
+#endif
+
+static void an_end_is_told_once_after_a_kill(void **state)
+{
+    struct web_child_options how = options_of("sleep 100");
+    struct outcome o = run(&how, web_child_kill);
+
+    (void)state;
+    assert_int_equal(o.ends, 1);
+    assert_int_equal(o.end, CHILD_KILLED);
+}
+
+static void nothing_is_told_after_it_was_abandoned(void **state)
+{
+    struct web_child_options how = options_of("sleep 100");
+    struct outcome o = run(&how, web_child_abandon);
+
+    (void)state;
+    assert_int_equal(o.ends, 0);
+}
+
+static void nobody(void *user, const struct web_child_result *r)
+{
+    (void)user;
+    (void)r;
+}
+
+/* A process that starts a child is killed: the child's end of the pipe goes with it. */
+static void it_dies_with_the_coordinator(void **state)
+{
+    char script[128], byte;
+    int pipes[2], status_;
+    pid_t parent;
+
+    (void)state;
+    assert_int_equal(pipe(pipes), 0);
+    parent = fork();
+    if (parent == 0) {
+        struct web_child_options how;
+        struct web_child *child;
+        uv_loop_t loop;
+        close(pipes[0]);
+        snprintf(script, sizeof script, "echo ready >&3; exec sleep 100");
+        how = options_of(script);
+        how.secret = pipes[1];
+        if (uv_loop_init(&loop) == 0 && web_child_start(&child, &loop, &how, nobody, NULL, NULL) == STATUS_OK) {
+            close(pipes[1]);
+            uv_run(&loop, UV_RUN_DEFAULT);
+        }
+        _exit(1);
+    }
+    close(pipes[1]);
+    assert_int_equal(read(pipes[0], &byte, 1), 1);
+    assert_int_equal(kill(parent, SIGKILL), 0);
+    assert_int_equal(waitpid(parent, &status_, 0), parent);
+    while (read(pipes[0], &byte, 1) > 0) {
+        /* "eady\n", then the end of the last process that had the pipe. */
+    }
+    close(pipes[0]);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(plain_paths_are_taken),
+        cmocka_unit_test(paths_that_lead_elsewhere_are_refused),
+        cmocka_unit_test(options_become_single_words),
+        cmocka_unit_test(other_options_are_refused_by_name),
+        cmocka_unit_test(errors_name_no_folder_of_the_server),
+        cmocka_unit_test(files_elsewhere_are_told_of_alike_whether_there_or_not),
+        cmocka_unit_test(warnings_are_listed),
+        cmocka_unit_test(a_program_gives_its_output_and_status),
+        cmocka_unit_test(a_program_that_is_not_there_says_so),
+        cmocka_unit_test(only_the_secret_is_inherited),
+        cmocka_unit_test(limits_are_kept),
+        cmocka_unit_test(much_on_standard_error_ends_nothing),
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+        cmocka_unit_test(memory_is_limited),
+#endif
+        cmocka_unit_test(an_end_is_told_once_after_a_kill),
+        cmocka_unit_test(nothing_is_told_after_it_was_abandoned),
+        cmocka_unit_test(it_dies_with_the_coordinator),
+    };
+    int exit_status;
+
+    if (web_child_launch(argc, argv, &exit_status))
+        return exit_status;
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
