@@ -5,6 +5,7 @@
 #   make DEBUG=1 ...                      a separate tree without optimisation
 #   make SAFEGUARDS=1 ...                 a separate tree whose safeguards can be switched off
 #   make DOUBLE=1 ...                     a separate tree whose renderer computes in double
+#   make WEB=0 ...                        a separate tree without the page and its API (no libwebsockets)
 #   make V=1 ...                          print whole commands
 
 PREFIX ?= /usr/local
@@ -18,6 +19,7 @@ SANITIZE ?=
 DEBUG ?=
 SAFEGUARDS ?=
 DOUBLE ?=
+WEB ?= 1
 comma := ,
 ifneq ($(SANITIZE),)
   VARIANT := $(subst $(comma),-,$(SANITIZE))
@@ -38,6 +40,9 @@ ifneq ($(SAFEGUARDS),)
 endif
 ifneq ($(DOUBLE),)
   VARIANT := $(VARIANT:release=)double
+endif
+ifneq ($(WEB),1)
+  VARIANT := $(VARIANT:release=)noweb
 endif
 ifeq ($(findstring clang,$(CC)),clang)
   VARIANT := $(VARIANT)-clang
@@ -72,6 +77,9 @@ LDFLAGS += $(OPTIMISE) -pthread
 LIBS_COMMON := $(shell $(PKG_CONFIG) --libs libpng zlib libjpeg libwebp libzstd libprotobuf-c openssl OpenEXR 2>/dev/null) -lm
 LIBS_PROTOCOL := $(shell $(PKG_CONFIG) --libs libuv 2>/dev/null)
 LIBS_COORDINATOR := $(shell $(PKG_CONFIG) --libs sqlite3 2>/dev/null)
+ifeq ($(WEB),1)
+LIBS_COORDINATOR += $(shell $(PKG_CONFIG) --libs libwebsockets jansson 2>/dev/null)
+endif
 LIBS_CLIENT := $(shell $(PKG_CONFIG) --libs jansson 2>/dev/null)
 LIBS_RENDER := -lembree$(EMBREE)
 LIBS_ALL := $(LIBS_COMMON) $(LIBS_PROTOCOL) $(LIBS_COORDINATOR) $(LIBS_CLIENT) $(LIBS_RENDER)
@@ -82,6 +90,14 @@ COMMON_SRC := $(call sources,common)
 PROTOCOL_SRC := $(call sources,protocol)
 RENDER_SRC := $(call sources,worker/render)
 COORDINATOR_SRC := $(filter-out coordinator/main.c,$(call sources,coordinator))
+# The room of the page, which a build without it leaves out.
+WEB_ASSETS := $(sort $(shell find coordinator/web/assets -type f 2>/dev/null))
+ifeq ($(WEB),1)
+WEB_GEN_OBJ = $(BUILD)/obj/gen/web_assets.o
+$(BUILD)/obj/coordinator/main.o: CPPFLAGS += -DAZULEJO_WEB
+else
+COORDINATOR_SRC := $(filter-out coordinator/web/%,$(COORDINATOR_SRC))
+endif
 WORKER_SRC := $(filter-out worker/main.c worker/render/%,$(call sources,worker))
 CLIENT_SRC := $(filter-out client/main.c,$(call sources,client))
 PROTOS := protocol/azulejo.proto common/scene/scene.proto
@@ -142,6 +158,10 @@ $(GEN)/%.pb-c.c $(GEN)/%.pb-c.h: %.proto
 	@mkdir -p $(GEN)
 	$(call show,PROTOC)$(PROTOC_C) --c_out=$(GEN) $<
 
+$(GEN)/web_assets.c: $(WEB_ASSETS) coordinator/web/assets/. scripts/embed.py
+	@mkdir -p $(GEN)
+	$(call show,EMBED)scripts/embed.py $@ coordinator/web/assets
+
 $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 	@mkdir -p $(@D)
 	$(call show,CC)$(CC) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
@@ -172,7 +192,7 @@ endef
 $(LIB_COMMON): $(call object,$(COMMON_SRC)) $(BUILD)/obj/gen/common/scene/scene.pb-c.o ; $(archive)
 $(LIB_PROTOCOL): $(call object,$(PROTOCOL_SRC)) $(BUILD)/obj/gen/protocol/azulejo.pb-c.o ; $(archive)
 $(LIB_RENDER): $(call object,$(RENDER_SRC)) ; $(archive)
-$(LIB_COORDINATOR): $(call object,$(COORDINATOR_SRC)) ; $(archive)
+$(LIB_COORDINATOR): $(call object,$(COORDINATOR_SRC)) $(WEB_GEN_OBJ) ; $(archive)
 $(LIB_WORKER): $(call object,$(WORKER_SRC)) ; $(archive)
 $(LIB_CLIENT): $(call object,$(CLIENT_SRC)) ; $(archive)
 $(LIB_SUPPORT): $(call object,$(SUPPORT_SRC)) ; $(archive)

@@ -16,6 +16,10 @@
 #include "coordinator/net/server.h"
 #include "coordinator/store/store.h"
 #include "coordinator/store/store_backup.h"
+#ifdef AZULEJO_WEB
+#include "coordinator/web/http.h"
+#include "coordinator/web/web.h"
+#endif
 #include "protocol/address.h"
 #include "protocol/key.h"
 
@@ -113,6 +117,71 @@ static int copy_store(const char *command, const char *dir, const char *folder)
     return 0;
 }
 
+/* What is said of the page on the command line. */
+struct page {
+    const char *address, *name, *cert, *key; /* NULL: not given */
+    int off;
+};
+
+#ifdef AZULEJO_WEB
+
+enum { PAGE_CONNECTIONS = HTTP_CONNECTIONS_MAX };
+
+/* The page's options: what --web says, or the port above the farm's. `host` holds the address's text. */
+static status page_options(const struct page *page, const char *folder, uint16_t farm_port, char *host,
+                           size_t host_size, struct web_options *out, struct error *err)
+{
+    const char *address = page->address ? page->address : "127.0.0.1:0";
+    status s;
+
+    *out = (struct web_options){.host = host, .was_asked_for = page->address != NULL, .name = page->name,
+                                .cert = page->cert, .key = page->key, .store = folder};
+    s = address_parse(address, "", 0, host, host_size, &out->port, err);
+    if (s == STATUS_OK && page->address && !strrchr(address, ':'))
+        out->port = farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
+    if (s == STATUS_OK && !page->address && farm_port)
+        out->port = farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
+    if (s == STATUS_OK && !page->cert != !page->key)
+        s = error_set(err, STATUS_ERR_USAGE, "--web-cert and --web-key belong together: name both files");
+    return s;
+}
+
+/* Run the farm with its page. */
+static status run(struct server_options *options, const struct page *page, const char *folder, struct error *err)
+{
+    struct web_options web_options;
+    char host[ADDRESS_HOST_MAX];
+    struct web *web = NULL;
+    status s = STATUS_OK;
+
+    if (!page->off)
+        s = page_options(page, folder, options->port, host, sizeof host, &web_options, err);
+    if (s == STATUS_OK && !page->off) {
+        web_options.connections_max = options->descriptors.guests_max;
+        s = web_new(&web, &web_options, err);
+        options->guest = web_guest(web);
+    }
+    if (s == STATUS_OK)
+        s = server_run(options, err);
+    web_free(web);
+    return s;
+}
+
+#else
+
+enum { PAGE_CONNECTIONS = 0 };
+
+static status run(struct server_options *options, const struct page *page, const char *folder, struct error *err)
+{
+    (void)folder;
+    if (page->address || page->name || page->cert || page->key)
+        return error_set(err, STATUS_ERR_USAGE,
+                         "this build has no page: build it with libwebsockets-dev installed and without WEB=0");
+    return server_run(options, err);
+}
+
+#endif
+
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
@@ -121,6 +190,7 @@ int main(int argc, char **argv)
     struct server_options options = {.policy = RETENTION_POLICY_DEFAULT};
     const char *half_life = NULL, *longest_wait = NULL;
     double lease_seconds = 60, unit_seconds = HANG_LEAST_S;
+    struct page page = {0};
     int remove_store = 0, version = 0, help = 0;
     const struct option table[] = {
         {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
@@ -151,6 +221,15 @@ int main(int argc, char **argv)
         {"longest-wait", 0, OPTION_STRING, &longest_wait, "TIME",
          "an owner whose jobs were lent nothing for this long gets a turn before others of its priority; off: "
          "never (1h)", 0, 0, NULL},
+        {"web", 0, OPTION_STRING, &page.address, "HOST:PORT",
+         "address of the page and its API (127.0.0.1 and the port after that of --listen); beyond this machine only "
+         "over TLS", 0, 0, NULL},
+        {"no-web", 0, OPTION_FLAG, &page.off, NULL, "no page and no API", 0, 0, NULL},
+        {"web-name", 0, OPTION_STRING, &page.name, "NAME",
+         "one more name by which browsers reach the page", 0, 0, NULL},
+        {"web-cert", 0, OPTION_STRING, &page.cert, "FILE",
+         "the page's certificate, with its chain, in PEM (one made on first use, in the store)", 0, 0, NULL},
+        {"web-key", 0, OPTION_STRING, &page.key, "FILE", "the certificate's key, in PEM", 0, 0, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -218,7 +297,7 @@ int main(int argc, char **argv)
     signal(SIGPIPE, SIG_IGN);
     s = store_open(&store, folder, &err);
     if (s == STATUS_OK)
-        s = descriptors_plan(&options.descriptors, &err);
+        s = descriptors_plan(&options.descriptors, page.off ? 0 : PAGE_CONNECTIONS, &err);
     if (s == STATUS_OK) {
         blobs_clean(folder);
         options.host = host;
@@ -229,7 +308,7 @@ int main(int argc, char **argv)
         options.ready_file = ready_file;
         options.discards_films = remove_store;
         options.precision = precision;
-        s = server_run(&options, &err);
+        s = run(&options, &page, folder, &err);
     }
     store_close(store);
     explicit_bzero(&key, sizeof key);

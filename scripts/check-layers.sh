@@ -30,11 +30,17 @@ hits=$(grep -rln 'sqlite3\.h' --include='*.[ch]' coordinator 2>/dev/null | grep 
 [ -z "$hits" ] || { echo "only coordinator/store/store*.c may include sqlite3.h: $hits"; bad=1; }
 hits=$(grep -rlnE 'embree[34]/' --include='*.[ch]' worker 2>/dev/null | grep -vE '^worker/render/accel/accel(_[a-z]+)?\.[ch]$')
 [ -z "$hits" ] || { echo "only worker/render/accel/accel*.c may include Embree: $hits"; bad=1; }
+# Only coordinator/web/http*.c speak libwebsockets, and the server knows the page only as its guest.
+hits=$(grep -rln 'libwebsockets\.h' --include='*.[ch]' common protocol coordinator worker client 2>/dev/null | grep -vE '^coordinator/web/http[a-z_]*\.[ch]$')
+[ -z "$hits" ] || { echo "only coordinator/web/http* may include libwebsockets.h: $hits"; bad=1; }
+for folder in farm job film store net; do
+    forbid "coordinator/$folder" 'coordinator/web/'
+done
 # Logic takes time and output as arguments: no uv.h.
 for folder in coordinator/farm coordinator/job coordinator/film coordinator/store; do
     forbid "$folder" 'uv\.h'
 done
-for file in coordinator/net/admission coordinator/net/descriptors; do
+for file in coordinator/net/admission coordinator/net/descriptors coordinator/web/guard coordinator/web/http_queue; do
     for source in "$file".[ch] "${file}"_*.[ch]; do
         [ -f "$source" ] && forbid "$source" 'uv\.h'
     done

@@ -172,7 +172,7 @@ static status await_address(struct local_farm *farm, struct error *err)
 static status start_coordinator(struct local_farm *farm, struct error *err)
 {
     const char *const arguments[] = {"--listen", "127.0.0.1:0", "--key", farm->key_path,
-                                     "--store", farm->scratch.path, "--remove-store-at-end",
+                                     "--store", farm->scratch.path, "--remove-store-at-end", "--no-web",
                                      "--precision", farm->double_worker ? "double" : "float", NULL};
     int ends[2];
     status result;

@@ -117,6 +117,10 @@ struct farm_events {
      * with another freezing. NULL: the farm runs it itself. */
     status (*freeze)(void *user, struct freezing *freezing, struct error *err);
     void *user;
+    /* For whoever shows the farm; each may be NULL. */
+    void (*job_removed)(void *user, uint64_t job);
+    void (*job_event)(void *user, const struct job_event *event);
+    void (*workers_changed)(void *user); /* one joined, left, was steered, or changed its mode */
 };
 
 struct farm {
@@ -271,6 +275,9 @@ void farm_store_check(struct farm *farm, uint64_t now_ns);
 void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns);
 /* The same, on disk when this returns unless the store fails. */
 void farm_job_save_now(struct farm *farm, struct job *job, uint64_t now_ns);
+/* Note a line of a job's log. */
+void farm_event(struct farm *farm, const struct job_event *event);
+void farm_workers_changed(const struct farm *farm);
 /* Note an event in the job's log; `who` is NULL for the coordinator itself. */
 void farm_note(struct farm *farm, const struct job *job, const char *who, const char *format, ...)
     __attribute__((format(printf, 4, 5)));

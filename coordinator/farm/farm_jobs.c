@@ -46,6 +46,13 @@ void farm_job_save_now(struct farm *farm, struct job *job, uint64_t now_ns)
         store_events_flush(farm->store);
 }
 
+void farm_event(struct farm *farm, const struct job_event *event)
+{
+    store_event_later(farm->store, event);
+    if (farm->events.job_event)
+        farm->events.job_event(farm->events.user, event);
+}
+
 void farm_note(struct farm *farm, const struct job *job, const char *who, const char *format, ...)
 {
     struct job_event event = {.job = job->id, .at = farm->wall_s};
@@ -57,7 +64,7 @@ void farm_note(struct farm *farm, const struct job *job, const char *who, const 
     va_start(args, format);
     vsnprintf(event.text, sizeof event.text, format, args);
     va_end(args);
-    store_event_later(farm->store, &event);
+    farm_event(farm, &event);
 }
 
 void farm_job_dispose(struct farm *farm, struct job *job)

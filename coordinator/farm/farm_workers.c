@@ -9,6 +9,12 @@
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/roster.h"
 
+void farm_workers_changed(const struct farm *farm)
+{
+    if (farm->events.workers_changed)
+        farm->events.workers_changed(farm->events.user);
+}
+
 status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct error *err)
 {
     if (farm->worker_count == WORKERS_MAX)
@@ -17,6 +23,7 @@ status farm_worker_add(struct farm *farm, struct farm_worker *worker, struct err
     worker->place.index = farm->worker_count;
     farm->workers[farm->worker_count++] = worker;
     workforce_due(farm, worker);
+    farm_workers_changed(farm);
     return STATUS_OK;
 }
 
@@ -72,6 +79,7 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died,
     farm->workers[worker->place.index] = farm->workers[--farm->worker_count];
     farm->workers[worker->place.index]->place.index = worker->place.index;
     farm->pump_wanted = 1;
+    farm_workers_changed(farm);
 }
 
 static int job_has_results(const struct job *job)

@@ -398,6 +398,7 @@ void worker_line_add(const struct farm *farm, struct farm_worker *worker, const 
     va_start(arguments, format);
     vsnprintf(line->text, sizeof line->text, format, arguments);
     va_end(arguments);
+    farm_workers_changed(farm);
 }
 
 void worker_save(struct farm *farm, struct farm_worker *worker, const char *why)

@@ -252,6 +252,8 @@ status steer_remove(struct farm *farm, struct job *job, const char *who, uint64_
     farm_pictures_unwanted(farm, job);
     queue_remove(&farm->queue, job);
     job->removed = 1;
+    if (farm->events.job_removed)
+        farm->events.job_removed(farm->events.user, job->id);
     farm_job_dispose(farm, job);
     return STATUS_OK;
 }

@@ -61,7 +61,7 @@ static uint64_t count_open(void)
     return count;
 }
 
-status descriptors_plan(struct descriptors *out, struct error *err)
+status descriptors_plan(struct descriptors *out, uint32_t guests, struct error *err)
 {
     struct rlimit limit;
     rlim_t soft;
@@ -79,13 +79,15 @@ status descriptors_plan(struct descriptors *out, struct error *err)
                  strerror(errno));
         limit.rlim_cur = soft;
     }
-    s = descriptors_share(out, limit.rlim_cur, count_open() + OPEN_LATER, err);
+    guests = (uint32_t)clamp(guests, 0, limit.rlim_cur / 8);
+    s = descriptors_share(out, limit.rlim_cur, count_open() + OPEN_LATER + guests, err);
+    out->guests_max = guests;
     if (limit.rlim_cur != soft)
         snprintf(raised, sizeof raised, " (raised from %llu)", (unsigned long long)soft);
     if (s == STATUS_OK)
-        log_info("%llu file descriptors%s: at most %u connections, of these %u sessions; %u kept "
-                 "for the store",
+        log_info("%llu file descriptors%s: at most %u connections, of these %u sessions, and %u of the page; "
+                 "%u kept for the store",
                  (unsigned long long)limit.rlim_cur, raised, out->connections_max,
-                 out->sessions_max, out->reserve);
+                 out->sessions_max, out->guests_max, out->reserve);
     return s;
 }

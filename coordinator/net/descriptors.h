@@ -25,6 +25,7 @@ struct descriptors {
     uint32_t reserve;
     uint32_t connections_max;       /* of both kinds */
     uint32_t sessions_max;          /* always leaves some for strangers */
+    uint32_t guests_max;            /* connections of the page, beside these; 0: none */
 };
 
 /* Share out `limit`, of which `open` are in use. ERR_LIMIT: too few for a farm. */
@@ -35,7 +36,7 @@ status descriptors_share(struct descriptors *out, uint64_t limit, uint64_t open,
 uint32_t descriptors_strangers(const struct descriptors *d, uint32_t sessions);
 
 /* Raise the process's soft limit to its hard one, count the open ones, share out the rest and log
- * it. ERR_LIMIT as above. */
-status descriptors_plan(struct descriptors *out, struct error *err) MUST_CHECK;
+ * it. `guests`: what the page would like, of which it gets at most an eighth of the limit. ERR_LIMIT as above. */
+status descriptors_plan(struct descriptors *out, uint32_t guests, struct error *err) MUST_CHECK;
 
 #endif

@@ -51,6 +51,32 @@ static void on_job_changed(void *user, struct job *job)
                 s->watches[i].due = 1;
                 session_due(s);
             }
+    if (server->guest.job_changed)
+        server->guest.job_changed(server->guest.user, job);
+}
+
+static void on_job_removed(void *user, uint64_t job)
+{
+    const struct server_guest *guest = &((struct server *)user)->guest;
+
+    if (guest->job_removed)
+        guest->job_removed(guest->user, job);
+}
+
+static void on_job_event(void *user, const struct job_event *event)
+{
+    const struct server_guest *guest = &((struct server *)user)->guest;
+
+    if (guest->job_event)
+        guest->job_event(guest->user, event);
+}
+
+static void on_workers_changed(void *user)
+{
+    const struct server_guest *guest = &((struct server *)user)->guest;
+
+    if (guest->workers_changed)
+        guest->workers_changed(guest->user);
 }
 
 /* ---- ending --------------------------------------------------------------------------------- */
@@ -64,6 +90,9 @@ static void close_handles(struct server *server)
         next = s->next;
         session_end(s, NULL);
     }
+    if (server->guest_runs)
+        server->guest.stop(server->guest.user);
+    server->guest = (struct server_guest){0};
     door_close(&server->door);
     uv_close((uv_handle_t *)&server->tick, NULL);
     uv_close((uv_handle_t *)&server->commit_timer, NULL);
@@ -188,6 +217,8 @@ static void on_tick(uv_timer_t *timer)
         next = s->next;
         session_tick(s, now_ns);
     }
+    if (server->guest.tick)
+        server->guest.tick(server->guest.user, now_ns);
     server->farm.overdue_wanted = 1;
 }
 
@@ -216,12 +247,15 @@ static status resolve(struct server *server, const char *host, uint16_t port,
     return STATUS_OK;
 }
 
-static status announce(struct server *server, const char *ready_file, struct error *err)
+/* The guest starts before the ready file is written: who waits for that finds both. */
+static status announce(struct server *server, const struct server_options *options, struct error *err)
 {
+    const char *ready_file = options->ready_file;
     struct sockaddr_storage address;
     int length = sizeof address;
     char host[64] = "", line[16];
     int port, six;
+    status s = STATUS_OK;
 
     if (uv_tcp_getsockname(&server->listener, (struct sockaddr *)&address, &length) != 0)
         return error_set(err, STATUS_ERR_INTERNAL, "the listening address is not known");
@@ -236,8 +270,14 @@ static status announce(struct server *server, const char *ready_file, struct err
              store_folder(server->store));
     printf("listening on %s%s%s:%d\n", six ? "[" : "", host, six ? "]" : "", port);
     fflush(stdout);
-    if (!ready_file)
-        return STATUS_OK;
+    server->port = (uint16_t)port;
+    if (options->guest.start) {
+        server->guest = options->guest;
+        s = server->guest.start(server->guest.user, server, err);
+        server->guest_runs = s == STATUS_OK;
+    }
+    if (s != STATUS_OK || !ready_file)
+        return s;
     snprintf(line, sizeof line, "%d\n", port);
     return file_write_atomic(ready_file, line, strlen(line), err);
 }
@@ -262,7 +302,7 @@ static status listen_on(struct server *server, const struct server_options *opti
     if (code != 0)
         return error_set(err, STATUS_ERR_IO, "cannot listen on %s:%u: %s", options->host,
                          options->port, uv_strerror(code));
-    return announce(server, options->ready_file, err);
+    return announce(server, options, err);
 }
 
 static void init_handles(struct server *server)
@@ -281,7 +321,8 @@ status server_run(const struct server_options *options, struct error *err)
 {
     struct server *server = mem_calloc(1, sizeof *server);
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, farm_task_develop,
-                                 farm_task_redevelop, farm_task_measure, farm_task_freeze, server};
+                                 farm_task_redevelop, farm_task_measure, farm_task_freeze, server,
+                                 on_job_removed, on_job_event, on_workers_changed};
     static const struct audit_actor coordinator = {.who = "coordinator"};
     status s;
 

@@ -14,6 +14,7 @@
 #include "coordinator/net/descriptors.h"
 #include "coordinator/net/door.h"
 #include "coordinator/farm/farm.h"
+#include "coordinator/net/guest.h"
 #include "coordinator/net/collector.h"
 #include "coordinator/store/audit.h"
 #include "coordinator/net/render_requests.h"
@@ -45,6 +46,7 @@ struct server_options {
     const char *precision;     /* of its workers: "float" or "double"; NULL: float */
     struct retention_policy policy;
     struct order_rules order;
+    struct server_guest guest; /* start is NULL: none */
 };
 
 enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
@@ -55,6 +57,9 @@ struct server {
     uv_timer_t tick, commit_timer;
     uv_prepare_t prepare;
     uv_signal_t terminate, interrupt;
+    uint16_t port;             /* on which it listens */
+    struct server_guest guest; /* zero: none */
+    int guest_runs;            /* it was started and is to be stopped */
     enum server_state state;
     uint64_t drain_since_ns;
     uint64_t ticked_ns;        /* the last tick */

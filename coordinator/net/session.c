@@ -362,7 +362,7 @@ static void take_line(struct session *session, const Azulejo__Wire__Notice *noti
     if (!notice->job || !queue_find(&server->farm.queue, notice->job))
         return;
     snprintf(event.who, sizeof event.who, "%s", session->worker->name);
-    store_event_later(server->store, &event);
+    farm_event(&server->farm, &event);
 }
 
 /* 0: not a worker's message. */

@@ -16,6 +16,7 @@ struct web_route {
     int message;                 /* Envelope body case that the parameters and the JSON body fill, or 0 */
     int answer;                  /* body case that answers it, or 0: the handler's own form */
     int streams_body;
+    void (*open)(struct web_socket *socket); /* a WebSocket: sets its callbacks; NULL: plain HTTP */
     const char *summary;         /* for openapi.yaml and docs: one sentence, imperative */
 };
 
@@ -26,5 +27,8 @@ extern const size_t web_route_count;
  * *allowed has a bit for each method that the path knows. */
 const struct web_route *web_route_find(enum web_method method, char *path,
                                        const char *parameters[WEB_PARAMETERS_MAX], unsigned *allowed);
+
+/* Run the request's handler, or send its message to the farm. */
+void web_route_run(struct web_request *request);
 
 #endif

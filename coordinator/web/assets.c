@@ -1,0 +1,57 @@
+#include "coordinator/web/assets.h"
+
+#include <stdio.h>
+#include <string.h>
+
+const struct web_asset_file *web_asset_find(const char *name)
+{
+    for (size_t i = 0; i < web_asset_file_count; i++)
+        if (strcmp(web_asset_files[i].name, name) == 0)
+            return &web_asset_files[i];
+    return NULL;
+}
+
+int web_etag_matches(const char *if_none_match, const char *etag)
+{
+    const size_t size = strlen(etag);
+
+    if (!if_none_match)
+        return 0;
+    for (const char *at = if_none_match; *at;) {
+        at += strspn(at, " \t,");
+        if (strncmp(at, "W/", 2) == 0)
+            at += 2;
+        if (*at == '*' || (strncmp(at, etag, size) == 0 && (!at[size] || strchr(" \t,", at[size]))))
+            return 1;
+        at += strcspn(at, ",");
+    }
+    return 0;
+}
+
+static void send(struct web_request *request, const char *name)
+{
+    const struct web_asset_file *file = web_asset_find(name);
+    struct error why;
+    char headers[160];
+
+    if (!file) {
+        (void)error_set(&why, STATUS_ERR_NOT_FOUND, "the page has no such file");
+        web_fail(request, &why);
+        return;
+    }
+    snprintf(headers, sizeof headers, "cache-control: no-cache\r\netag: %s\r\n", file->etag);
+    if (web_etag_matches(web_header(request, "if-none-match"), file->etag))
+        web_answer(request, 304, NULL, headers, NULL, 0);
+    else
+        web_answer(request, 200, file->type, headers, file->data, file->size);
+}
+
+void web_asset_index(struct web_request *request)
+{
+    send(request, "index.html");
+}
+
+void web_asset(struct web_request *request)
+{
+    send(request, request->parameters[0]);
+}

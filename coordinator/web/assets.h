@@ -1,0 +1,25 @@
+/* assets: the page's files, which scripts/embed.py puts into the program. */
+#ifndef AZULEJO_COORDINATOR_ASSETS_H
+#define AZULEJO_COORDINATOR_ASSETS_H
+
+#include <stddef.h>
+
+#include "coordinator/web/request.h"
+
+struct web_asset_file {
+    const char *name, *type, *etag; /* the etag is quoted */
+    const unsigned char *data;
+    size_t size;
+};
+extern const struct web_asset_file web_asset_files[];
+extern const size_t web_asset_file_count;
+
+/* The file of that name; NULL: none. */
+const struct web_asset_file *web_asset_find(const char *name);
+/* Does If-None-Match name this etag? */
+int web_etag_matches(const char *if_none_match, const char *etag);
+
+void web_asset_index(struct web_request *request);
+void web_asset(struct web_request *request);
+
+#endif

@@ -1,0 +1,199 @@
+#include "coordinator/web/http.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/clock.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/net/server.h"
+#include "coordinator/web/http_parts.h"
+
+_Static_assert(HTTP_PIECE_ROOM >= LWS_PRE, "the library's framing fits in front of a piece");
+
+void http_deadline(struct http_connection *c, unsigned ms)
+{
+    c->deadline_ns = ms ? clock_monotonic_ns() + (uint64_t)ms * NS_PER_MS : 0;
+}
+
+void http_kill(struct http_connection *c)
+{
+    if (c->is_dead)
+        return;
+    c->is_dead = 1;
+    c->deadline_ns = 0;
+    lws_set_timeout(c->wsi, PENDING_TIMEOUT_USER_REASON_BASE, LWS_TO_KILL_ASYNC);
+}
+
+/* The library has no more to say about it. */
+void http_connection_free(struct http_connection *c)
+{
+    struct http *http = c->http;
+
+    http_request_gone(c);
+    http_socket_gone(c);
+    if (c->prev)
+        c->prev->next = c->next;
+    else
+        http->first = c->next;
+    if (c->next)
+        c->next->prev = c->prev;
+    http->connection_count--;
+    http_queue_release(&c->out);
+    buffer_release(&c->message);
+    mem_free(c);
+}
+
+static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
+{
+    struct http_connection *c = wsi ? lws_get_opaque_user_data(wsi) : NULL;
+
+    (void)user;
+    if (!c)
+        return 0; /* the context's own affairs */
+    c->wsi = wsi;
+    switch (reason) {
+    case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: return http_on_upgrade(c, in);
+    case LWS_CALLBACK_HTTP: return http_on_request(c);
+    case LWS_CALLBACK_HTTP_BODY: return http_on_body(c, in, size);
+    case LWS_CALLBACK_HTTP_BODY_COMPLETION: return http_on_body_end(c);
+    case LWS_CALLBACK_HTTP_WRITEABLE: return http_on_writable(c);
+    case LWS_CALLBACK_CLOSED_HTTP: http_request_gone(c); return 0;
+    case LWS_CALLBACK_ESTABLISHED: return http_socket_open(c);
+    case LWS_CALLBACK_RECEIVE: return http_socket_receive(c, in, size);
+    case LWS_CALLBACK_SERVER_WRITEABLE: return http_socket_writable(c);
+    case LWS_CALLBACK_CLOSED: http_socket_gone(c); return 0;
+    case LWS_CALLBACK_WSI_DESTROY:
+        lws_set_opaque_user_data(wsi, NULL);
+        http_connection_free(c);
+        return 0;
+    default: return 0;
+    }
+}
+
+static void on_log(int level, const char *line)
+{
+    (void)level;
+    log_debug("libwebsockets: %.*s", (int)strcspn(line, "\n"), line);
+}
+
+/* ---- begin and end --------------------------------------------------------------------------- */
+
+static status make_context(struct http *http, struct error *err)
+{
+    static const struct lws_protocols protocols[] = {{"http", on_event, 0, HTTP_PIECE_MAX, 0, NULL, 0}, {0}};
+    static const lws_retry_bo_t liveness = {.secs_since_valid_ping = 30, .secs_since_valid_hangup = 60};
+    const struct web_options *options = &http->web->options;
+    void *loops[1] = {&http->web->server->loop};
+    struct lws_context_creation_info info = {
+        .port = CONTEXT_PORT_NO_LISTEN_SERVER,
+        .protocols = protocols,
+        .options = LWS_SERVER_OPTION_LIBUV | LWS_SERVER_OPTION_EXPLICIT_VHOSTS | LWS_SERVER_OPTION_VALIDATE_UTF8 |
+                   LWS_SERVER_OPTION_NO_LWS_SYSTEM_STATES,
+        .foreign_loops = loops,
+        .pcontext = &http->context,
+        .server_string = "azulejo",
+        .max_http_header_data = HTTP_HEADERS_MAX,
+        .max_http_header_pool = (unsigned short)(http->connections_max + 4),
+        .fd_limit_per_thread = http->connections_max + 16,
+        .pt_serv_buf_size = HTTP_PIECE_MAX,
+        .keepalive_timeout = 2 * HTTP_IDLE_MS / 1000, /* ours are shorter */
+        .timeout_secs = 2 * HTTP_BODY_MS / 1000,
+        .timeout_secs_ah_idle = 2 * HTTP_HEADERS_MS / 1000,
+        .uid = -1,
+        .gid = -1,
+        .retry_and_idle_policy = &liveness,
+        .vhost_name = "azulejo",
+        .alpn = "http/1.1",
+    };
+
+    if (http->web->guard.is_tls) {
+        info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT;
+        info.ssl_cert_filepath = options->cert;
+        info.ssl_private_key_filepath = options->key;
+    }
+    lws_set_log_level(LLL_ERR | LLL_WARN, on_log);
+    http->context = lws_create_context(&info);
+    if (!http->context)
+        return error_set(err, STATUS_ERR_INTERNAL,
+                         "libwebsockets did not start: is its part for libuv there (libwebsockets-evlib-uv)?");
+    http->vhost = lws_create_vhost(http->context, &info);
+    if (!http->vhost)
+        return error_set(err, STATUS_ERR_INPUT, "the page's certificate or key cannot be used: %s, %s",
+                         options->cert ? options->cert : "none", options->key ? options->key : "none");
+    return STATUS_OK;
+}
+
+status http_start(struct http **out, struct web *web, struct error *err)
+{
+    const struct web_options *options = &web->options;
+    struct http *http = mem_calloc(1, sizeof *http);
+    status s;
+
+    *out = NULL;
+    if (!http)
+        return error_no_memory(err, "the page's server");
+    http->web = web;
+    http->listener = -1;
+    http->connections_max = options->connections_max;
+    s = http_listen(http, options->host, options->port, &web->guard.port, err);
+    if (s == STATUS_OK)
+        s = make_context(http, err);
+    *out = http; /* its handles may be open: http_stop closes them */
+    return s;
+}
+
+void http_stop(struct http *http)
+{
+    http->is_stopping = 1;
+    http_listen_stop(http);
+    for (struct http_connection *c = http->first, *next; c; c = next) {
+        next = c->next;
+        http_request_gone(c);
+        http_socket_gone(c);
+    }
+    if (http->context)
+        lws_context_destroy(http->context);
+}
+
+void http_free(struct http *http)
+{
+    if (!http)
+        return;
+    mem_free(http);
+}
+
+void http_tick(struct http *http, uint64_t now_ns)
+{
+    for (struct http_connection *c = http->first, *next; c; c = next) {
+        next = c->next;
+        if (c->deadline_ns && now_ns >= c->deadline_ns)
+            http_kill(c);
+    }
+}
+
+struct http_counts http_counts(const struct http *http)
+{
+    struct http_counts counts = http->counts;
+
+    counts.connections = http->connection_count;
+    for (const struct http_connection *c = http->first; c; c = c->next)
+        counts.sockets += c->socket != NULL;
+    return counts;
+}
+
+static int was_begun_with(const struct http_connection *c, uint64_t token, int cookies)
+{
+    const struct web_caller *caller = c->request ? &c->request->base.caller : c->socket ? &c->caller : NULL;
+
+    return caller && (caller->token == token || (cookies && caller->by_cookie));
+}
+
+void http_end_token(struct http *http, uint64_t token, int cookies)
+{
+    for (struct http_connection *c = http->first, *next; c; c = next) {
+        next = c->next;
+        if (was_begun_with(c, token, cookies))
+            http_kill(c);
+    }
+}

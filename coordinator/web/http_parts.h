@@ -1,0 +1,91 @@
+/* http_parts: what the http*.c files share. */
+#ifndef AZULEJO_COORDINATOR_HTTP_PARTS_H
+#define AZULEJO_COORDINATOR_HTTP_PARTS_H
+
+#include <libwebsockets.h>
+#include <uv.h>
+
+#include "common/base/buffer.h"
+#include "coordinator/web/http.h"
+#include "coordinator/web/http_queue.h"
+#include "coordinator/web/routes.h"
+#include "coordinator/web/web.h"
+
+enum {
+    HTTP_QUERY_MAX = 32,       /* values of a query */
+    HTTP_KEPT_MAX = 8,         /* headers that handlers can ask for */
+    HTTP_PIECE_MAX = 64 << 10, /* handed to the kernel at once */
+};
+
+enum http_state { HTTP_IDLE, HTTP_BODY, HTTP_ANSWERING, HTTP_SOCKET };
+
+/* A request with its texts. */
+struct http_request {
+    struct web_request base;
+    struct buffer texts;
+    const char *query[HTTP_QUERY_MAX];  /* "name=value" */
+    const char *kept[HTTP_KEPT_MAX];    /* values, in the order of http_kept_names */
+    int is_over, running;               /* answered or gone; handlers on the stack */
+};
+
+struct http_connection {
+    struct http *http;
+    struct lws *wsi;
+    struct http_connection *prev, *next;
+    enum http_state state;
+    uint64_t deadline_ns;               /* it is ended at this time; 0: none */
+    char peer[64];
+    struct http_queue out;
+    struct http_request *request;       /* NULL: none, or it is over */
+    struct web_socket *socket;
+    struct buffer message;              /* of a WebSocket, so far */
+    const struct web_route *route;      /* that a WebSocket asked for */
+    struct web_caller caller;           /* the same */
+    uint64_t body_left;                 /* bytes of the body that have not come */
+    int is_head, is_old;                /* HEAD; HTTP/1.0 */
+    int begun, is_chunked, no_body;     /* of the answer */
+    int ended;                          /* its last byte is in the queue */
+    int close_after;                    /* the connection ends with this answer */
+    int body_paused, running;           /* a socket's handlers on the stack */
+    int is_dead;                        /* being ended */
+    unsigned close_code;                /* of a WebSocket; 0: not closing */
+    char close_reason[64];
+};
+
+struct http {
+    struct web *web;
+    struct lws_context *context;
+    struct lws_vhost *vhost;
+    int listener;                       /* -1: none */
+    uv_poll_t poll;
+    int polls;                          /* the handle is open */
+    struct http_connection *first;      /* newest first */
+    uint32_t connection_count, connections_max;
+    struct http_counts counts;
+    int is_stopping;
+    uint64_t now_ns;
+};
+
+extern const char *const http_kept_names[HTTP_KEPT_MAX];
+
+/* ---- http.c ---- */
+void http_deadline(struct http_connection *c, unsigned ms); /* 0: none */
+void http_kill(struct http_connection *c);
+void http_connection_free(struct http_connection *c);
+/* ---- http_listen.c ---- */
+status http_listen(struct http *http, const char *host, uint16_t port, uint16_t *bound, struct error *err) MUST_CHECK;
+void http_listen_stop(struct http *http);
+/* ---- http_request.c: each returns 0, or -1 to end the connection ---- */
+int http_on_request(struct http_connection *c);
+int http_on_body(struct http_connection *c, const uint8_t *data, size_t size);
+int http_on_body_end(struct http_connection *c);
+int http_on_writable(struct http_connection *c);
+int http_on_upgrade(struct http_connection *c, const char *to); /* 1: answered already */
+void http_request_gone(struct http_connection *c);
+/* ---- http_socket.c ---- */
+int http_socket_open(struct http_connection *c);
+int http_socket_receive(struct http_connection *c, const void *data, size_t size);
+int http_socket_writable(struct http_connection *c);
+void http_socket_gone(struct http_connection *c);
+
+#endif

@@ -1,0 +1,122 @@
+#include "coordinator/web/web.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "common/base/file.h"
+#include "common/base/log.h"
+#include "common/base/memory.h"
+#include "coordinator/net/server.h"
+#include "coordinator/web/http.h"
+#include "coordinator/web/tokens.h"
+
+/* ---- what the page is called ----------------------------------------------------------------- */
+
+/* The name to print: what it listens on, or one by which that can be reached. */
+static const char *public_name(const struct web *web)
+{
+    if (web->options.name)
+        return web->options.name;
+    return web->guard.any_address ? "localhost" : web->options.host;
+}
+
+static status publish(struct web *web, struct error *err)
+{
+    const char *name = public_name(web);
+    char url[WEB_URL_MAX + 160], *path = file_join(web->options.store, "page.url");
+    status s;
+
+    if (!path)
+        return error_no_memory(err, "the page's address");
+    snprintf(web->address, sizeof web->address, strchr(name, ':') ? "%s://[%s]:%u" : "%s://%s:%u",
+             web->guard.is_tls ? "https" : "http", name, web->guard.port);
+    snprintf(url, sizeof url, "%s/#token=%s\n", web->address, web_tokens_own(web->tokens));
+    s = file_write_private(path, url, strlen(url), err);
+    mem_free(path);
+    printf("page: %s", url);
+    fflush(stdout);
+    log_info("the page is at %s", web->address);
+    explicit_bzero(url, sizeof url);
+    return s;
+}
+
+/* ---- the guest ------------------------------------------------------------------------------- */
+
+static void on_token_ended(void *user, uint64_t token, int cookies)
+{
+    struct web *web = user;
+
+    if (web->http)
+        http_end_token(web->http, token, cookies);
+}
+
+static status start(void *user, struct server *server, struct error *err)
+{
+    struct web *web = user;
+    struct error why = {0};
+    status s = web_tokens_open(&web->tokens, server->store, on_token_ended, web, err);
+
+    web->server = server;
+    if (s != STATUS_OK)
+        return s;
+    s = http_start(&web->http, web, &why);
+    if (s == STATUS_ERR_UNREACHABLE && !web->options.was_asked_for) {
+        log_warn("no page: %s", why.text);
+        http_stop(web->http);
+        return STATUS_OK;
+    }
+    if (s != STATUS_OK && err)
+        *err = why;
+    if (s == STATUS_OK)
+        s = publish(web, err);
+    if (s != STATUS_OK)
+        http_stop(web->http);
+    return s;
+}
+
+static void tick(void *user, uint64_t now_ns)
+{
+    struct web *web = user;
+
+    if (web->http)
+        http_tick(web->http, now_ns);
+}
+
+static void stop(void *user)
+{
+    struct web *web = user;
+
+    if (web->http)
+        http_stop(web->http);
+    web->server = NULL;
+}
+
+struct server_guest web_guest(struct web *web)
+{
+    return (struct server_guest){.start = start, .tick = tick, .stop = stop, .user = web};
+}
+
+status web_new(struct web **out, const struct web_options *options, struct error *err)
+{
+    struct web *web = mem_calloc(1, sizeof *web);
+    status s;
+
+    *out = web;
+    if (!web)
+        return error_no_memory(err, "the page");
+    web->options = *options;
+    s = guard_init(&web->guard, options->host, options->name, options->port, options->cert != NULL, err);
+    if (s == STATUS_OK && !web->guard.is_tls && !guard_is_loopback(options->host))
+        s = error_set(err, STATUS_ERR_USAGE, "--web %s: the page leaves this machine only over TLS: name --web-cert and --web-key",
+                      options->host);
+    return s;
+}
+
+void web_free(struct web *web)
+{
+    if (!web)
+        return;
+    http_free(web->http);
+    web_tokens_close(web->tokens);
+    mem_free(web);
+}

@@ -1,0 +1,37 @@
+#!/usr/bin/env python3
+"""Write a C file that holds the page's files: embed.py OUT.c FOLDER
+
+Each gets its type by its name, and an ETag by its content.
+"""
+import hashlib
+import pathlib
+import sys
+
+TYPES = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8",
+         ".js": "text/javascript; charset=utf-8", ".svg": "image/svg+xml", ".png": "image/png",
+         ".json": "application/json", ".yaml": "application/yaml; charset=utf-8",
+         ".txt": "text/plain; charset=utf-8", ".webmanifest": "application/manifest+json",
+         ".glsl": "text/plain; charset=utf-8"}
+
+
+def main(out, folder):
+    files = sorted(p for p in pathlib.Path(folder).iterdir() if p.is_file() and not p.name.startswith("."))
+    lines = ["/* Made by scripts/embed.py. */", '#include "coordinator/web/assets.h"', ""]
+    rows = []
+    for number, path in enumerate(files):
+        if path.suffix not in TYPES:
+            sys.exit(f"embed.py: {path}: no type is known for files of this name; add it to TYPES")
+        data = path.read_bytes()
+        etag = hashlib.sha256(data).hexdigest()[:32]
+        lines.append(f"static const unsigned char file_{number}[] = {{")
+        for at in range(0, len(data), 32):
+            lines.append("    " + "".join(f"{byte}," for byte in data[at:at + 32]))
+        lines.append("    0};")
+        rows.append(f'    {{"{path.name}", "{TYPES[path.suffix]}", "\\"{etag}\\"", file_{number}, {len(data)}}},')
+    lines += ["const struct web_asset_file web_asset_files[] = {", *rows, "    {0, 0, 0, 0, 0}};",
+              f"const size_t web_asset_file_count = {len(rows)};", ""]
+    pathlib.Path(out).write_text("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
