@@ -127,20 +127,26 @@ struct page {
 
 enum { PAGE_CONNECTIONS = HTTP_CONNECTIONS_MAX };
 
+static int names_port(const char *address)
+{
+    const char *bracket = strchr(address, ']'), *colon = strchr(bracket ? bracket : address, ':');
+
+    return colon && !strchr(colon + 1, ':');
+}
+
 /* The page's options: what --web says, or the port above the farm's. `host` holds the address's text. */
 static status page_options(const struct page *page, const char *folder, uint16_t farm_port, char *host,
                            size_t host_size, struct web_options *out, struct error *err)
 {
-    const char *address = page->address ? page->address : "127.0.0.1:0";
+    const char *address = page->address ? page->address : "127.0.0.1";
+    const int has_port = names_port(address);
     status s;
 
     *out = (struct web_options){.host = host, .was_asked_for = page->address != NULL, .name = page->name,
                                 .cert = page->cert, .key = page->key, .store = folder};
     s = address_parse(address, "", 0, host, host_size, &out->port, err);
-    if (s == STATUS_OK && page->address && !strrchr(address, ':'))
-        out->port = farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
-    if (s == STATUS_OK && !page->address && farm_port)
-        out->port = farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
+    if (s == STATUS_OK && !has_port)
+        out->port = farm_port && farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
     if (s == STATUS_OK && !page->cert != !page->key)
         s = error_set(err, STATUS_ERR_USAGE, "--web-cert and --web-key belong together: name both files");
     return s;

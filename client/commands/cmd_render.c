@@ -345,6 +345,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
          NULL},
         {"verbose", 'v', OPTION_FLAG, &r.local.verbose, NULL,
          "show the logs of the coordinator and the workers", 0, 0, NULL},
+        {"web", 0, OPTION_FLAG, &r.local.web, NULL,
+         "with a page that shows the picture becoming right, at the address that is printed", 0, 0, NULL},
         {0},
     };
     struct option rows[TONEMAP_ROWS_MAX];

@@ -33,7 +33,7 @@ struct local_farm {
     int stops_seen;          /* signals that local_farm_check tolerates */
     char address[LINE_SIZE];
     struct connection_options where;
-    int verbose;
+    int verbose, web;
     int coordinator_stdout;  /* kept open, so that it never writes into a closed pipe */
     unsigned worker_count;
     const char *double_worker;
@@ -119,18 +119,33 @@ static status program_ended(struct local_farm *farm, struct child *child, const 
     return error_set(err, STATUS_ERR_JOB_FAILED, "the local %s %s %s", child->label, how, when);
 }
 
-/* Extract the address from the line "listening on HOST:PORT"; 1 if it was there. */
-static int take_address(struct local_farm *farm, char *text)
+/* The rest of the line that starts with `prefix`; 1 if it is there, whole. */
+static int take_line(const char *text, const char *prefix, char *out, size_t out_size)
 {
-    char *line = strstr(text, listening);
-    char *end = line ? strchr(line, '\n') : NULL;
+    const char *line = strstr(text, prefix);
+    const char *end = line ? strchr(line, '\n') : NULL;
 
     if (!end)
         return 0;
-    *end = 0;
-    line += sizeof listening - 1;
-    line[strcspn(line, " ,\t\r")] = 0;
-    snprintf(farm->address, sizeof farm->address, "%s", line);
+    line += strlen(prefix);
+    snprintf(out, out_size, "%.*s", (int)(end - line), line);
+    return 1;
+}
+
+/* The coordinator's first lines: 1 if all that we want of them are there. */
+static int take_address(struct local_farm *farm, const char *text)
+{
+    char page[LINE_SIZE];
+
+    if (!take_line(text, listening, farm->address, sizeof farm->address))
+        return 0;
+    farm->address[strcspn(farm->address, " ,\t\r")] = 0;
+    if (!farm->web)
+        return 1;
+    if (!take_line(text, "page: ", page, sizeof page))
+        return 0;
+    fprintf(stderr, "page: %s\n", page);
+    explicit_bzero(page, sizeof page);
     return 1;
 }
 
@@ -172,8 +187,9 @@ static status await_address(struct local_farm *farm, struct error *err)
 static status start_coordinator(struct local_farm *farm, struct error *err)
 {
     const char *const arguments[] = {"--listen", "127.0.0.1:0", "--key", farm->key_path,
-                                     "--store", farm->scratch.path, "--remove-store-at-end", "--no-web",
-                                     "--precision", farm->double_worker ? "double" : "float", NULL};
+                                     "--store", farm->scratch.path, "--remove-store-at-end",
+                                     "--precision", farm->double_worker ? "double" : "float",
+                                     farm->web ? "--web" : "--no-web", farm->web ? "127.0.0.1:0" : NULL, NULL};
     int ends[2];
     status result;
 
@@ -226,6 +242,7 @@ status local_farm_start(struct local_farm **out, const struct local_options *opt
     farm->coordinator_stdout = -1;
     farm->scratch.owner_fd = -1;
     farm->verbose = options->verbose;
+    farm->web = options->web;
     farm->double_worker = options->double_worker;
     if (threads == 0) {
         threads = processors() / options->workers;

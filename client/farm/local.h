@@ -17,6 +17,7 @@ struct local_farm;
 struct local_options {
     unsigned workers;  /* 1..LOCAL_WORKERS_MAX processes */
     unsigned threads;  /* of each; 0: the processors that we may use, divided among the workers */
+    int web;           /* with a page, whose address is printed */
     int verbose;       /* the programs' logs go to standard error */
     const char *double_worker; /* a worker that computes in double, for all of them; NULL: the usual one */
 };

@@ -8,6 +8,8 @@
 #include <strings.h>
 #include <unistd.h>
 
+enum { LOOPBACK_NAMES = 3 }; /* "localhost" and two addresses; a machine's own name follows them */
+
 const char guard_headers[] =
     "content-security-policy: default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'\r\n"
@@ -91,6 +93,15 @@ status guard_init(struct guard *guard, const char *host, const char *name, uint1
     if (name)
         add_name(guard, name);
     return STATUS_OK;
+}
+
+const char *guard_public_name(const struct guard *guard, const char *host, const char *name)
+{
+    if (name)
+        return name;
+    if (!guard->any_address)
+        return host;
+    return guard->name_count > LOOPBACK_NAMES ? guard->names[LOOPBACK_NAMES] : guard->names[0];
 }
 
 /* Is "NAME:PORT" one of ours? */

@@ -34,6 +34,8 @@ struct guard {
 /* `host` is what the page listens on, `name` one more name (NULL: none). ERR_USAGE: not a name. */
 status guard_init(struct guard *guard, const char *host, const char *name, uint16_t port, int is_tls,
                   struct error *err) MUST_CHECK;
+/* The name to print: `name`, or what it listens on, or one by which that can be reached. */
+const char *guard_public_name(const struct guard *guard, const char *host, const char *name);
 /* Is the address (as given to bind) on this machine only? */
 int guard_is_loopback(const char *host);
 

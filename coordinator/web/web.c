@@ -7,17 +7,39 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/net/server.h"
+#include "coordinator/web/certificate.h"
 #include "coordinator/web/http.h"
 #include "coordinator/web/tokens.h"
 
 /* ---- what the page is called ----------------------------------------------------------------- */
 
-/* The name to print: what it listens on, or one by which that can be reached. */
 static const char *public_name(const struct web *web)
 {
-    if (web->options.name)
-        return web->options.name;
-    return web->guard.any_address ? "localhost" : web->options.host;
+    return guard_public_name(&web->guard, web->options.host, web->options.name);
+}
+
+/* With TLS: have a certificate, and show what people compare with what their browser shows. */
+static status certify(struct web *web, struct error *err)
+{
+    char fingerprint[FINGERPRINT_SIZE];
+    int made = 0;
+    status s = STATUS_OK;
+
+    if (!web->guard.is_tls)
+        return STATUS_OK;
+    if (web->own_cert) {
+        s = certificate_ensure(web->own_cert, web->own_key, public_name(web), &made, err);
+        web->options.cert = web->own_cert;
+        web->options.key = web->own_key;
+    }
+    if (s == STATUS_OK)
+        s = certificate_fingerprint(web->options.cert, fingerprint, err);
+    if (s != STATUS_OK)
+        return s;
+    if (made)
+        log_info("made a certificate for the page, %s", web->own_cert);
+    printf("page certificate: SHA-256 %s\n", fingerprint);
+    return STATUS_OK;
 }
 
 static status publish(struct web *web, struct error *err)
@@ -57,6 +79,8 @@ static status start(void *user, struct server *server, struct error *err)
     status s = web_tokens_open(&web->tokens, server->store, on_token_ended, web, err);
 
     web->server = server;
+    if (s == STATUS_OK)
+        s = certify(web, err);
     if (s != STATUS_OK)
         return s;
     s = http_start(&web->http, web, &why);
@@ -99,16 +123,20 @@ struct server_guest web_guest(struct web *web)
 status web_new(struct web **out, const struct web_options *options, struct error *err)
 {
     struct web *web = mem_calloc(1, sizeof *web);
+    const int is_tls = options->cert || !guard_is_loopback(options->host);
     status s;
 
     *out = web;
     if (!web)
         return error_no_memory(err, "the page");
     web->options = *options;
-    s = guard_init(&web->guard, options->host, options->name, options->port, options->cert != NULL, err);
-    if (s == STATUS_OK && !web->guard.is_tls && !guard_is_loopback(options->host))
-        s = error_set(err, STATUS_ERR_USAGE, "--web %s: the page leaves this machine only over TLS: name --web-cert and --web-key",
-                      options->host);
+    s = guard_init(&web->guard, options->host, options->name, options->port, is_tls, err);
+    if (s == STATUS_OK && is_tls && !options->cert) {
+        web->own_cert = file_join(options->store, "web-cert.pem");
+        web->own_key = file_join(options->store, "web-key.pem");
+        if (!web->own_cert || !web->own_key)
+            s = error_no_memory(err, "the page's certificate");
+    }
     return s;
 }
 
@@ -118,5 +146,7 @@ void web_free(struct web *web)
         return;
     http_free(web->http);
     web_tokens_close(web->tokens);
+    mem_free(web->own_cert);
+    mem_free(web->own_key);
     mem_free(web);
 }

@@ -34,6 +34,7 @@ struct web {
     struct guard guard;
     struct http *http;         /* http.h; NULL: there is no page, as its port was in use */
     struct web_tokens *tokens; /* tokens.h */
+    char *own_cert, *own_key;  /* files of the certificate that we make; NULL: one is named */
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
 };
 
