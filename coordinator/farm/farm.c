@@ -254,6 +254,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
         farm->events.revoke(farm->events.user, lease->holder->session, lease->id,
                             "the lease lapsed");
         worker_lapsed(farm, lease, now_ns);
+        farm->counts.leases_lapsed++;
         lease_end(&farm->leases, lease);
         farm->pump_wanted = 1;
     }

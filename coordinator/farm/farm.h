@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "coordinator/farm/counts.h"
 #include "coordinator/job/credit.h"
 #include "coordinator/job/lease.h"
 #include "coordinator/job/queue.h"
@@ -141,6 +142,7 @@ struct farm {
     uint64_t open_bytes;
     uint32_t leaving;            /* open frames that make room for others */
     uint64_t conflicts;
+    struct farm_counts counts;
     int64_t wall_s;              /* set by the owner as time passes */
     int pump_wanted;             /* there may be something to grant, to any worker */
     int overdue_wanted;          /* units may have become overdue: ask for hungry workers */

@@ -158,6 +158,7 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     unit_work_add(&job->work, &work);
     farm_frame_unpin(farm, frame);
     farm_frame_close(farm, frame, "the frame is done");
+    farm->counts.frames++;
     job_frame_set_done(job, number);
     if (coverage.samples < job_frame_samples(job) &&
         job_frame_set_cut(job, number, end, &coverage, &err) != STATUS_OK)

@@ -71,6 +71,7 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died,
     uint64_t lent_ns = 0;
     struct job *job = died ? closing_suspected(farm, worker, &lent_ns) : NULL;
 
+    farm->counts.workers_died += died != 0;
     lease_end_all_of(&farm->leases, &worker->held);
     roster_leave(farm, worker);
     if (job)

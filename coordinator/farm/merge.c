@@ -186,6 +186,18 @@ static void trace_unit(struct farm *farm, const struct farm_worker *worker, cons
     trace_add_unit(&farm->trace, result->job, &event, &result->times);
 }
 
+static void count_result(struct farm_counts *counts, const struct tile_result *result, uint64_t now_ns)
+{
+    counts->results++;
+    counts->samples += result->work.samples;
+    counts->rays += result->work.rays;
+    counts->cpu_ns += result->stats.cpu_ns;
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        counts->health[k] += result->work.health.count[k];
+    rate_add(&counts->result_rate, 1, now_ns);
+    rate_add(&counts->sample_rate, result->work.samples, now_ns);
+}
+
 status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
                     uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
 {
@@ -233,6 +245,7 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         report_conflict(farm, frame, result, worker);
     if (merged == FILM_MERGED || merged == FILM_WAITING) {
         lease_settle_unit(&farm->leases, frame, name, worker->held.session, tell_others, farm);
+        count_result(&farm->counts, result, now_ns);
         work_stats_add(&frame->job->stats, &result->stats);
         work_stats_add(&frame->stats, &result->stats);
         rate_add(&frame->job->rate, result->work.samples, now_ns);
@@ -243,6 +256,8 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
                         now_ns);
         workforce_due(farm, worker);
         farm->pump_wanted |= farm->workforce.hungry > 0 && job_frame_unleased(frame) > 0;
+    } else {
+        farm->counts.repeats++;
     }
     trace_unit(farm, worker, result, merged != FILM_MERGED && merged != FILM_WAITING, now_ns);
     if (merged == FILM_MERGED && !job_frame_is_watched(frame, name))
@@ -484,9 +499,21 @@ static void trace_part(struct farm *farm, const struct commit_part *part)
         trace_add(&farm->trace, part->frame->job->id, &event);
 }
 
+static void count_syncs(struct farm_counts *counts, const struct commit *commit)
+{
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        const struct commit_part *part = &commit->parts[i];
+        if (part->result != STATUS_OK)
+            counts->sync_failures++;
+        else if (part->ended_ns)
+            histogram_add(&counts->syncs, part->ended_ns - part->written_ns);
+    }
+}
+
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns)
 {
     farm->sync_ns = commit->sync_ns;
+    count_syncs(&farm->counts, commit);
     for (uint32_t i = 0; i < commit->part_count; i++) {
         trace_part(farm, &commit->parts[i]);
         part_end(farm, commit, &commit->parts[i], now_ns);

@@ -508,3 +508,20 @@ status json_wire_set(ProtobufCMessage *message, const char *field_name, const ch
     json_decref(value);
     return s;
 }
+
+int json_wire_is_set(const ProtobufCMessage *message, const char *field_name)
+{
+    const ProtobufCFieldDescriptor *field =
+        protobuf_c_message_descriptor_get_field_by_name(message->descriptor, field_name);
+    static const char zeros[sizeof(ProtobufCBinaryData)];
+    const char *at;
+
+    if (!field)
+        return 0;
+    at = (const char *)message + field->offset;
+    if (field->label == PROTOBUF_C_LABEL_REPEATED)
+        return *(const size_t *)((const char *)message + field->quantifier_offset) > 0;
+    if (field->type == PROTOBUF_C_TYPE_STRING)
+        return (*(const char *const *)at)[0] != 0;
+    return memcmp(at, zeros, json_wire_field_bytes(field)) != 0;
+}

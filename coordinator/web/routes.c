@@ -1,16 +1,101 @@
 #include "coordinator/web/routes.h"
 
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "coordinator/net/server.h"
 #include "coordinator/web/assets.h"
+#include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
+#include "coordinator/web/problem.h"
+#include "coordinator/web/tokens.h"
+#include "coordinator/web/web.h"
+
+#define BODY(name) AZULEJO__WIRE__ENVELOPE__BODY_##name
+/* A message to the farm, and what it answers with. */
+#define ASKS(question, reply) .message = BODY(question), .answer = BODY(reply)
+/* What is done to a job: its owner may. */
+#define VERB(word, question, says)                                                                              \
+    {WEB_POST, "/api/v1/jobs/{job}/" word, WEB_ROLE_OPERATE, ASKS(question, JOB_LIST), .own_jobs_suffice = 1, \
+     .summary = says}
+#define WORKER_VERB(word, says)                                                                                 \
+    {WEB_POST, "/api/v1/workers/{name}/" word, WEB_ROLE_OPERATE, ASKS(WORKER_STEER, WORKER_LIST),             \
+     .fixed = "verb=" word, .summary = says}
 
 const struct web_route web_routes[] = {
     {WEB_GET, "/", WEB_ROLE_NONE, .run = web_asset_index, .summary = "The page."},
     {WEB_GET, "/assets/{file}", WEB_ROLE_NONE, .run = web_asset, .summary = "A file of the page."},
+    {WEB_GET, "/docs/errors", WEB_ROLE_NONE, .run = problem_list, .summary = "The codes of problems, as text."},
     {WEB_GET, "/healthz", WEB_ROLE_NONE, .run = web_healthz, .summary = "Say that the coordinator is alive."},
+
+    {WEB_GET, "/api/v1/jobs", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .query = "filter before first",
+     .summary = "List jobs: the newest that match the filter, or with `first` those that are served next."},
+    {WEB_POST, "/api/v1/jobs", WEB_ROLE_SUBMIT, ASKS(JOB_SUBMIT, JOB_ACCEPTED),
+     .summary = "Submit a job whose scene and blobs were sent."},
+    {WEB_GET, "/api/v1/jobs/{job}", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .summary = "Describe a job."},
+    {WEB_DELETE, "/api/v1/jobs/{job}", WEB_ROLE_OPERATE, ASKS(JOB_REMOVE, JOB_LIST), .own_jobs_suffice = 1,
+     .query = "unless_read", .summary = "Remove a job that has ended, with its films and pictures."},
+    VERB("pause", JOB_PAUSE, "Pause a job: it gets no more work until it is resumed."),
+    VERB("resume", JOB_RESUME, "Resume a job that is paused or parked."),
+    VERB("finish", JOB_FINISH, "Finish a job early, with the frames in work complete to their first pass."),
+    VERB("cancel", JOB_CANCEL, "Cancel a job; pictures are made of what there is, unless `discard`."),
+    VERB("start", JOB_START, "Start a job that waits for other jobs or for a moment."),
+    VERB("priority", JOB_PRIORITY, "Change a job's priority."),
+    VERB("retry", JOB_RETRY, "Try frames of an ended job again."),
+    VERB("extend", JOB_EXTEND, "Continue a done job with new limits."),
+    VERB("develop", JOB_DEVELOP, "Make a job's pictures again with other output settings."),
+    {WEB_GET, "/api/v1/jobs/{job}/log", WEB_ROLE_VIEW, ASKS(JOB_LOG_GET, JOB_LOG), .query = "after",
+     .summary = "A job's events, with larger numbers than `after`."},
+    {WEB_GET, "/api/v1/jobs/{job}/trace", WEB_ROLE_VIEW, ASKS(JOB_TRACE_GET, JOB_TRACE), .query = "after",
+     .summary = "When what was done for a job, with larger numbers than `after`."},
+    {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/history", WEB_ROLE_VIEW, ASKS(HISTORY_GET, HISTORY),
+     .summary = "How a frame's error decreased."},
+
+    {WEB_GET, "/api/v1/workers", WEB_ROLE_VIEW, ASKS(WORKER_QUERY, WORKER_LIST), .query = "name gone job",
+     .summary = "List the workers that are connected, with `gone` also those that left."},
+    {WEB_GET, "/api/v1/workers/{name}", WEB_ROLE_VIEW, ASKS(WORKER_QUERY, WORKER_LIST), .fixed = "gone=1",
+     .summary = "Describe a worker, with its history and the last lines of its log."},
+    WORKER_VERB("drain", "Drain a worker: it finishes what it has and gets no more."),
+    WORKER_VERB("resume", "Let a drained worker take work again."),
+    WORKER_VERB("block", "Block a name: it gets no work, and what it has goes to others."),
+    WORKER_VERB("unblock", "Unblock a name."),
+
+    {WEB_GET, "/api/v1/store", WEB_ROLE_VIEW, ASKS(STORE_QUERY, STORE_INFO), .summary = "What takes the room."},
+    {WEB_POST, "/api/v1/store/collect", WEB_ROLE_ADMIN, ASKS(STORE_QUERY, STORE_INFO), .fixed = "collect=1",
+     .summary = "Remove what may go, and say what takes the room."},
+    {WEB_POST, "/api/v1/blobs/missing", WEB_ROLE_SUBMIT, ASKS(BLOB_QUERY, BLOB_MISSING),
+     .summary = "Which of these blobs are not on the coordinator?"},
 };
 const size_t web_route_count = sizeof web_routes / sizeof *web_routes;
 
+/* Is the job, which the path names first, the caller's own? The answer is given if not. */
+static int is_own(struct web_request *request)
+{
+    const char *text = request->parameters[0];
+    const struct job *job = queue_find(&request->web->server->farm.queue, strtoull(text ? text : "", NULL, 10));
+    struct error why = {0};
+
+    if (job && job->owner[0] && strcmp(job->owner, request->caller.who) == 0)
+        return 1;
+    if (job)
+        error_set(&why, STATUS_ERR_REFUSED,
+                  "job %" PRIu64 " belongs to %s: a token of the role %s may do this to the jobs of %s only", job->id,
+                  job->owner[0] ? job->owner : "nobody", web_role_name(request->caller.role), request->caller.who);
+    else
+        error_set(&why, STATUS_ERR_NOT_FOUND, "there is no job %.20s", text);
+    problem_answer(request, problem_of_request(why.code, 1), why.text);
+    return 0;
+}
+
 void web_route_run(struct web_request *request)
 {
-    request->route->run(request);
+    const struct web_route *route = request->route;
+
+    if (route->own_jobs_suffice && request->caller.role < route->role && !is_own(request))
+        return;
+    if (route->run)
+        route->run(request);
+    else
+        web_call(request);
 }

@@ -17,6 +17,8 @@ struct web_route {
     int answer;                  /* body case that answers it, or 0: the handler's own form */
     int streams_body;
     void (*open)(struct web_socket *socket); /* a WebSocket: sets its callbacks; NULL: plain HTTP */
+    const char *query;           /* names of the query's values, each a field of the message; NULL: none */
+    const char *fixed;           /* "verb=drain": fields of the message that follow from the path; NULL: none */
     const char *summary;         /* for openapi.yaml and docs: one sentence, imperative */
 };
 

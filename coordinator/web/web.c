@@ -8,6 +8,7 @@
 #include "common/base/memory.h"
 #include "coordinator/net/server.h"
 #include "coordinator/web/certificate.h"
+#include "coordinator/web/call.h"
 #include "coordinator/web/http.h"
 #include "coordinator/web/tokens.h"
 
@@ -70,6 +71,8 @@ static void on_token_ended(void *user, uint64_t token, int cookies)
 
     if (web->http)
         http_end_token(web->http, token, cookies);
+    if (web->calls && !cookies)
+        web_calls_end_token(web->calls, token);
 }
 
 static status start(void *user, struct server *server, struct error *err)
@@ -81,6 +84,8 @@ static status start(void *user, struct server *server, struct error *err)
     web->server = server;
     if (s == STATUS_OK)
         s = certify(web, err);
+    if (s == STATUS_OK)
+        s = web_calls_new(&web->calls, server, err);
     if (s != STATUS_OK)
         return s;
     s = http_start(&web->http, web, &why);
@@ -102,6 +107,7 @@ static void tick(void *user, uint64_t now_ns)
 {
     struct web *web = user;
 
+    web_calls_tick(web->calls, now_ns);
     if (web->http)
         http_tick(web->http, now_ns);
 }
@@ -145,6 +151,7 @@ void web_free(struct web *web)
     if (!web)
         return;
     http_free(web->http);
+    web_calls_free(web->calls);
     web_tokens_close(web->tokens);
     mem_free(web->own_cert);
     mem_free(web->own_key);

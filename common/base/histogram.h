@@ -1,0 +1,19 @@
+/* histogram: how long something took, counted in classes. It only grows. */
+#ifndef AZULEJO_BASE_HISTOGRAM_H
+#define AZULEJO_BASE_HISTOGRAM_H
+
+#include <stdint.h>
+
+enum { HISTOGRAM_CLASSES = 14 };
+
+/* Seconds: class i has what took no more than this and more than the one before it. The last is infinite. */
+extern const double histogram_bounds_s[HISTOGRAM_CLASSES];
+
+struct histogram {
+    uint64_t count[HISTOGRAM_CLASSES];
+    uint64_t sum_ns;
+};
+
+void histogram_add(struct histogram *histogram, uint64_t ns);
+
+#endif

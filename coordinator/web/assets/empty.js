@@ -1,0 +1,21 @@
+/* empty: what an empty farm teaches: the one command to copy, with this coordinator's address. */
+import { h, command } from './dom.js';
+import { state } from './state.js';
+
+/* Where the farm's programs connect to (HOST:PORT). The page's own port is another one. */
+export function address() {
+  const told = state.farm.address || state.session?.address;
+  if (told) return told;
+  const port = state.farm.port || state.farm.farm_port || 7420;
+  const host = location.hostname;
+  return `${host.includes(':') && !host.startsWith('[') ? `[${host}]` : host}:${port}`;
+}
+export const emptyJobs = () => [
+  h('p', null, 'No jobs yet. Send a scene (glTF, pbrt, OBJ or PLY) from a terminal:'),
+  command(`azulejo submit scene.glb --coordinator ${address()}`),
+  h('p', null, 'or drop its files onto this page.'),
+];
+export const emptyWorkers = () => [
+  h('p', null, 'No worker is connected, so nothing renders. On each machine that shall render:'),
+  command(`azulejo-worker --coordinator ${address()} --key farm.worker.key`),
+];

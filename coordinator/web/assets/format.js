@@ -1,0 +1,66 @@
+/* format: numbers and words for people, as azulejo's commands print them. */
+
+const digits = (v) => (v < 9.995 ? 2 : v < 99.95 ? 1 : 0);
+
+export function count(value) {
+  if (!Number.isFinite(value)) return '?';
+  if (value < 999.5) return value.toFixed(Number.isInteger(value) ? 0 : digits(value));
+  let step = 0;
+  while (value >= 999.5 && step < 6) { value /= 1000; step++; }
+  return `${value.toFixed(digits(value))} ${' kMGTPE'[step]}`;
+}
+export const samplesRate = (v) => `${count(v || 0)} samples/s`;
+export const plural = (n, word, words = word + 's') => `${count(n)} ${n === 1 ? word : words}`;
+
+export function bytes(value) {
+  value = Number(value);
+  if (!Number.isFinite(value)) return '?';
+  let step = 0;
+  while (value >= 1023.5 && step < 5) { value /= 1024; step++; }
+  return `${step ? value.toFixed(value < 99.95 ? 1 : 0) : value} ${['B', 'KiB', 'MiB', 'GiB', 'TiB', 'PiB'][step]}`;
+}
+
+/* "9 s", "41 s", "9 min", "2.5 h", "3 d" */
+export function span(s) {
+  if (!(s >= 0) || !Number.isFinite(s)) return '?';
+  if (s < 99.5) return `${s < 9.95 && s > 0 ? s.toFixed(1) : Math.round(s)} s`;
+  if (s < 99.5 * 60) return `${Math.round(s / 60)} min`;
+  if (s < 36 * 3600) return `${(s / 3600).toFixed(1)} h`;
+  return `${(s / 86400).toFixed(1)} d`;
+}
+export const coreTime = (s) => (s < 99.5 ? `${s.toFixed(s < 9.95 ? 1 : 0)} core-s` : s < 5940 ? `${Math.round(s / 60)} core-min` : `${(s / 3600).toFixed(1)} core-h`);
+export const percent = (share) => `${Math.floor(100 * Math.min(1, Math.max(0, share)))} %`;
+/* An error in display codes: "3.1/255". */
+export const display = (e) => (typeof e === 'number' && e >= 0 ? `${e < 0.995 ? e.toFixed(2) : e < 9.95 && !Number.isInteger(e) ? e.toFixed(1) : e.toFixed(0)}/255` : '?');
+
+/* StopRules' target in words; "" without one. */
+export function target(stop) {
+  if (!stop || !stop.measure) return '';
+  return stop.measure === 1 ? display(stop.target) : stop.measure === 2 ? `${stop.target} dB` : `${stop.target} %`;
+}
+
+/* "1,5,10-12" -> {frames: [1, 5, 10, 11, 12]}; "10-100x10" as the commands. Throws a sentence. */
+export function frameList(words) {
+  const frames = new Set();
+  for (const part of words.split(',')) {
+    const m = part.trim().match(/^(\d+)(?:-(\d+)(?:x(\d+))?)?$/);
+    if (!m) throw new Error(`“${part.trim()}” is no frame: write them as 1,5,10-100x10.`);
+    const first = Number(m[1]), last = Number(m[2] ?? m[1]), step = Number(m[3] ?? 1);
+    if (last < first || step < 1) throw new Error(`“${part.trim()}” has no frames: the second number must not be smaller.`);
+    if ((last - first) / step + frames.size > 1e5) throw new Error('These are more than 100,000 frames.');
+    for (let f = first; f <= last; f += step) frames.add(f);
+  }
+  return [...frames].sort((a, b) => a - b);
+}
+/* A time as the commands take it: "90s", "10m", "2h", or seconds -> milliseconds. */
+export function milliseconds(words) {
+  const m = words.trim().match(/^(\d+(?:\.\d+)?)\s*(ms|s|m|min|h|d)?$/);
+  if (!m) throw new Error(`“${words.trim()}” is no time: write 90s, 10m or 2h.`);
+  return Math.round(Number(m[1]) * { ms: 1, s: 1e3, m: 6e4, min: 6e4, h: 3.6e6, d: 8.64e7 }[m[2] || 's']);
+}
+/* "2/255", "1%", "45dB" -> {measure, target} */
+export function errorTarget(words) {
+  const m = words.trim().match(/^(\d+(?:\.\d+)?)\s*(\/\s*255|%|dB)$/i);
+  if (!m || !(Number(m[1]) > 0)) throw new Error(`“${words.trim()}” is no error: write 2/255, 1% or 45dB.`);
+  return { measure: m[2] === '%' ? 3 : /db/i.test(m[2]) ? 2 : 1, target: Number(m[1]) };
+}

@@ -1,0 +1,42 @@
+/* notice: short lines for people, at the lower edge; and what only screen readers are told. */
+import { h, text } from './dom.js';
+
+const STAY_MS = 8000, KEPT = 4;
+let last = null; /* the newest line's undo */
+
+function line(node, words, undo, undoName) {
+  const button = undo && h('button', { onclick: () => { close(); undo(); } }, undoName || 'Undo');
+  const item = h('div', { class: 'notice' }, h('span', null, words), button,
+    h('button', { class: 'quiet', 'aria-label': 'Close this message', onclick: () => close() }, '×'));
+  let timer = 0;
+  const close = () => { item.remove(); if (last === undo) last = null; };
+  const start = () => { clearTimeout(timer); timer = setTimeout(close, STAY_MS); };
+  item.onmouseenter = () => clearTimeout(timer);
+  item.onmouseleave = start;
+  item.onfocus = () => clearTimeout(timer);
+  if (undo) last = undo;
+  node.append(item);
+  while (node.children.length > KEPT) node.firstChild.remove();
+  start();
+}
+
+export const say = (words, undo, undoName) => line(document.getElementById('said'), words, undo, undoName);
+export function trouble(why) {
+  if (why && why.name === 'AbortError') return;
+  line(document.getElementById('refused'), why instanceof Error || why.message ? why.message : String(why));
+}
+export function undoLast() {
+  if (last) { const undo = last; last = null; undo(); } else say('Nothing to undo.');
+}
+
+/* State changes: several within a moment become one sentence. */
+let told = [], timer = 0;
+export function tell(words) {
+  told.push(words);
+  clearTimeout(timer);
+  timer = setTimeout(() => {
+    const node = document.getElementById('told');
+    text(node, told.length > 3 ? `${told.slice(0, 3).join('. ')}. And ${told.length - 3} more changes.` : told.join('. '));
+    told = [];
+  }, 500);
+}

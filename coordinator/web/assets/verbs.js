@@ -1,0 +1,246 @@
+/* verbs: everything that can be done to jobs and workers, under the names of azulejo's commands. The coordinator
+ * checks each of them again: what is offered here is only what has a chance.
+ *
+ * Verbs that lose nothing ask nothing, and offer the way back. The others say what is lost.
+ */
+import { get, post, del } from './api.js';
+import { state, takeAnswer, takeRemoved } from './state.js';
+import { say, trouble } from './notice.js';
+import { confirm, form } from './dialog.js';
+import { frameList, errorTarget, milliseconds, target } from './format.js';
+
+const ROLES = ['none', 'view', 'submit', 'operate', 'admin'];
+const rank = (role) => ROLES.indexOf(role);
+export const owns = (job) => !!state.session && job.owner === state.session.who;
+
+/* Is this caller offered what needs the role? For a job of its own, "submit" suffices. */
+export function may(role, job) {
+  const mine = rank(state.session ? state.session.role : 'none');
+  return mine >= rank(role) || (!!job && mine >= rank('submit') && owns(job));
+}
+
+const ALIVE = ['queued', 'running', 'parked', 'paused', 'finishing'];
+const FINAL = ['done', 'failed', 'cancelled'];
+const names = (jobs) => (jobs.length === 1 ? jobs[0].name || `job ${jobs[0].job}` : `${jobs.length} jobs`);
+const of = (path, number) => `/jobs/${number}/${path}`;
+
+/* name: {states, when, text (what happens), done (word), ask(jobs) -> body or null, undo(jobs, body) -> [verb, body] } */
+export const verbs = {
+  pause: {
+    states: ['queued', 'running'], done: 'paused', undo: () => ['resume'],
+    text: 'Stop until somebody resumes it. The samples so far stay.',
+  },
+  resume: {
+    states: ['paused', 'parked'], done: 'back in the queue', undo: (jobs) => jobs.every((j) => j.state === 'paused') && ['pause'],
+    text: 'Put it back into the queue.',
+  },
+  finish: {
+    states: ['queued', 'running', 'paused'], when: (j) => j.state !== 'queued' || Number(j.samples_done) > 0,
+    done: 'finishing: frames in work end with whole pictures, no frame is begun. Retry renders the rest',
+    text: 'Whole pictures now, from the samples so far; frames not begun are left out. Retry renders the rest.',
+  },
+  start: {
+    states: ALIVE, when: (j) => (j.after || []).length > 0 || Number(j.not_before) > 0, done: 'waiting for nothing but its turn',
+    text: 'Wait no longer for other jobs or for a time.',
+  },
+  priority: {
+    states: [...ALIVE, 'cancelling'], done: 'moved in the queue', ask: askPriority,
+    undo: (jobs) => jobs.length === 1 && ['priority', { priority: jobs[0].priority }],
+    text: 'Serve it earlier or later.',
+  },
+  retry: {
+    states: FINAL, when: (j) => j.state !== 'done' || j.finished_early, done: 'back in the queue, with the samples it has',
+    text: 'Go on with frames that are not done, from the samples they have.',
+  },
+  'retry-frames': {
+    verb: 'retry', label: 'Retry frames…', single: true, states: FINAL, done: 'back in the queue', ask: askFrames,
+    text: 'Render chosen frames again.',
+  },
+  extend: {
+    label: 'Extend…', states: ['done'], single: true, done: 'going on with more samples', ask: askExtend,
+    text: 'More samples, or a smaller error, from the films that are kept.',
+  },
+  develop: {
+    label: 'Develop…', single: true, states: [...ALIVE, 'done', 'failed', 'cancelled'], ask: askDevelop, done: 'making its pictures again',
+    text: 'Tone map its pictures again, without rendering.',
+  },
+  cancel: {
+    states: ALIVE, done: 'cancelled: pictures are made of what is rendered', undo: () => ['retry'], undoName: 'Retry',
+    text: 'End it. Pictures are made of what is rendered, and Retry goes on from there.',
+  },
+  discard: {
+    verb: 'cancel', label: 'Cancel and discard…', states: [...ALIVE, 'cancelling'], dangerous: true, done: 'cancelled', body: { discard: true },
+    ask: (jobs) => confirm(`Cancel ${names(jobs)} and discard its samples?`, [
+      'All samples of unfinished frames are lost: no pictures are made of them, and Retry begins them from nothing.',
+      'Pictures of finished frames stay.'], 'Discard the samples').then((yes) => yes && {}),
+    text: 'End it, and free the room of its unfinished frames at once.',
+  },
+  remove: {
+    label: 'Remove…', states: FINAL, dangerous: true, done: 'removed',
+    ask: (jobs) => confirm(`Remove ${names(jobs)}?`, [
+      `The coordinator forgets ${jobs.length === 1 ? 'the job' : 'these jobs'}: ${lost(jobs)}, settings and log are lost. Nothing brings them back.`,
+      'Pictures that were downloaded stay where they are.'], 'Remove').then((yes) => yes && {}),
+    send: (number) => del(`/jobs/${number}`), text: 'Forget it, with its pictures.',
+  },
+};
+for (const [name, verb] of Object.entries(verbs)) {
+  verb.name = name;
+  verb.verb = verb.verb || name;
+  verb.label = verb.label || name[0].toUpperCase() + name.slice(1);
+}
+
+function lost(jobs) {
+  const frames = jobs.reduce((n, j) => n + (j.frames_done || 0), 0);
+  return frames ? `the pictures of ${frames} finished frame${frames === 1 ? '' : 's'}` : 'films';
+}
+async function askPriority(jobs) {
+  return form(`Priority of ${names(jobs)}`, ['Jobs with a higher number go first.'],
+    [{ name: 'priority', label: 'Priority', type: 'number', step: 1, value: String(jobs[0].priority), required: true }],
+    'Set the priority', (v) => ({ priority: Math.trunc(Number(v.priority)) }));
+}
+async function askFrames([job]) {
+  return form(`Frames of ${names([job])} to render again`, [
+    'They go on from their films where these are kept; a lost picture is made again without rendering.'],
+  [{ name: 'frames', label: 'Frames', value: `${job.first_frame}-${job.last_frame}`, hint: 'as in 1,5,10-100x10', required: true }],
+  'Retry these frames', (v) => ({ frames: frameList(v.frames) }));
+}
+async function askExtend([job]) {
+  return form(`Extend ${names([job])}`, ['Rendering goes on from the films that are kept. Give one of these, or both.'], [
+    { name: 'error', label: 'Error to reach', value: target(job.stop), hint: 'as in 2/255, 1% or 45dB' },
+    { name: 'spp', label: 'Samples a pixel, at most', type: 'number', min: 1, value: job.stop && job.stop.measure ? '' : String(2 * (job.settings?.spp || 128)) },
+    { name: 'time', label: 'Time limit a frame', hint: 'as in 10m; empty: none' },
+    { name: 'frames', label: 'Frames', hint: 'as in 1,5,10-20; empty: all' },
+  ], 'Extend', (v) => {
+    const body = {}, stop = {};
+    if (v.error) Object.assign(stop, errorTarget(v.error), { adaptive: true });
+    if (v.time) Object.assign(stop, { time_limit_ms: milliseconds(v.time), adaptive: true });
+    if (v.spp) body.spp = Number(v.spp);
+    if (v.frames) body.frames = frameList(v.frames);
+    if (Object.keys(stop).length) body.stop = stop;
+    if (!body.spp && !body.stop) throw new Error('Say how many samples, or which error is to be reached.');
+    return body;
+  });
+}
+async function askDevelop([job]) {
+  let operators = [];
+  try { operators = listOf(await get('/operators'), 'operators').map((o) => o.name); } catch (why) { trouble(why); return null; }
+  const output = job.output || {};
+  return form(`Develop ${names([job])} again`, ['The pictures of all frames are made again; nothing is rendered. The picture’s own controls do this, too.'], [
+    { name: 'tonemap', label: 'Operator', value: output.tonemap, options: operators.map((n) => [n, n]) },
+    { name: 'exposure_ev', label: 'Exposure, in stops', type: 'number', step: 'any', value: String(output.exposure_ev || 0) },
+    { name: 'white_kelvin', label: 'White balance, in kelvin', type: 'number', step: 'any', min: 0, value: output.white_kelvin ? String(output.white_kelvin) : '', hint: 'empty: colours as they are' },
+  ], 'Develop', (v) => ({
+    output: {
+      ...output, tonemap: v.tonemap, exposure_ev: Number(v.exposure_ev) || 0, white_kelvin: Number(v.white_kelvin) || 0,
+      parameters: v.tonemap === output.tonemap ? output.parameters || {} : {},
+    },
+  }));
+}
+/* A list that is the answer, or below this name in it. */
+export const listOf = (answer, name) => (Array.isArray(answer) ? answer : answer[name] || []);
+
+const allows = (verb, job) => verb.states.includes(job.state) && (!verb.when || verb.when(job)) && may('operate', job);
+/* The verbs that have a chance with all of these jobs. */
+export function offered(jobs) {
+  if (!jobs.length) return [];
+  return Object.values(verbs).filter((v) => (!v.single || jobs.length === 1) && jobs.every((j) => allows(v, j)));
+}
+
+async function send(verb, number, body) {
+  if (verb.send) {
+    await verb.send(number);
+    takeRemoved(number);
+  } else takeAnswer(await post(of(verb.verb, number), body));
+}
+
+/* A verb, for one job or several. `body`: what it would ask for. Resolves with whether all of it was done. */
+export async function act(name, numbers, body, quiet) {
+  const verb = verbs[name];
+  const jobs = [numbers].flat().map(state.job).filter(Boolean);
+  if (!verb || !jobs.length) return false;
+  const unfit = jobs.filter((j) => !allows(verb, j));
+  if (unfit.length) {
+    trouble(new Error(!may('operate', unfit[0])
+      ? `Your token may not ${verb.verb} jobs of others: it has the role “${state.session?.role}”.`
+      : `${names(unfit)} cannot be told to ${verb.verb}: ${unfit.length === 1 ? 'it is' : 'some are'} ${unfit[0].state}.`));
+    return false;
+  }
+  const before = jobs.map((j) => ({ ...j }));
+  if (body === undefined && verb.ask) {
+    body = await verb.ask(jobs);
+    if (!body) return false;
+  }
+  body = { ...verb.body, ...body };
+  const failed = [];
+  const rest = [...jobs];
+  await Promise.all(Array.from({ length: 6 }, async () => {
+    for (let job; (job = rest.shift());)
+      try { await send(verb, job.job, body); } catch (why) { failed.push([job, why]); }
+  }));
+  if (failed.length) {
+    const [job, why] = failed[0];
+    trouble(new Error(jobs.length === 1 ? why.message : `${failed.length} of ${jobs.length} jobs refused it. ${names([job])}: ${why.message}`));
+  }
+  const done = before.filter((j) => !failed.some(([f]) => f.job === j.job));
+  if (done.length && !quiet) {
+    const back = verb.undo && verb.undo(done, body);
+    say(`${names(done)}: ${verb.done}.`, back ? () => act(back[0], done.map((j) => j.job), back[1] || {}, true) : undefined, verb.undoName);
+  }
+  return !failed.length;
+}
+
+/* ---- order ------------------------------------------------------------------------------------ */
+
+/* The farm orders by priority, then by owner and submission. What has to change so that `moved` stands at `place`
+ * of this list (its order without the moved job): [[job, priority], ...]. */
+export function prioritiesFor(list, moved, place) {
+  const rest = list.filter((j) => j !== moved);
+  const wanted = new Map();
+  const of = (j) => (wanted.has(j) ? wanted.get(j) : j.priority);
+  /* At the same priority only jobs of one owner keep the order of their submission. */
+  const least = (above, below) => of(below) + (above.owner === below.owner && above.job < below.job ? 0 : 1);
+  const above = rest[place - 1], below = rest[place];
+  let now = moved.priority;
+  if (above) now = Math.min(now, of(above) - (above.owner === moved.owner && above.job < moved.job ? 0 : 1));
+  if (below) now = Math.max(now, least(moved, below));
+  if (now !== moved.priority) wanted.set(moved, now);
+  let under = moved;
+  for (let i = place - 1; i >= 0; i--) {
+    const need = least(rest[i], under);
+    if (of(rest[i]) >= need) break;
+    wanted.set(rest[i], need);
+    under = rest[i];
+  }
+  return [...wanted];
+}
+export async function reorder(list, moved, place) {
+  const changed = prioritiesFor(list, moved, place);
+  if (!changed.length) return;
+  const others = changed.find(([j]) => !may('operate', j));
+  if (others) {
+    trouble(new Error(`${others[0].name} is not yours: your token may only move your own jobs.`));
+    return;
+  }
+  const before = changed.map(([j]) => [j.job, j.priority]);
+  const all = (pairs) => Promise.all(pairs.map(([number, priority]) => act('priority', number, { priority }, true)));
+  const fine = await all(changed.map(([j, p]) => [j.job, p]));
+  if (fine.every(Boolean))
+    say(`${changed.map(([j, p]) => `${j.name}: priority ${p}`).slice(0, 3).join(', ')}${changed.length > 3 ? ` and ${changed.length - 3} more` : ''}.`, () => all(before));
+}
+
+/* ---- workers ---------------------------------------------------------------------------------- */
+
+export const workerVerbs = {
+  drain: { states: ['idle', 'working', 'paused'], done: 'gets no more work, and finishes what it has', undo: 'resume' },
+  resume: { states: ['draining', 'drained'], done: 'gets work again', undo: 'drain' },
+  block: { states: ['idle', 'working', 'paused', 'draining', 'drained', 'leaving', 'gone'], done: 'blocked: its work goes to others', undo: 'unblock' },
+  unblock: { states: ['blocked'], done: 'gets work again', undo: 'block' },
+};
+export const workerOffers = (worker) => (may('operate') ? Object.keys(workerVerbs).filter((v) => workerVerbs[v].states.includes(worker.state)) : []);
+export async function steer(verb, name, quiet) {
+  try {
+    await post(`/workers/${encodeURIComponent(name)}/${verb}`);
+    const { done, undo } = workerVerbs[verb];
+    if (!quiet) say(`${name}: ${done}.`, () => steer(undo, name, true));
+  } catch (why) { trouble(why); }
+}
