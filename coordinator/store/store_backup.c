@@ -353,6 +353,18 @@ static void check_blobs(const char *store)
     mem_free(path);
 }
 
+/* Mark the store as half restored. At once: a temporary file's name, left by a crash, would look like
+ * something that is in the store. */
+static status mark_restoring(const char *path, struct error *err)
+{
+    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+
+    if (fd < 0)
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", path, strerror(errno));
+    close(fd);
+    return file_sync_folder_of(path, err);
+}
+
 /* The database comes last, under its own name: then the store is whole. */
 static status restore_files(const char *dir, const char *store, struct copied *sum,
                             struct error *err)
@@ -362,7 +374,7 @@ static status restore_files(const char *dir, const char *store, struct copied *s
     status s = source && fresh && target && restoring ? STATUS_OK : error_no_memory(err, "a path");
 
     if (s == STATUS_OK)
-        s = file_write_private(restoring, "", 0, err);
+        s = mark_restoring(restoring, err);
     if (s == STATUS_OK)
         s = copy_file(source, fresh, sum, err);
     if (s == STATUS_OK)

@@ -158,7 +158,7 @@ def backup_disturbed():
         farm.wait_for_job(number)
         expect(copy_store("backup", whole, farm.store).returncode == 0, "a whole one")
         farm.coordinator.kill()
-        for turn, delay_s in enumerate((0.0, 0.003, 0.01)):
+        for turn, delay_s in enumerate((0.0, 0.003, 0.005, 0.007, 0.01)):
             farm.store = farm.path("again-%d" % turn)
             program = start_copy("restore", whole, farm.store)
             time.sleep(delay_s)  # a sweep over moments, not a wait
@@ -171,7 +171,8 @@ def backup_disturbed():
                 except Failure as failure:
                     expect("not finished" in str(failure), failure)
             if not os.path.exists(os.path.join(farm.store, "queue.sqlite")):
-                expect(copy_store("restore", whole, farm.store).returncode == 0, "it is repeated")
+                again = copy_store("restore", whole, farm.store)
+                expect(again.returncode == 0, again)
             farm.restart_coordinator()
             expect_same(farm, Outcome(farm, number, "again-%d" % turn), reference, "restored", counts=False)
             farm.coordinator.kill()

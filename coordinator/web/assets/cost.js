@@ -1,0 +1,268 @@
+/* cost: a frame's error against what it cost, both logarithmic, and what a smaller error will cost.
+ *
+ * The law and its bounds are those of common/accuracy/curve.c, so that the page and the commands say the same.
+ */
+import { h, text, show } from './dom.js';
+import { display, coreTime } from './format.js';
+
+const NORMAL_95 = 1.959963984540054;
+const SLOPE = 0.5, SLOPE_SPREAD = 0.25, SLOPE_MIN = 0.25, SLOPE_MAX = 1;
+const POINT_SPREAD = 0.01, MEMORY = 0.2, DRIFT = 0.1, UNKNOWN_SPREAD = 0.05;
+
+/* points: [{cost, error, lo, hi}], in order of cost. null: nothing is known. */
+export function fit(points) {
+  const used = points.filter((p) => p.cost > 0 && p.error > 0 && p.cost < Infinity && p.error < Infinity).slice(-64);
+  if (!used.length) return null;
+  const pivot = Math.log(used.at(-1).cost);
+  let ww = 0, wx = 0, wxx = 1 / SLOPE_SPREAD ** 2, wy = 0, wxy = wxx * SLOPE;
+  for (const { cost, error, lo, hi } of used) {
+    const x = pivot - Math.log(cost), y = Math.log(error);
+    const own = lo > 0 && hi > lo && hi < Infinity ? Math.log(hi / lo) / (2 * NORMAL_95) : UNKNOWN_SPREAD;
+    const w = 1 / (own ** 2 + POINT_SPREAD ** 2 + (MEMORY * x * x) ** 2);
+    ww += w; wx += w * x; wxx += w * x * x; wy += w * y; wxy += w * x * y;
+  }
+  const determinant = ww * wxx - wx * wx;
+  const slope = Math.min(Math.max((ww * wxy - wx * wy) / determinant, SLOPE_MIN), SLOPE_MAX);
+  return { pivot, slope, level: (wy - slope * wx) / ww, variance: [wxx / determinant, ww / determinant, -wx / determinant] };
+}
+
+const deviation = ({ variance: [level, slope, both] }, d) => Math.sqrt(level + d * d * slope - 2 * d * both + (DRIFT * d) ** 2);
+
+export function errorAt(curve, cost) {
+  const d = Math.log(cost) - curve.pivot, value = Math.exp(curve.level - curve.slope * d);
+  const spread = Math.exp(NORMAL_95 * deviation(curve, d));
+  return { value, lo: value / spread, hi: value * spread };
+}
+
+export function costOf(curve, error) {
+  const fall = curve.level - Math.log(error), off = NORMAL_95 * Math.sqrt(curve.variance[0]), d = fall / curve.slope;
+  const spread = NORMAL_95 * deviation(curve, d) / curve.slope;
+  let least = d - spread, most = d + spread;
+  if (fall > off) {
+    least = Math.max(least, (fall - off) / SLOPE_MAX);
+    most = Math.min(most, (fall + off) / SLOPE_MIN);
+  }
+  return { value: Math.exp(curve.pivot + d), lo: Math.exp(curve.pivot + least), hi: Math.exp(curve.pivot + most) };
+}
+
+/* Measures by their number on the wire. `error` of a figure and back: a law falls, so decibels become codes. */
+const same = (x) => x;
+const MEASURES = {
+  1: { name: 'display error', of: 'display', to: same, back: same, show: display },
+  2: {
+    name: 'PSNR', of: 'psnr', to: (db) => 255 * 10 ** (-db / 20), back: (codes) => -20 * Math.log10(codes / 255),
+    show: (db) => `${db.toFixed(1)} dB`,
+  },
+  3: { name: 'RMSE of light', of: 'rmse', to: same, back: same, show: (percent) => `${Number(percent.toPrecision(2))} %` },
+};
+const KEYS = { display: ['display', 'display_low', 'display_high'], psnr: ['psnr_db', 'psnr_high', 'psnr_low'],
+  rmse: ['rmse_percent', 'rmse_low', 'rmse_high'] };
+
+export function pointsOf(history, measure) {
+  const { of, to } = MEASURES[measure];
+  return history.filter((p) => p.figures).map((p) => {
+    const [error, lo, hi] = KEYS[of].map((key) => typeof p.figures[key] === 'number' ? to(p.figures[key]) : NaN);
+    return { cost: p.core_seconds, error, lo, hi };
+  }).filter((p) => p.cost > 0 && p.error > 0);
+}
+
+/* "1:50", "2:03:10" */
+export function clock(seconds) {
+  const s = Math.round(seconds), two = (n) => String(n).padStart(2, '0');
+  if (s >= 359999) return `${Math.round(s / 3600)} hours`;
+  return s >= 3600 ? `${Math.floor(s / 3600)}:${two(Math.floor(s / 60) % 60)}:${two(s % 60)}` : `${Math.floor(s / 60)}:${two(s % 60)}`;
+}
+const work = (s) => s < 60 ? `${Number(s.toPrecision(2))} core-seconds` : s < 3600 ? `${Number((s / 60).toPrecision(2))} core-minutes`
+  : `${Number((s / 3600).toPrecision(2))} core-hours`;
+
+/* What an error costs, in words: "2/255 in 1:50, 0.4 core-hours more (0.3 core-hours to 0.6 core-hours)". */
+export function priceWords(curve, error, spent, cores, shown) {
+  const now = errorAt(curve, spent).value, { value, lo, hi } = costOf(curve, error);
+  if (error >= now) return `${shown} is reached`;
+  const more = Math.max(value - spent, 0), range = [lo, hi].map((c) => work(Math.max(c - spent, 0)));
+  return `${shown} ${cores > 0 ? `in ${clock(more / cores)}, ` : 'for '}${work(more)} more (${range.join(' to ')})`;
+}
+
+const W = 320, H = 200, LEFT = 44, RIGHT = 10, TOP = 10, BOTTOM = 30;
+
+function s(tag, attributes, ...children) {
+  const node = document.createElementNS('http://www.w3.org/2000/svg', tag);
+  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+  node.append(...children);
+  return node;
+}
+
+/* Round numbers 1, 2, 5 x 10^n between the ends; only powers of ten if there are many. */
+function ticks(low, high) {
+  const all = [];
+  for (let n = Math.floor(Math.log10(low)); n <= Math.log10(high); n++)
+    for (const m of [1, 2, 5]) if (m * 10 ** n >= low && m * 10 ** n <= high) all.push(m * 10 ** n);
+  if (all.length <= 6) return all;
+  const tens = all.filter((t) => Math.abs(Math.log10(t) - Math.round(Math.log10(t))) < 1e-9), step = Math.ceil(tens.length / 6);
+  return tens.filter((_, i) => i % step === 0);
+}
+const coreTick = (t) => t < 60 ? `${Number(t.toPrecision(1))} s` : t < 3600 ? `${Math.round(t / 60)} min` : `${Number((t / 3600).toPrecision(2))} h`;
+
+class Cost {
+  constructor(element, context) {
+    Object.assign(this, { element, context, history: [], measure: 0, dragged: 0 });
+    this.choice = h('select', { 'aria-label': 'Measure of the error', onchange: () => { this.measure = Number(this.choice.value); this.dragged = 0; this.draw(); } },
+      Object.entries(MEASURES).map(([value, { name }]) => h('option', { value }, name)));
+    this.chart = s('svg', { viewBox: `0 0 ${W} ${H}`, class: 'cost-chart', role: 'group', 'aria-label': 'Error against core-seconds' });
+    this.price = h('p', { class: 'price', role: 'status' });
+    this.button = h('button', { onclick: () => this.apply() });
+    this.back = h('button', { class: 'quiet', onclick: () => { this.dragged = 0; this.draw(); } }, 'Back');
+    this.why = h('p', { class: 'quiet' });
+    this.empty = h('p', { class: 'quiet' }, 'No figures yet: they come with the first passes.');
+    this.body = h('div', null, this.chart, this.price, h('div', { class: 'row' }, this.button, this.back), this.why);
+    element.replaceChildren(h('div', { class: 'row' }, h('h3', null, 'Error against cost'), this.choice), this.empty, this.body);
+    element.classList.add('cost-part');
+    const draw = () => this.draw();
+    context.on('select', () => { this.dragged = this.measure = 0; this.history = []; this.load(); });
+    context.on('job', () => { this.load(); context.frameLoop(draw); });
+    this.chart.addEventListener('pointerdown', (event) => this.grab(event));
+    this.chart.addEventListener('pointermove', (event) => this.holding && this.drag(event));
+    for (const end of ['pointerup', 'pointercancel']) this.chart.addEventListener(end, () => { this.holding = false; });
+    this.load();
+  }
+
+  get frame() { return this.context.shownFrame(); }
+
+  /* Again when the frame has a tenth more samples. */
+  async load() {
+    const job = this.context.job(), info = this.context.info(), { frame } = this, key = `${job}/${frame}`;
+    const samples = info?.now && info.now_frame === frame ? Number(info.now.samples) : 0;
+    if (!job || !info || this.busy) { this.draw(); return; }
+    if (this.key === key && samples <= this.samples * 1.1 && !(info.state === 'done' && this.stateThen !== 'done')) return;
+    this.busy = true;
+    try {
+      const answer = await this.context.api.get(`/jobs/${job}/frames/${frame}/history`);
+      this.history = this.context.job() === job ? answer.points || [] : [];
+    } catch { this.history = []; }
+    Object.assign(this, { busy: false, key, samples, stateThen: info.state });
+    if (this.context.job() !== job) this.load(); else this.draw();
+  }
+
+  draw() {
+    const info = this.context.info(), { frame } = this, stop = info?.stop || {};
+    if (!this.measure) { this.measure = stop.measure || 1; this.choice.value = this.measure; }
+    const history = [...this.history], now = info?.now;
+    if (now?.figures && info.now_frame === frame && now.core_seconds > (history.at(-1)?.core_seconds || 0)) history.push(now);
+    this.points = pointsOf(history, this.measure);
+    this.curve = fit(this.points);
+    show(this.empty, !this.curve);
+    show(this.body, this.curve);
+    if (!this.curve) return;
+    const own = stop.measure === this.measure && stop.target > 0 ? MEASURES[this.measure].to(stop.target) : 0;
+    this.own = own;
+    this.spent = this.points.at(-1).cost;
+    this.target = this.dragged || own || this.points.at(-1).error;
+    this.scale();
+    this.paint();
+    this.tell(info);
+  }
+
+  /* While the target is held the axes stay. */
+  scale() {
+    if (this.holding) return;
+    const costs = this.points.map((p) => p.cost), errors = this.points.map((p) => p.error);
+    const least = Math.min(this.target, ...errors), reach = costOf(this.curve, least / 1.6).value;
+    this.x = [Math.log(Math.min(...costs) / 1.3), Math.log(Math.max(this.spent * 3, Math.min(reach, this.spent * 1e4)))];
+    this.y = [Math.log(least / 2), Math.log(Math.max(...errors) * 1.3)];
+  }
+
+  at(cost, error) {
+    const x = (Math.log(cost) - this.x[0]) / (this.x[1] - this.x[0]), y = (Math.log(error) - this.y[0]) / (this.y[1] - this.y[0]);
+    return [LEFT + x * (W - LEFT - RIGHT), H - BOTTOM - y * (H - TOP - BOTTOM)];
+  }
+
+  paint() {
+    const parts = [], { curve, points } = this, m = MEASURES[this.measure], line = (list) => list.map((p) => p.map((n) => n.toFixed(1)).join()).join(' ');
+    const low = Math.exp(this.x[0]), high = Math.exp(this.x[1]);
+    for (const t of ticks(low, high)) {
+      const [x] = this.at(t, 1);
+      parts.push(s('line', { class: 'grid', x1: x, x2: x, y1: TOP, y2: H - BOTTOM }), s('text', { x, y: H - BOTTOM + 12, 'text-anchor': 'middle' }, coreTick(t)));
+    }
+    for (const t of ticks(Math.exp(this.y[0]), Math.exp(this.y[1]))) {
+      const [, y] = this.at(low, t);
+      parts.push(s('line', { class: 'grid', x1: LEFT, x2: W - RIGHT, y1: y, y2: y }), s('text', { x: LEFT - 4, y: y + 3, 'text-anchor': 'end' }, m.show(m.back(t))));
+    }
+    parts.push(s('text', { x: W - RIGHT, y: H - 4, 'text-anchor': 'end' }, 'processor time of the frame'));
+    const ends = s('clipPath', { id: 'cost-clip' }, s('rect', { x: LEFT, y: TOP, width: W - LEFT - RIGHT, height: H - TOP - BOTTOM }));
+    const inside = s('g', { 'clip-path': 'url(#cost-clip)' }), costs = Array.from({ length: 24 }, (_, i) => this.spent * (high / this.spent) ** (i / 23));
+    const ahead = costs.map((c) => [c, errorAt(curve, c)]), known = points.filter((p) => p.lo > 0 && p.hi < Infinity);
+    inside.append(s('polygon', { class: 'band', points: line([...known.map((p) => this.at(p.cost, p.hi)), ...known.map((p) => this.at(p.cost, p.lo)).reverse()]) }),
+      s('polygon', { class: 'band ahead', points: line([...ahead.map(([c, e]) => this.at(c, e.hi)), ...ahead.map(([c, e]) => this.at(c, e.lo)).reverse()]) }),
+      s('polyline', { class: 'fit', points: line([points[0].cost, this.spent].map((c) => this.at(c, errorAt(curve, c).value))) }),
+      s('polyline', { class: 'fit ahead', points: line(ahead.map(([c, e]) => this.at(c, e.value))) }),
+      ...points.map((p) => { const [cx, cy] = this.at(p.cost, p.error); return s('circle', { cx, cy, r: 2.2 }); }));
+    const [x, y] = this.at(this.spent, points.at(-1).error), [, ty] = this.at(low, this.target);
+    inside.append(s('circle', { class: 'here', cx: x, cy: y, r: 5 }));
+    parts.push(ends, inside, s('text', { class: 'here', x: Math.min(x + 8, W - 70), y: y - 6 }, 'you are here'));
+    if (!this.line) {
+      this.line = s('g', { class: 'target', role: 'slider', tabindex: 0, 'aria-label': 'Target error', 'aria-orientation': 'vertical' });
+      this.line.addEventListener('keydown', (event) => this.key(event));
+      this.chart.append(this.line);
+    }
+    this.line.replaceChildren(s('line', { class: 'hold', x1: LEFT, x2: W - RIGHT, y1: ty, y2: ty }), s('line', { x1: LEFT, x2: W - RIGHT, y1: ty, y2: ty }),
+      s('text', { x: LEFT + 4, y: ty - 4 }, `target ${m.show(m.back(this.target))}`));
+    for (const node of [...this.chart.children]) if (node !== this.line) node.remove();
+    this.chart.prepend(...parts);
+  }
+
+  tell(info) {
+    const m = MEASURES[this.measure], words = m.show(m.back(this.target)), reached = this.target >= errorAt(this.curve, this.spent).value;
+    const price = priceWords(this.curve, this.target, this.spent, Number(info.cores), words), moved = this.dragged > 0;
+    const is = (...states) => states.includes(info.state);
+    text(this.price, price);
+    this.line.setAttribute('aria-valuenow', m.back(this.target).toPrecision(3));
+    this.line.setAttribute('aria-valuetext', price);
+    const may = this.context.may('operate', info);
+    this.verb = !moved || !may ? '' : is('done') && !reached ? 'extend' : is('running') && reached ? 'finish' : '';
+    text(this.button, this.verb === 'extend' ? `Extend to ${words}` : this.verb === 'finish' ? 'Finish now' : '');
+    show(this.button, this.verb);
+    show(this.back, moved);
+    text(this.why, !moved || this.verb || !may ? `Spent on this frame: ${coreTime(this.spent)}.`
+      : reached ? 'The picture is better than that already.'
+        : is('queued', 'running', 'paused') ? 'A job keeps its rules while it runs: when it has ended, it can be extended to this.' : `A job that is ${info.state} cannot be extended: retry it first.`);
+  }
+
+  apply() {
+    const { back } = MEASURES[this.measure], target = Number(back(this.target).toPrecision(3));
+    if (this.verb === 'finish') this.context.act('finish', [this.context.job()]);
+    else if (this.verb === 'extend') this.context.act('extend', [this.context.job()], { spp: 0, stop: { measure: this.measure, target, adaptive: true } });
+    this.dragged = 0;
+  }
+
+  /* Two digits are enough for a target. */
+  setTarget(error) {
+    const { to, back } = MEASURES[this.measure], digits = this.measure === 2 ? 3 : 2;
+    const lowest = costOf(this.curve, error).value > this.spent * 1e6 ? this.target : error;
+    this.dragged = to(Number(back(lowest).toPrecision(digits)));
+    this.draw();
+  }
+
+  grab(event) {
+    if (!this.curve) return;
+    this.holding = true;
+    this.chart.setPointerCapture(event.pointerId);
+    this.drag(event);
+  }
+
+  drag(event) {
+    const box = this.chart.getBoundingClientRect(), y = (event.clientY - box.top) / box.height * H;
+    this.setTarget(Math.exp(this.y[0] + Math.min(Math.max((H - BOTTOM - y) / (H - TOP - BOTTOM), 0.02), 1) * (this.y[1] - this.y[0])));
+  }
+
+  key(event) {
+    const by = { ArrowUp: 1.05, ArrowRight: 1.05, ArrowDown: 1 / 1.05, ArrowLeft: 1 / 1.05, PageUp: 1.4, PageDown: 1 / 1.4 }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    this.setTarget(this.target * by);
+  }
+}
+
+export function mountCost(element, context) {
+  element.cost = new Cost(element, context);
+  return element.cost;
+}

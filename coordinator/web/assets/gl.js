@@ -1,0 +1,308 @@
+/* gl: draws a picture by WebGL 2: its pixels in a texture, an operator in the fragment shader, a colour a tile
+ * over it. Throws where there is no WebGL 2.
+ *
+ *   screen = new Screen(canvas); screen.setPixels(pixels); screen.changed(tile) ...; screen.draw(panes, view)
+ *
+ * All that the graphics card holds is made again from `pixels` when its context was lost.
+ */
+import { OPERATORS } from './tonemap.js';
+import { TILE } from './pixels.js';
+
+const VERTEX = `#version 300 es
+void main() { gl_Position = vec4(gl_VertexID == 1 ? 3. : -1., gl_VertexID == 2 ? 3. : -1., 0., 1.); }`;
+
+/* What is not light is shown as it is: these are operators for layers. p: lowest and highest value. */
+const LAYERS = {
+  raw: { codes: true, glsl: 'return c;' },
+  direction: { codes: true, signed: true, glsl: 'return length(c) > 0. ? .5 + .5 * c : vec3(0.);' },
+  range: { codes: true, signed: true, glsl: 'return (c - p[0]) / (p[1] - p[0]);' },
+  near: { codes: true, glsl: 'return c.r > 0. ? vec3(1. - .9 * log(c.r / p[0]) / log(p[1] / p[0])) : vec3(0.);' },
+  number: {
+    codes: true,
+    glsl: 'uint h = uint(c.r) * 2654435769u; return c.r > 0. ? .25 + .7 * vec3(h >> 24, h >> 16 & 255u, h >> 8 & 255u) / 255. : vec3(0.);',
+  },
+};
+
+/* `developed`: codes from the coordinator. `error`: the operator's answer to one standard error, on the scale. */
+const source = (row, kind) => `#version 300 es
+precision highp float;
+precision highp int;
+uniform highp sampler2D picture;
+uniform highp sampler2D scale;
+uniform sampler2D tints;
+uniform mat3 exposure;
+uniform float p[8];
+uniform vec4 view; /* canvas coordinates of the picture's corner, canvas pixels a pixel, canvas height */
+uniform vec2 tint; /* opacity; standard errors to add */
+uniform vec3 empty, around;
+uniform vec2 codes; /* of the error scale: ln of its ends */
+out vec4 result;
+const vec3 weights = vec3(.212656, .715158, .072186);
+float luminance(vec3 c) { return dot(weights, c); }
+vec3 srgb(vec3 c) {
+  c = clamp(c, 0., 1.);
+  return mix(1.055 * pow(c, vec3(1. / 2.4)) - .055, 12.92 * c, lessThanEqual(c, vec3(.0031308)));
+}
+${row.before || ''}
+vec3 tone(vec3 c) {${row.glsl}
+}
+vec3 shown(vec3 light) {
+  vec3 c = tone(${row.signed ? 'light' : 'clamp(exposure * max(light, 0.), 0., 3e38)'});
+  return clamp(${row.codes ? 'c' : 'srgb(c)'}, 0., 1.);
+}
+vec3 nudged(vec4 raw, float by) { return raw.rgb * max(1. + by * raw.a / max(luminance(max(raw.rgb, 0.)), 1e-9), 0.); }
+void main() {
+  ivec2 size = textureSize(picture, 0);
+  vec2 at = (vec2(gl_FragCoord.x, view.w - gl_FragCoord.y) - view.xy) / view.z;
+  ivec2 pixel = ivec2(floor(at));
+  if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size))) { result = vec4(around, 1.); return; }
+  /* A canvas pixel that covers several: their mean, in which bright ones weigh less, as on a display. */
+  int n = view.z < 1. ? min(int(ceil(1. / view.z - .01)), 4) : 1;
+  vec4 sum = vec4(0.);
+  float all = 0.;
+  for (int i = 0; i < n * n; i++) {
+    vec2 off = n > 1 ? (vec2(i % n, i / n) + .5) / float(n) - .5 : vec2(0.);
+    vec4 raw = texelFetch(picture, clamp(n > 1 ? ivec2(floor(at + off / view.z)) : pixel, ivec2(0), size - 1), 0);
+    if (raw.r < -65000.) continue;
+    float w = n > 1 ? 1. / (1. + luminance(abs(exposure * raw.rgb))) : 1.;
+    sum += w * raw;
+    all += w;
+  }
+  vec3 c = empty;
+  if (all > 0.) {
+    sum /= all;
+    ${kind === 'developed' ? 'c = sum.rgb;' : kind === 'error' ? `
+    vec3 d = abs(shown(nudged(sum, 1.)) - shown(sum.rgb)) * 255.;
+    float e = (log(max(max(d.r, max(d.g, d.b)), 1e-6)) - codes.x) / (codes.y - codes.x);
+    c = texture(scale, vec2(clamp(e, .002, .998), .5)).rgb;` : 'c = shown(tint.y == 0. ? sum.rgb : nudged(sum, tint.y));'}
+  }
+  vec4 over = texelFetch(tints, pixel / ${TILE}, 0);
+  result = vec4(mix(c, over.rgb, over.a * tint.x), 1.);
+}`;
+
+export class Screen {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false, depth: false, powerPreference: 'low-power' });
+    if (!this.gl) throw new Error('this browser has no WebGL 2');
+    this.colors = { around: [0.118, 0.118, 0.118], empty: [0.14, 0.14, 0.14] };
+    this.begin();
+    canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
+    canvas.addEventListener('webglcontextrestored', () => { this.begin(); this.onrestored?.(); });
+  }
+
+  begin() {
+    const { gl } = this;
+    this.programs = new Map();
+    this.textures = { picture: gl.createTexture(), tints: gl.createTexture(), scale: gl.createTexture() };
+    this.files = new Map();            /* a cube's tables -> textures */
+    this.images = new Map();           /* a developed picture -> texture */
+    this.probe = null;
+    gl.bindVertexArray(gl.createVertexArray());
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
+    if (this.pixels) this.setPixels(this.pixels);
+    if (this.ramp) this.setScale(this.ramp);
+  }
+
+  texture(target, texture, filter) {
+    const { gl } = this;
+    gl.bindTexture(target, texture);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(target, name, filter || gl.NEAREST);
+    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(target, name, gl.CLAMP_TO_EDGE);
+  }
+
+  setPixels(pixels) {
+    const { gl } = this;
+    if (pixels.width > gl.getParameter(gl.MAX_TEXTURE_SIZE) || pixels.height > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+      throw new Error(`the picture is larger than this graphics card's textures`);
+    this.pixels = pixels;
+    this.waiting = new Set();
+    this.texture(gl.TEXTURE_2D, this.textures.picture);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, pixels.width, pixels.height, 0, gl.RGBA, gl.HALF_FLOAT, pixels.data);
+    this.tiles = new Uint8Array(pixels.tiles * 4);
+    this.setTints(this.tiles);
+  }
+
+  changed(tile) { this.waiting.add(tile); }
+
+  /* RGBA of each tile. */
+  setTints(tiles) {
+    const { gl, pixels } = this;
+    this.texture(gl.TEXTURE_2D, this.textures.tints);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, pixels.across, pixels.down, 0, gl.RGBA, gl.UNSIGNED_BYTE, tiles);
+  }
+
+  /* RGBA of the error scale, 256 colours. */
+  setScale(ramp) {
+    const { gl } = this;
+    this.ramp = ramp;
+    this.texture(gl.TEXTURE_2D, this.textures.scale, gl.LINEAR);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, ramp.length / 4, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, ramp);
+  }
+
+  /* Many tiles at once: as one picture. */
+  upload() {
+    const { gl, pixels, waiting } = this;
+    if (waiting.size === 0) return;
+    gl.bindTexture(gl.TEXTURE_2D, this.textures.picture);
+    if (waiting.size > pixels.tiles / 4) {
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, pixels.width, pixels.height, gl.RGBA, gl.HALF_FLOAT, pixels.data);
+    } else {
+      gl.pixelStorei(gl.UNPACK_ROW_LENGTH, pixels.width);
+      for (const tile of waiting) {
+        const { x, y, width, height } = pixels.place(tile);
+        gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, width, height, gl.RGBA, gl.HALF_FLOAT, pixels.data, (y * pixels.width + x) * 4);
+      }
+      gl.pixelStorei(gl.UNPACK_ROW_LENGTH, 0);
+    }
+    waiting.clear();
+  }
+
+  program(operator, kind) {
+    const { gl } = this, key = `${operator} ${kind}`;
+    if (this.programs.has(key)) return this.programs.get(key);
+    const program = gl.createProgram();
+    for (const [type, text] of [[gl.VERTEX_SHADER, VERTEX],
+      [gl.FRAGMENT_SHADER, source(OPERATORS[operator] || LAYERS[operator], kind)]]) {
+      const shader = gl.createShader(type);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost())
+        throw new Error(`the shader of ${operator}: ${gl.getShaderInfoLog(shader)}`);
+    }
+    gl.linkProgram(program);
+    const made = { program, at: new Map() };
+    for (let i = gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS) - 1; i >= 0; i--) {
+      const { name } = gl.getActiveUniform(program, i);
+      made.at.set(name.replace('[0]', ''), gl.getUniformLocation(program, name));
+    }
+    this.programs.set(key, made);
+    return made;
+  }
+
+  fileTextures(file) {
+    const { gl } = this;
+    if (this.files.has(file)) return this.files.get(file);
+    const made = { line: gl.createTexture(), cube: gl.createTexture() }, { line, cube } = file;
+    const side = cube.size || 1, width = Math.min(line.size || 1, 1024), rows = Math.ceil((line.size || 1) / width);
+    const padded = new Float32Array(width * rows * 3);
+    padded.set(line.entries);
+    this.texture(gl.TEXTURE_2D, made.line);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB32F, width, rows, 0, gl.RGB, gl.FLOAT, padded);
+    this.texture(gl.TEXTURE_3D, made.cube);
+    gl.texImage3D(gl.TEXTURE_3D, 0, gl.RGB32F, side, side, side, 0, gl.RGB, gl.FLOAT, cube.size ? cube.entries : new Float32Array(3));
+    this.files.set(file, made);
+    return made;
+  }
+
+  imageTexture(image) {
+    const { gl } = this;
+    if (this.images.has(image)) return this.images.get(image);
+    for (const old of this.images.values()) gl.deleteTexture(old);
+    this.images.clear();
+    const made = gl.createTexture();
+    this.texture(gl.TEXTURE_2D, made);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, image);
+    this.images.set(image, made);
+    return made;
+  }
+
+  bind(unit, name, target, texture, at) {
+    const { gl } = this;
+    if (!at.has(name)) return;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(target, texture);
+    gl.uniform1i(at.get(name), unit);
+    gl.activeTexture(gl.TEXTURE0);
+  }
+
+  /* pane: {operator, exposure, p, file, image, kind}; view: {x, y, scale}; tint: [opacity, standard errors]. */
+  pane(pane, view, height, tint) {
+    const { gl } = this, kind = pane.image ? 'developed' : pane.kind || 'light';
+    const { program, at } = this.program(kind === 'developed' ? 'raw' : pane.operator, kind);
+    const tables = pane.file && this.fileTextures(pane.file);
+    const set = (name, how, ...value) => at.has(name) && gl[how](at.get(name), ...value);
+    gl.useProgram(program);
+    this.bind(0, 'picture', gl.TEXTURE_2D, pane.image ? this.imageTexture(pane.image) : this.textures.picture, at);
+    this.bind(1, 'tints', gl.TEXTURE_2D, this.textures.tints, at);
+    this.bind(2, 'scale', gl.TEXTURE_2D, this.textures.scale, at);
+    if (tables) {
+      const { line, cube } = pane.file;
+      this.bind(3, 'line', gl.TEXTURE_2D, tables.line, at);
+      this.bind(4, 'cube', gl.TEXTURE_3D, tables.cube, at);
+      set('entries', 'uniform2i', line.size, cube.size);
+      set('domain', 'uniform3fv', [line.min, line.max, cube.min, cube.max].flat());
+    }
+    set('exposure', 'uniformMatrix3fv', true, pane.exposure || [1, 0, 0, 0, 1, 0, 0, 0, 1]);
+    set('p', 'uniform1fv', Float32Array.from({ length: 8 }, (_, i) => pane.p?.[i] ?? 0));
+    set('view', 'uniform4f', view.x, view.y, view.scale, height);
+    set('tint', 'uniform2f', ...tint);
+    set('codes', 'uniform2f', ...(pane.codes || [0, 1]).map(Math.log));
+    set('empty', 'uniform3fv', this.colors.empty);
+    set('around', 'uniform3fv', this.colors.around);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /* One pane, or two with view.split, the canvas column where the second begins. */
+  draw(panes, view, opacity) {
+    const { gl, canvas } = this, split = panes.length > 1 ? Math.round(view.split) : canvas.width;
+    if (gl.isContextLost()) return;
+    this.upload();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.enable(gl.SCISSOR_TEST);
+    panes.forEach((pane, i) => {
+      gl.scissor(i ? split : 0, 0, i ? canvas.width - split : split, canvas.height);
+      this.pane(pane, view, canvas.height, [opacity, 0]);
+    });
+    gl.disable(gl.SCISSOR_TEST);
+  }
+
+  target(width, height, isFloat) {
+    const { gl } = this, texture = gl.createTexture(), made = { buffer: gl.createFramebuffer(), texture };
+    this.texture(gl.TEXTURE_2D, texture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, isFloat ? gl.RGBA32F : gl.RGBA8, width, height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, made.buffer);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    return made;
+  }
+
+  /* Codes 0..255 of one pixel with so many standard errors added: not rounded where the card can tell. */
+  codesAt(pane, x, y, errors) {
+    const { gl } = this;
+    if (gl.isContextLost()) return null;
+    this.upload();
+    if (!this.probe) {
+      const isFloat = Boolean(gl.getExtension('EXT_color_buffer_float'));
+      this.probe = { ...this.target(1, 1, isFloat), isFloat };
+    }
+    const { isFloat, buffer } = this.probe, out = isFloat ? new Float32Array(4) : new Uint8Array(4);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
+    gl.viewport(0, 0, 1, 1);
+    this.pane({ ...pane, kind: undefined }, { x: -x, y: -y, scale: 1 }, 1, [0, errors]);
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, isFloat ? gl.FLOAT : gl.UNSIGNED_BYTE, out);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    return [0, 1, 2].map((c) => isFloat ? 255 * out[c] : out[c]);
+  }
+
+  /* The whole picture at 1:1 as RGBA bytes, rows from top to bottom. */
+  codes(pane) {
+    const { gl } = this, { width, height } = pane.image || this.pixels, out = new Uint8ClampedArray(width * height * 4);
+    this.upload();
+    const { buffer, texture } = this.target(width, height, false);
+    gl.viewport(0, 0, width, height);
+    this.pane(pane, { x: 0, y: 0, scale: 1 }, height, [0, 0]);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(out.buffer));
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.deleteFramebuffer(buffer);
+    gl.deleteTexture(texture);
+    for (let y = 0; y < height >> 1; y++) {
+      const a = y * width * 4, b = (height - 1 - y) * width * 4, row = out.slice(a, a + width * 4);
+      out.copyWithin(a, b, b + width * 4);
+      out.set(row, b);
+    }
+    return new ImageData(out, width, height);
+  }
+}

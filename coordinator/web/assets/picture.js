@@ -1,0 +1,413 @@
+/* picture: a frame as it becomes right: pixels from live.js, an operator in the shader (gl.js), overlays, layers.
+ *
+ *   select --> watching --picture--> size known --tiles--> drawn, at most once an animation frame
+ *
+ * The last picture stays while a connection is lost. Without WebGL 2 the coordinator's preview is shown instead.
+ */
+import { h, text, show } from './dom.js';
+import { Pixels, eachTile } from './pixels.js';
+import { Screen } from './gl.js';
+import { View } from './view.js';
+import { isHere, prepare, OPERATORS } from './tonemap.js';
+import { OVERLAYS, paint, legend, ramp, codesText, secondsText, samplesText } from './overlays.js';
+import { layerPane, layerUnit, isLight } from './layers.js';
+import { makeControls, lookOf, outputOf, sameLook } from './controls.js';
+
+const MAP_EVERY_MS = 3000;              /* who rendered what: asked while it is shown */
+const DRAWN_AGAIN_MS = 4000;            /* a preview without WebGL */
+
+class Picture {
+  constructor(element, context) {
+    Object.assign(this, { element, context, pixels: null, layer: 'color', layers: ['color'], overlay: 'none', opacity: 0.6,
+      wipe: false, split: 0.5, map: null, mapAsked: 0, orders: new Map(), developed: new Map(), shown: {}, complete: false });
+    this.draw = this.draw.bind(this);
+    this.canvas = h('canvas', { class: 'picture', tabindex: 0, role: 'img', 'data-own-keys': true });
+    this.crosshair = h('i', { class: 'crosshair', hidden: true });
+    this.handle = h('div', { class: 'wipe', role: 'slider', tabindex: 0, 'aria-label': 'Border between the two operators',
+      'aria-valuemin': 0, 'aria-valuemax': 100, hidden: true });
+    this.note = h('p', { class: 'picture-note', role: 'status' });
+    this.stage = h('div', { class: 'stage' }, this.canvas, this.crosshair, this.handle, this.note);
+    this.legend = h('div', { class: 'legend' });
+    this.reading = h('output', { class: 'reading', 'aria-live': 'off' });
+    try {
+      this.screen = new Screen(this.canvas);
+    } catch (why) {
+      this.withoutScreen(why);
+    }
+    this.controls = makeControls(this);
+    element.classList.add('picture-part');
+    element.replaceChildren(this.stage, h('div', { class: 'picture-foot' }, this.legend, this.reading), this.controls.element);
+    if (this.screen) this.prepareScreen();
+    context.on('select', () => this.select());
+    context.on('job', () => this.jobChanged());
+    context.on('theme', () => this.takeTheme());
+    this.loadOperators();
+    this.select();
+  }
+
+  async loadOperators() {
+    try {
+      this.controls.setOperators(await this.context.api.get('/operators'));
+      this.jobChanged(true);
+    } catch (why) { this.context.trouble(why); }
+  }
+
+  prepareScreen() {
+    this.screen.setScale(ramp());
+    this.screen.onrestored = () => { this.paintOverlay(); this.redraw(); };
+    this.view = new View(this.canvas, () => this.redraw(), (pixel, byKeys) => this.pointed(pixel, byKeys));
+    this.takeTheme();
+    const drag = (event) => event.buttons && this.setSplit((event.clientX - this.stage.getBoundingClientRect().left) / this.stage.clientWidth);
+    this.handle.addEventListener('pointerdown', (event) => this.handle.setPointerCapture(event.pointerId));
+    this.handle.addEventListener('pointermove', drag);
+    this.handle.addEventListener('keydown', (event) => {
+      const to = { ArrowLeft: this.split - 0.02, ArrowRight: this.split + 0.02, Home: 0, End: 1 }[event.key];
+      if (to === undefined) return;
+      event.preventDefault();
+      this.setSplit(to);
+    });
+    document.addEventListener('fullscreenchange', () => this.redraw());
+    this.context.keys({
+      '+': { text: 'zoom in', run: () => this.view.zoom(Math.SQRT2) },
+      '=': { text: 'zoom in', hidden: true, run: () => this.view.zoom(Math.SQRT2) },
+      '-': { text: 'zoom out', run: () => this.view.zoom(Math.SQRT1_2) },
+      0: { text: 'fit the picture', run: () => this.view.fit() },
+      1: { text: 'one pixel of the picture a pixel of the screen', run: () => this.view.zoomTo(1) },
+      e: { text: 'brighter by a third of a stop', run: () => this.controls.nudge(1 / 3) },
+      E: { text: 'darker by a third of a stop', run: () => this.controls.nudge(-1 / 3) },
+      o: { text: 'next overlay', run: () => this.controls.nextOverlay() },
+      w: { text: 'wipe between two operators', run: () => this.controls.toggleWipe() },
+      F: { text: 'full screen', run: () => this.fullScreen() },
+    }, 'Picture');
+  }
+
+  takeTheme() {
+    if (!this.screen) return;
+    const around = getComputedStyle(this.stage).backgroundColor.match(/[\d.]+/g)?.slice(0, 3).map((c) => c / 255);
+    if (around?.length === 3) this.screen.colors = { around, empty: around.map((c) => c + (c > 0.5 ? -0.04 : 0.03)) };
+    this.redraw();
+  }
+
+  setSplit(split) {
+    this.split = Math.min(Math.max(split, 0), 1);
+    this.redraw();
+  }
+
+  fullScreen() {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else this.element.requestFullscreen?.().catch((why) => this.context.trouble(why));
+  }
+
+  /* ---- what is watched ---- */
+
+  select() {
+    const job = this.context.job(), frame = this.context.frame();
+    if (this.stop) this.stop();
+    this.stop = null;
+    if (job !== this.job) {
+      this.map = null;
+      this.layer = 'color';
+      this.lookOfJob = null;
+    }
+    if (job !== this.job || frame !== this.frame) this.developed.clear();
+    Object.assign(this, { job, frame });
+    if (!job) {
+      this.pixels = null;
+      this.redraw();
+      return;
+    }
+    if (this.screen)
+      this.stop = this.context.live.watch({ job, frame, layer: this.layer }, {
+        picture: (data) => this.begin(data), tiles: (buffer) => this.take(buffer), done: () => { this.complete = true; this.redraw(); },
+      });
+    this.jobChanged();
+  }
+
+  begin(data) {
+    const same = this.pixels && data.width === this.pixels.width && data.height === this.pixels.height;
+    const { job, frame, layer } = this.shown;
+    if (!same) {
+      try {
+        const pixels = new Pixels(data.width, data.height);
+        this.screen.setPixels(pixels);
+        this.pixels = pixels;
+      } catch (why) { this.withoutScreen(why); return; }
+    } else if (job !== data.job || frame !== data.frame || layer !== this.layer) {
+      this.pixels.clear();
+      this.screen.setPixels(this.pixels);
+    }
+    if (job !== data.job || frame !== data.frame) { this.map = null; this.developed.clear(); }
+    this.shown = { job: data.job, frame: data.frame, layer: this.layer };
+    this.complete = !!data.complete;
+    this.layers = data.layers?.length ? data.layers : ['color'];
+    this.controls.setLayers(this.layers, this.layer);
+    this.view.setSize(data.width, data.height);
+    this.paintOverlay();
+    this.redraw();
+  }
+
+  take(buffer) {
+    if (!this.pixels) return;
+    try {
+      eachTile(buffer, (tile) => { if (this.pixels.take(tile)) this.screen.changed(tile.tile); });
+    } catch (why) { this.context.trouble(why); }
+    this.layerLook = null;
+    if (this.overlay === 'samples') this.tintsOld = true;
+    this.redraw();
+  }
+
+  jobChanged(force) {
+    const info = this.context.info(), look = info && this.controls.ready && lookOf(info.output, this.controls.operators);
+    if (look && (force || !this.lookOfJob || !sameLook(look, this.lookOfJob))) {
+      this.lookOfJob = look;
+      this.controls.setLook(look, info.output?.camera_ev || 0);
+    }
+    this.controls.refresh();
+    if (!this.screen) this.showPreview();
+    this.redraw();
+  }
+
+  setLayer(layer) {
+    this.layer = layer;
+    this.select();
+  }
+
+  /* ---- drawing ---- */
+
+  redraw() { if (this.screen) this.context.frameLoop(this.draw); }
+
+  draw() {
+    const { screen, view, pixels, canvas } = this, column = (this.split * canvas.width);
+    if (!pixels) {
+      screen.gl.clearColor(...screen.colors.around, 1);
+      screen.gl.clear(screen.gl.COLOR_BUFFER_BIT);
+      this.describe();
+      return;
+    }
+    if (this.tintsOld) this.paintOverlay();
+    this.askMap();
+    const panes = this.panes(), overlay = OVERLAYS[this.overlay];
+    screen.draw(panes, { x: view.x, y: view.y, scale: view.scale, split: column }, this.opacity);
+    show(this.handle, panes.length > 1);
+    this.handle.style.left = `${this.split * 100}%`;
+    this.handle.setAttribute('aria-valuenow', Math.round(this.split * 100));
+    show(this.crosshair, view.cursor);
+    if (view.cursor) {
+      const [x, y] = view.screen(view.cursor).map((n) => n / view.ratio), size = Math.max(view.scale / view.ratio, 3);
+      Object.assign(this.crosshair.style, { left: `${x}px`, top: `${y}px`, width: `${size}px`, height: `${size}px` });
+    }
+    if (overlay.needsMap || this.at) this.readAt();
+    this.controls.setScale(view.scale, view.fitted);
+    this.describe();
+  }
+
+  panes() {
+    if (!isLight(this.layer)) {
+      this.layerLook = this.layerLook || layerPane(this.layer, this.pixels);
+      return [this.layerLook.pane];
+    }
+    const looks = this.wipe ? [this.controls.look, this.controls.second()] : [this.controls.look];
+    return looks.filter(Boolean).map((look) => this.pane(look)).concat(this.controls.look ? [] : [{ operator: 'linear' }]);
+  }
+
+  pane(look) {
+    const codes = OVERLAYS[this.overlay].codes, kind = codes && 'error';
+    if (isHere(look.operator, look.values) && (!OPERATORS[look.operator].file || look.file))
+      return { operator: look.operator, ...prepare(look, this.pixels), file: look.file?.tables, kind, codes };
+    const made = this.develop(look);
+    if (made.image) return { operator: 'raw', image: made.image };
+    const instead = { ...look, operator: 'reinhard02', values: this.controls.presets('reinhard02') };
+    return { operator: instead.operator, ...prepare(instead, this.pixels), kind, codes };
+  }
+
+  /* ---- pictures that the coordinator develops ---- */
+
+  previewPath(look) {
+    const query = new URLSearchParams({ tonemap: look.operator, exposure: look.ev });
+    for (const [name, value] of Object.entries(look.values)) query.set(`param.${name}`, value);
+    if (look.metering !== 'off') { query.set('metering', look.metering); query.set('percentile', look.percentile); }
+    if (look.kelvin > 0) query.set('white', look.kelvin);
+    return `/jobs/${this.job}/frames/${this.context.shownFrame()}/preview.png?${query}`;
+  }
+
+  develop(look) {
+    const path = this.previewPath(look), before = this.developed.get(path);
+    if (before) return before;
+    const made = { at: null };
+    for (const [old] of [...this.developed].slice(0, -3)) this.developed.delete(old);
+    this.developed.set(path, made);
+    clearTimeout(this.developTimer);
+    /* Not at each step of a slider. */
+    this.developTimer = setTimeout(() => this.ask(path, made), 250);
+    return made;
+  }
+
+  async ask(path, made) {
+    try {
+      const answer = await this.context.api.ask(path);
+      made.image = await createImageBitmap(await answer.blob(), { colorSpaceConversion: 'none', premultiplyAlpha: 'none' });
+      made.at = new Date();
+    } catch (why) { made.why = why.message; }
+    this.redraw();
+  }
+
+  developAgain() { this.developed.clear(); this.redraw(); }
+
+  /* What must be said about what is seen; a button if it can be made again. */
+  describe() {
+    const { pixels, shown } = this, info = this.context.info(), look = this.controls.look, notes = [];
+    let again = false;
+    for (const one of this.wipe ? [look, this.controls.second()] : [look]) {
+      if (!one || !isLight(this.layer) || isHere(one.operator, one.values) && (!OPERATORS[one.operator].file || one.file)) continue;
+      const made = this.developed.get(this.previewPath(one)) || {};
+      again = again || made.image || made.why;
+      notes.push(made.image ? `${one.operator}: developed by the coordinator at ${made.at.toLocaleTimeString()}`
+        : made.why ? `${one.operator}: ${made.why} Shown as reinhard02.`
+          : `${one.operator} needs the whole picture: asked the coordinator, until then as reinhard02`);
+    }
+    if (!isLight(this.layer) && this.layerLook) notes.push(`${this.layer}: ${this.layerLook.note}`);
+    if (this.layers.includes('alpha') && isLight(this.layer)) notes.push('on black: what is seen behind everything is left out');
+    if (pixels && pixels.arrived < pixels.tiles) notes.push(`${pixels.arrived} of ${pixels.tiles} tiles`);
+    if (this.screen) this.say(notes.join('. '), again);
+    const error = info?.now && info.now_frame === shown.frame ? info.now.figures?.display : null;
+    const label = !pixels ? 'No picture' : `${info?.name || `Job ${shown.job}`}, frame ${shown.frame}, ${this.layer === 'color' ? 'picture' : this.layer}, `
+      + `${pixels.width} by ${pixels.height} pixels${error > 0 ? `, error ${codesText(error)}` : ''}${this.complete ? ', finished' : ''}. `
+      + 'Arrow keys read its pixels.';
+    if (this.canvas.getAttribute('aria-label') !== label) this.canvas.setAttribute('aria-label', label);
+  }
+
+  say(words, again) {
+    const key = `${words}${again ? 1 : 0}`;
+    if (this.said === key) return;
+    this.said = key;
+    this.note.replaceChildren(words, ...(again ? [' ', h('button', { onclick: () => this.developAgain() }, 'Refresh')] : []));
+    show(this.note, words);
+  }
+
+  /* ---- overlays ---- */
+
+  setOverlay(name) {
+    this.overlay = name;
+    this.mapAsked = 0;
+    this.paintOverlay();
+    this.redraw();
+  }
+
+  paintOverlay() {
+    this.tintsOld = false;
+    if (!this.pixels || !this.screen) return;
+    const { job } = this.shown;
+    if (!this.orders.has(job)) this.orders.set(job, []);
+    const painted = paint(this.overlay, { pixels: this.pixels, map: this.map }, this.orders.get(job));
+    this.screen.setTints(painted.tiles);
+    legend(this.legend, this.overlay, painted, this.mapTrouble);
+  }
+
+  /* Large answers are asked for less often. */
+  async askMap() {
+    const { job, frame } = this.shown, wanted = OVERLAYS[this.overlay].needsMap || this.at;
+    if (!wanted || this.mapBusy || Date.now() < this.mapAsked || (this.map && this.mapComplete)) return;
+    this.mapBusy = true;
+    const begun = Date.now();
+    try {
+      const map = await this.context.api.get(`/jobs/${job}/frames/${frame}/tiles`);
+      if (this.shown.job === job && this.shown.frame === frame) Object.assign(this, { map, mapComplete: this.complete, mapTrouble: '' });
+    } catch (why) { this.mapTrouble = why.message; }
+    this.mapBusy = false;
+    const wait = Math.max(MAP_EVERY_MS, 10 * (Date.now() - begun));
+    this.mapAsked = Date.now() + wait;
+    clearTimeout(this.mapTimer);
+    this.mapTimer = setTimeout(() => this.redraw(), wait);
+    this.paintOverlay();
+    this.redraw();
+  }
+
+  /* ---- one pixel ---- */
+
+  pointed(pixel, byKeys) {
+    this.at = pixel;
+    this.reading.setAttribute('aria-live', byKeys ? 'polite' : 'off');
+    this.redraw();
+    if (!pixel) text(this.reading, '');
+  }
+
+  readAt() {
+    if (!this.at) return;
+    const [x, y] = this.at, linear = this.pixels.at(x, y), words = [`${x}, ${y}`], pane = this.panes()[0];
+    const short = (n) => Math.abs(n) >= 1e4 || (n !== 0 && Math.abs(n) < 1e-3) ? n.toExponential(2) : String(Number(n.toPrecision(4)));
+    const tile = Math.floor(y / 16) * this.pixels.across + Math.floor(x / 16);
+    if (!linear) words.push('no samples yet');
+    else if (!isLight(this.layer)) words.push(`${linear.slice(0, 3).map(short).join(' ')} ${layerUnit(this.layer)}`.trim());
+    else {
+      words.push(`linear ${linear.slice(0, 3).map(short).join(' ')}`);
+      const codes = this.screen.codesAt(pane, x, y, 0);
+      if (codes) words.push(`display ${codes.map((c) => Math.round(c)).join(' ')}`);
+      const more = codes && !pane.image && linear[3] >= 0 && this.screen.codesAt(pane, x, y, 1);
+      if (more) words.push(`\u00b1 ${codesText(Math.max(...more.map((c, i) => Math.abs(c - codes[i]))))}`);
+    }
+    words.push(`tile ${tile}`, ...this.tileWords(tile));
+    text(this.reading, words.join(' \u00b7 '));
+  }
+
+  tileWords(tile) {
+    const known = this.map?.tiles[tile], samples = this.pixels.samples[tile], words = [];
+    const worker = known?.worker > 0 && this.map.workers?.[known.worker - 1];
+    if (worker) words.push(`${worker.name}${known.thread ? `, thread ${known.thread}` : ''}`);
+    if (samples) words.push(`${samplesText(samples)} samples`);
+    if (known?.error > 0) words.push(`tile's error ${codesText(known.error)}`);
+    if (known?.units) words.push(`${known.units} passes`);
+    if (Number(known?.cpu_ns) > 0) words.push(secondsText(known.cpu_ns / 1e9));
+    return words;
+  }
+
+  /* ---- what people do ---- */
+
+  async apply() {
+    const { look } = this.controls, info = this.context.info();
+    try {
+      const output = await outputOf(look, info.output, this.context.api);
+      await this.context.act('develop', [this.job], { output });
+    } catch (why) { this.context.trouble(why); }
+  }
+
+  /* The picture as it is seen, at 1:1, in the first operator's look. */
+  codes() { return this.screen.codes(this.panes()[0]); }
+
+  async save() {
+    const image = this.codes(), canvas = h('canvas', { width: image.width, height: image.height });
+    canvas.getContext('2d').putImageData(image, 0, 0);
+    const url = URL.createObjectURL(await new Promise((done) => canvas.toBlob(done)));
+    h('a', { href: url, download: `${this.context.info()?.name || 'picture'}-${this.shown.frame}-${this.controls.look.operator}.png` }).click();
+    setTimeout(() => URL.revokeObjectURL(url), 10000);
+  }
+
+  /* ---- without WebGL 2 ---- */
+
+  withoutScreen(why) {
+    if (this.stop) this.stop();
+    this.screen = this.stop = null;
+    this.image = h('img', { class: 'picture', alt: '' });
+    this.canvas.replaceWith(this.image);
+    this.canvas = this.image;
+    this.whyNot = why.message;
+    this.showPreview();
+  }
+
+  showPreview() {
+    const info = this.context.info(), now = Date.now(), look = this.controls?.look;
+    this.note.textContent = `The coordinator's preview: ${this.whyNot}.`;
+    if (!info || !look) return;
+    const path = this.previewPath(look);
+    if (path === this.previewShown && now < this.previewAgain) return;
+    this.previewShown = path;
+    this.previewAgain = now + DRAWN_AGAIN_MS;
+    this.image.src = `${this.context.api.url(path)}&_=${info.samples_done}`;
+    this.image.alt = `${info.name}, frame ${this.context.shownFrame()}`;
+  }
+}
+
+export function mountPicture(element, context) {
+  const picture = new Picture(element, context);
+  element.picture = picture;
+  return picture;
+}

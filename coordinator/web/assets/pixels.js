@@ -1,0 +1,196 @@
+/* pixels: a frame's linear pixels as they arrive by tiles, and what is measured of the whole picture.
+ *
+ * Half floats, RGBA: linear radiance, and the standard error of the luminance. What operators must know of the
+ * picture is kept up to date tile by tile, in double, as common/tonemap/statistics.c measures it. A percentile is
+ * exact to one part in 4096: values are counted by the upper bits of their floats.
+ */
+import { WEIGHTS, IDENTITY } from './color.js';
+
+export const TILE = 16;
+/* Red of a pixel that has no samples yet. No light is that, and no normal. */
+export const NOTHING = 0xfbff; /* -65504 */
+
+const floats = new Float32Array(65536);
+for (let i = 0; i < 65536; i++) {
+  const exponent = (i >> 10) & 31, part = i & 1023;
+  floats[i] = (i & 0x8000 ? -1 : 1) * (exponent === 0 ? part * 2 ** -24
+    : exponent === 31 ? (part ? NaN : Infinity) : (1 + part / 1024) * 2 ** (exponent - 15));
+}
+export const halfToFloat = (half) => floats[half];
+
+/* Calls fn({tile, width, height, samples, halves}) for each tile of an "AZL1" message. A message that is cut
+ * short, or whose tiles are no tiles, is an error. */
+export function eachTile(buffer, fn) {
+  const view = new DataView(buffer), count = view.getUint32(8, true);
+  let at = 12;
+  for (let i = 0; i < count; i++) {
+    const width = view.getUint16(at + 4, true), height = view.getUint16(at + 6, true);
+    const size = width * height * 4;
+    if (width > TILE || height > TILE) throw new RangeError(`a tile of ${width} x ${height} pixels`);
+    fn({ tile: view.getUint32(at, true), width, height, samples: view.getUint32(at + 8, true) / 256,
+      halves: new Uint16Array(buffer, at + 12, size) });
+    at += 12 + size * 2;
+  }
+}
+
+/* Bins of positive floats from 2^-60 on: 2048 an octave. */
+const BINS = 2048 * 120, FIRST_BIN = (127 - 60) << 11;
+const oneFloat = new Float32Array(1), itsBits = new Uint32Array(oneFloat.buffer);
+
+function binOf(value) {
+  oneFloat[0] = value;
+  return Math.min(Math.max((itsBits[0] >>> 12) - FIRST_BIN, 0), BINS - 1);
+}
+
+function valueOf(bin, middle) {
+  itsBits[0] = (bin + FIRST_BIN) << 12 | (middle ? 0x800 : 0);
+  return oneFloat[0];
+}
+
+/* The nearest rank, as statistics.c finds it. */
+function percentileOf(bins, percent, middle) {
+  let total = 0;
+  for (let i = 0; i < BINS; i++) total += bins[i];
+  if (total === 0) return 0;
+  let rank = Math.min(Math.floor(percent / 100 * (total - 1) + 0.5), total - 1);
+  for (let i = 0; i < BINS; i++) {
+    if (rank < bins[i]) return valueOf(i, middle);
+    rank -= bins[i];
+  }
+  return 0;
+}
+
+export class Pixels {
+  constructor(width, height) {
+    this.width = width;
+    this.height = height;
+    this.across = Math.ceil(width / TILE);
+    this.down = Math.ceil(height / TILE);
+    this.tiles = this.across * this.down;
+    this.data = new Uint16Array(width * height * 4);
+    this.samples = new Float64Array(this.tiles);  /* a pixel, mean over the tile */
+    this.logs = new Float64Array(this.tiles);     /* of a tile: sum of ln Y, */
+    this.least = new Float64Array(this.tiles);    /* smallest */
+    this.most = new Float64Array(this.tiles);     /* and largest Y of the pixels that count, */
+    this.counts = new Uint32Array(this.tiles);    /* and how many they are */
+    this.balance = IDENTITY;
+    this.clear();
+  }
+
+  clear() {
+    for (let i = 0; i < this.data.length; i += 4) this.data[i] = NOTHING;
+    for (const of of [this.samples, this.logs, this.least, this.most, this.counts]) of.fill(0);
+    this.arrived = 0;
+    this.luminances = this.largest = null;        /* bins; null: not asked for */
+    this.known = null;
+  }
+
+  /* A tile's place, or null. */
+  place(tile) {
+    if (!(tile >= 0 && tile < this.tiles)) return null;
+    const x = tile % this.across * TILE, y = Math.floor(tile / this.across) * TILE;
+    return { x, y, width: Math.min(TILE, this.width - x), height: Math.min(TILE, this.height - y) };
+  }
+
+  /* False: not a tile of this picture. */
+  take({ tile, width, height, samples, halves }) {
+    const place = this.place(tile);
+    if (!place || place.width !== width || place.height !== height) return false;
+    if (this.luminances) this.countTile(tile, -1);
+    for (let y = 0; y < height; y++)
+      this.data.set(halves.subarray(y * width * 4, (y + 1) * width * 4), ((place.y + y) * this.width + place.x) * 4);
+    if (this.samples[tile] === 0 && samples > 0) this.arrived++;
+    this.samples[tile] = samples;
+    this.measureTile(tile);
+    if (this.luminances) this.countTile(tile, 1);
+    this.known = null;
+    return true;
+  }
+
+  /* fn(luminance, largest channel) of the tile's pixels that count, after white balance. What is not finite is
+   * made black or the brightest half. */
+  eachPixel(tile, fn) {
+    const { x, y, width, height } = this.place(tile), m = this.balance, d = this.data, plain = m === IDENTITY;
+    for (let row = y; row < y + height; row++)
+      for (let i = (row * this.width + x) * 4, end = i + width * 4; i < end; i += 4) {
+        if (d[i] === NOTHING) continue;
+        let r = floats[d[i]], g = floats[d[i + 1]], b = floats[d[i + 2]];
+        if (!(r - r === 0 && g - g === 0 && b - b === 0)) {
+          for (let c = i; c < i + 3; c++) if ((d[c] & 0x7c00) === 0x7c00) d[c] = d[c] === 0x7c00 ? 0x7bff : 0;
+          continue;
+        }
+        r = r > 0 ? r : 0; g = g > 0 ? g : 0; b = b > 0 ? b : 0;
+        if (!plain) {
+          const red = m[0] * r + m[1] * g + m[2] * b, green = m[3] * r + m[4] * g + m[5] * b;
+          b = Math.max(m[6] * r + m[7] * g + m[8] * b, 0);
+          r = Math.max(red, 0); g = Math.max(green, 0);
+        }
+        const luminance = WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b;
+        if (luminance > 0) fn(luminance, Math.max(r, g, b));
+      }
+  }
+
+  /* The logarithms' sum as that of products, which is cheaper. */
+  measureTile(tile) {
+    let product = 1, sum = 0, count = 0, least = Infinity, most = 0;
+    this.eachPixel(tile, (luminance) => {
+      product *= luminance;
+      if (product < 1e-200 || product > 1e200) { sum += Math.log(product); product = 1; }
+      if (luminance < least) least = luminance;
+      if (luminance > most) most = luminance;
+      count++;
+    });
+    this.logs[tile] = sum + Math.log(product);
+    this.least[tile] = least;
+    this.most[tile] = most;
+    this.counts[tile] = count;
+  }
+
+  countTile(tile, sign) {
+    this.eachPixel(tile, (luminance, largest) => {
+      this.luminances[binOf(luminance)] += sign;
+      this.largest[binOf(largest)] += sign;
+    });
+  }
+
+  /* Later measures are of the picture after this matrix. */
+  setBalance(matrix) {
+    const same = matrix.every((x, i) => x === this.balance[i]);
+    if (same) return;
+    this.balance = matrix.every((x, i) => x === IDENTITY[i]) ? IDENTITY : matrix;
+    this.luminances = this.largest = this.known = null;
+    for (let tile = 0; tile < this.tiles; tile++) if (this.samples[tile] > 0) this.measureTile(tile);
+  }
+
+  /* {count, logMean, least, most}; count 0: nothing is lit. */
+  measured() {
+    if (this.known) return this.known;
+    let sum = 0, count = 0, least = Infinity, most = 0;
+    for (let tile = 0; tile < this.tiles; tile++)
+      if (this.counts[tile] > 0) {
+        sum += this.logs[tile];
+        count += this.counts[tile];
+        least = Math.min(least, this.least[tile]);
+        most = Math.max(most, this.most[tile]);
+      }
+    this.known = { count, logMean: count ? Math.exp(sum / count) : 1, least: count ? least : 0, most };
+    return this.known;
+  }
+
+  /* Of the luminance, or of the largest channel, of the pixels that count; 0: there is none. */
+  percentile(percent, ofLargest) {
+    if (!this.luminances) {
+      this.luminances = new Int32Array(BINS);
+      this.largest = new Int32Array(BINS);
+      for (let tile = 0; tile < this.tiles; tile++) this.countTile(tile, 1);
+    }
+    return percentileOf(ofLargest ? this.largest : this.luminances, percent, !ofLargest || this.balance !== IDENTITY);
+  }
+
+  /* Linear red, green, blue and the luminance's standard error; null: no samples yet, or outside. */
+  at(x, y) {
+    if (!(x >= 0 && y >= 0 && x < this.width && y < this.height)) return null;
+    const i = (y * this.width + x) * 4;
+    return this.data[i] === NOTHING ? null : [0, 1, 2, 3].map((c) => floats[this.data[i + c]]);
+  }
+}
