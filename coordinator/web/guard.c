@@ -10,14 +10,16 @@
 
 enum { LOOPBACK_NAMES = 3 }; /* "localhost" and two addresses; a machine's own name follows them */
 
-const char guard_headers[] =
-    "content-security-policy: default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'\r\n"
-    "x-content-type-options: nosniff\r\n"
-    "x-frame-options: DENY\r\n"
-    "referrer-policy: no-referrer\r\n"
-    "cross-origin-opener-policy: same-origin\r\n"
-    "cross-origin-resource-policy: same-origin\r\n";
+const struct guard_line guard_lines[GUARD_LINES] = {
+    {"content-security-policy:",
+     "default-src 'self'; img-src 'self' blob: data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
+     "frame-ancestors 'none'"},
+    {"x-content-type-options:", "nosniff"},
+    {"x-frame-options:", "DENY"},
+    {"referrer-policy:", "no-referrer"},
+    {"cross-origin-opener-policy:", "same-origin"},
+    {"cross-origin-resource-policy:", "same-origin"},
+};
 
 /* ---- names ----------------------------------------------------------------------------------- */
 

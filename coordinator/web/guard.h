@@ -20,8 +20,10 @@ enum {
 
 #define GUARD_COOKIE "azulejo_session"
 
-/* Lines that every response has. */
-extern const char guard_headers[];
+/* What every response has. */
+enum { GUARD_LINES = 6 };
+struct guard_line { const char *name, *value; };
+extern const struct guard_line guard_lines[GUARD_LINES];
 
 struct guard {
     char names[GUARD_NAMES_MAX][GUARD_NAME_MAX + 1]; /* lower case, IPv6 in brackets */

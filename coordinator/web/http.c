@@ -13,16 +13,25 @@ _Static_assert(HTTP_PIECE_ROOM >= LWS_PRE, "the library's framing fits in front 
 
 void http_deadline(struct http_connection *c, unsigned ms)
 {
+    if (c->is_dead)
+        return;
     c->deadline_ns = ms ? clock_monotonic_ns() + (uint64_t)ms * NS_PER_MS : 0;
 }
 
 void http_kill(struct http_connection *c)
 {
-    if (c->is_dead)
-        return;
     c->is_dead = 1;
+    c->deadline_ns = c->is_ending ? 0 : 1;
+}
+
+void http_end_now(struct http_connection *c)
+{
+    if (c->is_ending)
+        return;
+    c->is_ending = c->is_dead = 1;
     c->deadline_ns = 0;
-    lws_set_timeout(c->wsi, PENDING_TIMEOUT_USER_REASON_BASE, LWS_TO_KILL_ASYNC);
+    c->http->ending_count++;
+    lws_set_timeout(c->wsi, PENDING_TIMEOUT_USER_REASON_BASE, LWS_TO_KILL_SYNC);
 }
 
 /* The library has no more to say about it. */
@@ -39,6 +48,7 @@ void http_connection_free(struct http_connection *c)
     if (c->next)
         c->next->prev = c->prev;
     http->connection_count--;
+    http->ending_count -= (uint32_t)c->is_ending;
     http_queue_release(&c->out);
     buffer_release(&c->message);
     mem_free(c);
@@ -94,8 +104,8 @@ static status make_context(struct http *http, struct error *err)
         .pcontext = &http->context,
         .server_string = "azulejo",
         .max_http_header_data = HTTP_HEADERS_MAX,
-        .max_http_header_pool = (unsigned short)(http->connections_max + 4),
-        .fd_limit_per_thread = http->connections_max + 16,
+        .max_http_header_pool = (unsigned short)(http->connections_max + HTTP_ACCEPTS_PER_TURN),
+        .fd_limit_per_thread = http->connections_max + 2 * HTTP_ACCEPTS_PER_TURN, /* some of its own */
         .pt_serv_buf_size = HTTP_PIECE_MAX,
         .keepalive_timeout = 2 * HTTP_IDLE_MS / 1000, /* ours are shorter */
         .timeout_secs = 2 * HTTP_BODY_MS / 1000,
@@ -107,6 +117,11 @@ static status make_context(struct http *http, struct error *err)
         .alpn = "http/1.1",
     };
 
+    for (size_t i = 0; i < GUARD_LINES; i++)
+        http->lines[i] = (struct lws_protocol_vhost_options){.next = i + 1 < GUARD_LINES ? &http->lines[i + 1] : NULL,
+                                                             .name = guard_lines[i].name,
+                                                             .value = guard_lines[i].value};
+    info.headers = http->lines;
     if (http->web->guard.is_tls) {
         info.options |= LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT;
         info.ssl_cert_filepath = options->cert;
@@ -168,7 +183,7 @@ void http_tick(struct http *http, uint64_t now_ns)
     for (struct http_connection *c = http->first, *next; c; c = next) {
         next = c->next;
         if (c->deadline_ns && now_ns >= c->deadline_ns)
-            http_kill(c);
+            http_end_now(c);
     }
 }
 

@@ -3,7 +3,8 @@
  * sizes, and the time for each step.
  *
  *   a connection: IDLE --headers--> BODY --whole--> ANSWERING --sent--> IDLE ...
- *                                                 \-> SOCKET, until it ends
+ *                  |                 \--answered before it was whole--> LINGER --some of the rest was skipped--> ended
+ *                  \--> SOCKET, until it ends
  */
 #ifndef AZULEJO_COORDINATOR_HTTP_H
 #define AZULEJO_COORDINATOR_HTTP_H
@@ -21,9 +22,11 @@ enum {
     HTTP_HEADERS_MAX = 16 << 10,   /* of one request, all together */
     HTTP_MESSAGE_MAX = 64 << 10,   /* of a WebSocket's client */
     HTTP_HEADERS_MS = 10000,       /* the whole of a request's headers must come within this, */
-    HTTP_BODY_MS = 60000,          /* a body that is held in memory within this, */
-    HTTP_STALL_MS = 30000,         /* and of streams something within this, in either direction */
+    HTTP_BODY_MS = 30000,          /* a body that is held in memory within this, */
+    HTTP_STALL_MS = 20000,         /* and of streams something within this, in either direction */
     HTTP_IDLE_MS = 75000,          /* between requests */
+    HTTP_LINGER_MS = 2000,         /* bodies that are refused are skipped for so long, */
+    HTTP_LINGER_BYTES = 8 << 20,   /* and so far */
 };
 
 /* Listen, and put the port's number into web->guard and the address into web->address.

@@ -11,7 +11,7 @@
 #include "coordinator/net/server.h"
 #include "coordinator/web/http_parts.h"
 
-enum { ACCEPTS_PER_TURN = 16, BACKLOG = 128 };
+enum { BACKLOG = 128 };
 
 static void name_peer(char *out, size_t size, const struct sockaddr_storage *address, socklen_t length)
 {
@@ -22,19 +22,18 @@ static void name_peer(char *out, size_t size, const struct sockaddr_storage *add
     snprintf(out, size, address->ss_family == AF_INET6 ? "[%s]:%s" : "%s:%s", host, port);
 }
 
-/* All places are taken: the connection that has waited longest for its next request gives its own up. */
-static void make_room(struct http *http)
+/* All places are taken: the connection that has waited longest for its next request gives its own up. 0: none
+ * waits. This runs in no event of the library's, so it may end one at once. */
+static int make_room(struct http *http)
 {
     struct http_connection *oldest = NULL;
 
-    for (struct http_connection *c = http->first; c; c = c->next) {
-        if (c->is_dead)
-            return; /* its place is free soon */
-        if (c->state == HTTP_IDLE)
+    for (struct http_connection *c = http->first; c; c = c->next)
+        if ((c->state == HTTP_IDLE || c->is_dead) && !c->is_ending)
             oldest = c;
-    }
     if (oldest)
-        http_kill(oldest);
+        http_end_now(oldest);
+    return oldest != NULL;
 }
 
 static void adopt(struct http *http, int fd, const char *peer)
@@ -67,7 +66,7 @@ static void on_listener(uv_poll_t *poll, int code, int events)
     (void)events;
     if (code < 0)
         return;
-    for (int i = 0; i < ACCEPTS_PER_TURN; i++) {
+    for (int i = 0; i < HTTP_ACCEPTS_PER_TURN; i++) {
         struct sockaddr_storage address = {0};
         socklen_t length = sizeof address;
         char peer[64];
@@ -75,8 +74,7 @@ static void on_listener(uv_poll_t *poll, int code, int events)
 
         if (fd < 0)
             return;
-        if (http->connection_count >= http->connections_max) {
-            make_room(http);
+        if (http->connection_count - http->ending_count >= http->connections_max && !make_room(http)) {
             http->counts.answers[0]++;
             close(fd);
             continue;

@@ -14,10 +14,11 @@
 enum {
     HTTP_QUERY_MAX = 32,       /* values of a query */
     HTTP_KEPT_MAX = 8,         /* headers that handlers can ask for */
+    HTTP_ACCEPTS_PER_TURN = 16,
     HTTP_PIECE_MAX = 64 << 10, /* handed to the kernel at once */
 };
 
-enum http_state { HTTP_IDLE, HTTP_BODY, HTTP_ANSWERING, HTTP_SOCKET };
+enum http_state { HTTP_IDLE, HTTP_BODY, HTTP_ANSWERING, HTTP_LINGER, HTTP_SOCKET };
 
 /* A request with its texts. */
 struct http_request {
@@ -42,12 +43,15 @@ struct http_connection {
     const struct web_route *route;      /* that a WebSocket asked for */
     struct web_caller caller;           /* the same */
     uint64_t body_left;                 /* bytes of the body that have not come */
+    uint64_t discarded;                 /* bytes of a body that nobody wants */
     int is_head, is_old;                /* HEAD; HTTP/1.0 */
     int begun, is_chunked, no_body;     /* of the answer */
     int ended;                          /* its last byte is in the queue */
-    int close_after;                    /* the connection ends with this answer */
+    int close_after;                    /* the connection ends with this answer, */
+    int lingers;                        /* and some of what still comes is skipped first */
     int body_paused, running;           /* a socket's handlers on the stack */
-    int is_dead;                        /* being ended */
+    int is_dead;                        /* to be ended; */
+    int is_ending;                      /* the library ends it, once the loop has closed its socket */
     unsigned close_code;                /* of a WebSocket; 0: not closing */
     char close_reason[64];
 };
@@ -60,17 +64,20 @@ struct http {
     uv_poll_t poll;
     int polls;                          /* the handle is open */
     struct http_connection *first;      /* newest first */
-    uint32_t connection_count, connections_max;
+    uint32_t connection_count, connections_max, ending_count; /* those that are ending are in both */
     struct http_counts counts;
     int is_stopping;
-    uint64_t now_ns;
+    struct lws_protocol_vhost_options lines[GUARD_LINES]; /* for the library's own answers */
 };
 
 extern const char *const http_kept_names[HTTP_KEPT_MAX];
 
 /* ---- http.c ---- */
 void http_deadline(struct http_connection *c, unsigned ms); /* 0: none */
+/* End it in the next tick: the library frees no connection whose event is being served, and its own timers run
+ * only after an event of its own. */
 void http_kill(struct http_connection *c);
+void http_end_now(struct http_connection *c); /* outside of the library's events only; it is freed soon */
 void http_connection_free(struct http_connection *c);
 /* ---- http_listen.c ---- */
 status http_listen(struct http *http, const char *host, uint16_t port, uint16_t *bound, struct error *err) MUST_CHECK;

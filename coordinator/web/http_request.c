@@ -152,8 +152,8 @@ static struct http_request *request_new(struct http_connection *c)
     request->base = (struct web_request){.web = c->http->web, .peer = c->peer, .path = "", .connection = c};
     c->request = request;
     c->state = HTTP_ANSWERING;
-    c->begun = c->ended = c->is_chunked = c->no_body = c->is_head = c->is_old = c->close_after = 0;
-    c->body_left = 0;
+    c->begun = c->ended = c->is_chunked = c->no_body = c->is_head = c->is_old = c->close_after = c->lingers = 0;
+    c->body_left = c->discarded = 0;
     c->body_paused = 0;
     http_deadline(c, 0);
     return request;
@@ -298,7 +298,7 @@ static int run_handler(struct http_connection *c)
     return 0;
 }
 
-/* A body's size; 0: what it says is no size. */
+/* A body's size. 0: what it says is no size; then *out is 0. */
 static int parse_length(const char *text, uint64_t *out)
 {
     char *end;
@@ -308,7 +308,10 @@ static int parse_length(const char *text, uint64_t *out)
         return 1;
     errno = 0;
     *out = strtoull(text, &end, 10);
-    return isdigit((unsigned char)text[0]) && !*end && errno == 0;
+    if (isdigit((unsigned char)text[0]) && !*end && errno == 0)
+        return 1;
+    *out = 0;
+    return 0;
 }
 
 /* HEAD is a GET. WEB_METHODS: none that any path knows. */
@@ -355,7 +358,7 @@ static void start(struct http_connection *c, const struct head *head, enum web_m
     c->close_after |= head->length == SIZE_MAX && method != WEB_GET && method != WEB_DELETE;
     if (head->transfer != SIZE_MAX || !parse_length(head_text(head, head->length), &c->body_left)) {
         (void)error_set(&why, STATUS_ERR_INPUT, "a body needs its size in Content-Length");
-        c->close_after = 1;
+        c->close_after = c->lingers = 1;
         refuse(c, 400, &why, NULL);
         return;
     }
@@ -426,11 +429,14 @@ int http_on_body(struct http_connection *c, const uint8_t *data, size_t size)
 {
     struct http_request *request = c->request;
 
-    if (c->is_dead || size > c->body_left)
+    if (c->is_dead)
         return -1;
+    if (!request || c->state != HTTP_BODY || size > c->body_left) {
+        /* Answered before it came: the connection ends with that. */
+        c->discarded += size;
+        return c->discarded > HTTP_LINGER_BYTES ? -1 : 0;
+    }
     c->body_left -= size;
-    if (!request || c->state != HTTP_BODY)
-        return 0; /* answered before it came: the connection ends with that */
     if (request->base.route->streams_body) {
         http_deadline(c, HTTP_STALL_MS);
         if (request->base.on_body && size > 0)
@@ -497,7 +503,9 @@ static void put_head(struct http_connection *c, unsigned code, const char *type,
 
     if (gmtime_r(&now, &parts))
         strftime(date, sizeof date, "%a, %d %b %Y %H:%M:%S GMT", &parts);
-    buffer_printf(&head, "HTTP/1.1 %u %s\r\ndate: %s\r\n%s", code, reason_phrase(code), date, guard_headers);
+    buffer_printf(&head, "HTTP/1.1 %u %s\r\ndate: %s\r\n", code, reason_phrase(code), date);
+    for (size_t i = 0; i < GUARD_LINES; i++)
+        buffer_printf(&head, "%s %s\r\n", guard_lines[i].name, guard_lines[i].value);
     if (!headers || !strstr(headers, "cache-control:"))
         buffer_puts(&head, "cache-control: no-store\r\n");
     if (type)
@@ -526,7 +534,7 @@ static void begin(struct web_request *request, unsigned code, const char *type, 
         return;
     c->begun = 1;
     if (c->body_left > 0)
-        c->close_after = 1; /* what is left of it is not read */
+        c->close_after = c->lingers = 1; /* what is left of it is not wanted */
     c->no_body = c->is_head || code == 204 || code == 304;
     if (length == UINT64_MAX && !c->no_body) {
         c->is_chunked = !c->is_old;
@@ -624,6 +632,12 @@ int http_on_writable(struct http_connection *c)
     if (!c->ended)
         return out->failed ? -1 : 0;
     c->ended = 0;
+    if (c->lingers) {
+        /* Closed now, the client would be told of its broken connection rather than of the answer. */
+        c->state = HTTP_LINGER;
+        http_deadline(c, HTTP_LINGER_MS);
+        return 0;
+    }
     c->state = HTTP_IDLE;
     http_deadline(c, HTTP_IDLE_MS);
     return c->close_after || lws_http_transaction_completed(c->wsi) ? -1 : 0;
