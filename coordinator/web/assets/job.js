@@ -6,7 +6,7 @@ import { context } from './context.js';
 import { offered, act, owns } from './verbs.js';
 import { jobLink, go } from './router.js';
 import { span, coreTime, display, target, percent, plural, samplesRate, bytes } from './format.js';
-import { address } from './empty.js';
+import { where } from './empty.js';
 
 const FRAMES_SHOWN = 240, LINES_KEPT = 400;
 const FIRST = {
@@ -72,7 +72,7 @@ function buttons(job) {
   ui.verbs.dataset.now = now;
   const first = FIRST[job.state].map((n) => can.find((v) => v.name === n)).filter(Boolean).slice(0, 2);
   const more = can.filter((v) => !first.includes(v));
-  const menu = more.length > 0 && h('button', { 'aria-haspopup': 'menu', title: 'More verbs', onclick: (e) => { const b = e.currentTarget.getBoundingClientRect(); menuOf([state.job(job.job)], b.left, b.bottom + 4, more); } }, 'More…');
+  const menu = more.length > 0 && h('button', { 'aria-haspopup': 'menu', title: 'More verbs', onclick: (e) => { const b = e.currentTarget.getBoundingClientRect(); menuOf([state.job(job.job)], b.left, b.bottom + 4, more); } }, 'More');
   children(ui.verbs, [...first.map((v) => verbButton(v, job)), menu].filter(Boolean));
 }
 
@@ -145,7 +145,7 @@ function files(job, frame) {
     h('p', { class: 'links' }, some.map((name) => h('a', { class: 'button', href: url(at + name), download: true }, name.replace('preview.', 'Preview ').replace(/^(exr|png|jpg)$/, (s) => s.toUpperCase())))),
     !isDone && h('p', { class: 'hint' }, 'Frame ', String(frame), ' is not done: a preview is its picture so far.'),
     h('p', { class: 'hint' }, 'All files, and when each thread rendered what, from a terminal:'),
-    command(`azulejo fetch ${job.job} -o . -c ${address()}`), command(`azulejo trace ${job.job} -o trace.json -c ${address()}`),
+    command(`azulejo fetch ${job.job} -o .${where()}`), command(`azulejo trace ${job.job} -o trace.json${where()}`),
   ].filter(Boolean));
 }
 

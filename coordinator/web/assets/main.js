@@ -84,7 +84,7 @@ function title() {
 }
 function connection(now, first) {
   emit('connection', now);
-  document.body.classList.toggle('lost', now === 'lost');
+  document.documentElement.dataset.connection = now;
   if (now === 'lost' && !lostAt) {
     lostAt = Date.now() / 1000;
     tell('Connection lost');

@@ -59,9 +59,9 @@ function fill(r, job) {
   text(r.head, job.state === 'running' ? percent(part) : job.state === 'queued' && job.state_text ? 'waiting' : job.state);
   const line = ended(job) ? [frames > 1 && `${job.frames_done}/${frames} frames`, reason(job)].filter(Boolean).join(' · ') : second(job);
   text(r.line, line);
-  attr(r.line, 'title', line.length > 40 ? line : undefined);
-  text(r.owner, (job.owner || '').split('@')[0]);
-  attr(r.owner, 'title', job.owner);
+  /* A reason needs the room. */
+  text(r.owner, reason(job) ? '' : (job.owner || '').split('@')[0]);
+  attr(r.link, 'title', [job.owner, line].filter(Boolean).join('\n'));
   r.node.className = job.state;
   property(r.bar.firstChild, '--share', part.toFixed(3));
   attr(r.pick, 'aria-label', `Select ${job.name || 'job'} (job ${job.job})`);

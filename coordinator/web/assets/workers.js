@@ -38,6 +38,7 @@ export function mountStrip(node) {
   };
   const fill = (c, w) => {
     text(c.name, w.name);
+    attr(c.node, 'data-worker', w.session);
     attr(c.link, 'href', workerLink(w.name));
     attr(c.link, 'title', why(w) || `${w.host}, ${w.software}`);
     property(c.bar.firstChild, '--share', w.threads ? Math.min(1, busy(w) / w.threads).toFixed(2) : 0);
@@ -77,7 +78,7 @@ const HEAD = ['name', 'state', 'job', 'threads', 'rate', 'processors', 'memory',
 
 function row(w) {
   const s = w.status, job = w.job && state.job(w.job);
-  return h('tr', { class: silentFor(w) ? 'silent' : w.state },
+  return h('tr', { 'data-worker': w.session, class: silentFor(w) ? 'silent' : w.state },
     h('th', { scope: 'row' }, h('a', { href: workerLink(w.name) }, w.name)),
     cell('state', h('span', { class: `state ${w.state}` }, silentFor(w) ? words(w) : w.state), why(w) && h('small', null, why(w))),
     cell('job', job ? h('a', { href: jobLink(w.job) }, job.name) : w.job ? `job ${w.job}` : '–'),
