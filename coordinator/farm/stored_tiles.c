@@ -55,6 +55,11 @@ void stored_tiles_free(struct stored_tiles *t)
     mem_free(t);
 }
 
+int stored_tiles_are_exact(const struct stored_tiles *t)
+{
+    return t->film != NULL;
+}
+
 static status open_picture(struct stored_tiles *t, const struct store *store, struct error *err)
 {
     status s;

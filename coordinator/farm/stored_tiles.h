@@ -24,6 +24,8 @@ status stored_tiles_new(struct stored_tiles **out, const struct job *job, uint32
  * ERR_NOT_FOUND: nothing of the frame's layer was kept; ERR_IO, ERR_CORRUPT, ERR_NO_MEMORY. */
 status stored_tiles_read(struct stored_tiles *t, const struct store *store, size_t bytes, struct buffer *out,
                          int *end, struct error *err) MUST_CHECK;
+/* The records have the samples of their tiles: they come from the film. */
+int stored_tiles_are_exact(const struct stored_tiles *t);
 void stored_tiles_free(struct stored_tiles *t); /* NULL is fine */
 
 #endif

@@ -4,14 +4,11 @@
 #include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "common/film/unit.h"
-#include "coordinator/web/api_views.h"
 #include "coordinator/web/json_wire.h"
 #include "coordinator/web/live_parts.h"
 
 enum {
-    JOB_MS = 500,                /* a job's events are at least this far apart, */
-    WORKERS_MS = 2000,           /* the workers', */
-    FARM_MS = 1000,              /* and the farm's */
+    JOB_MS = 500,                /* a job's events are at least this far apart */
     WAITING_EACH_TICK = 8,       /* active jobs whose reason to wait is looked at: it changes by what others do */
 };
 
@@ -198,7 +195,6 @@ static void make_jobs(struct live *live, uint64_t now_ns)
 void feed_tick(struct live *live, uint64_t now_ns)
 {
     struct feed *feed = &live->feed;
-    struct error err = {0};
 
     if (now_ns - feed->samples_ns >= JOB_MS * NS_PER_MS) {
         feed->samples_ns = now_ns;
@@ -206,16 +202,4 @@ void feed_tick(struct live *live, uint64_t now_ns)
     }
     make_jobs(live, now_ns);
     look_at_waiting(live, now_ns);
-    if (feed->workers_changed && now_ns - feed->workers_ns >= WORKERS_MS * NS_PER_MS) {
-        feed->workers_ns = now_ns;
-        buffer_clear(&feed->json);
-        if (api_workers_json(live->server, &feed->json, &err) == STATUS_OK)
-            add_if_new(live, "workers", &feed->workers_hash);
-    }
-    if (now_ns - feed->farm_ns >= FARM_MS * NS_PER_MS) {
-        feed->farm_ns = now_ns;
-        buffer_clear(&feed->json);
-        if (api_farm_json(live->server, &feed->json, &err) == STATUS_OK)
-            add_if_new(live, "farm", &feed->farm_hash);
-    }
 }

@@ -71,7 +71,7 @@ enum watch_state {
     WATCH_STORED,                /* one that is done is being sent */
     WATCH_DONE,                  /* all of it was sent */
 };
-struct watch {
+struct live_watch {
     enum watch_state state;
     uint32_t serial;             /* the client's */
     uint64_t job;
@@ -101,7 +101,7 @@ void watch_follow(struct live_client *client, uint64_t now_ns);
 /* Send some tiles. 1: there are more. */
 int watch_slice(struct live_client *client, uint64_t now_ns, int begins_turn);
 /* Append a record, of the tile and these samples, if the client has not seen it; sends full messages. */
-void watch_add(struct watch *w, const uint8_t *record, size_t size);
+void watch_add(struct live_watch *w, const uint8_t *record, size_t size);
 void watch_flush(struct live_client *client);
 /* Tell the client that all of it was sent, or why not. */
 void watch_done(struct live_client *client, const struct error *why);
@@ -122,7 +122,7 @@ struct live_client {
     int listens;
     uint64_t seq;                /* of the last event that it got */
     uint64_t sent_ns;
-    struct watch watch;
+    struct live_watch watch;
 };
 
 struct live {
