@@ -14,6 +14,7 @@
 #include "common/base/memory.h"
 #include "coordinator/web/http_parts.h"
 #include "coordinator/web/problem.h"
+#include "coordinator/web/access.h"
 #include "coordinator/web/tokens.h"
 
 const char *const http_kept_names[HTTP_KEPT_MAX] = {
@@ -220,7 +221,7 @@ static int find_caller(struct http_connection *c, const struct head *head, struc
         caller->by_cookie = web_tokens_find_cookie(tokens, token, clock_wall_s(), caller);
         explicit_bzero(token, sizeof token);
     }
-    return found || web_tokens_note_failure(tokens, c->peer, clock_monotonic_ns());
+    return found || access_note_failure(c->http->web, c->peer);
 }
 
 static unsigned check_guard(struct http_connection *c, const struct head *head, const char *path, int changes,

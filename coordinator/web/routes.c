@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "coordinator/net/server.h"
+#include "coordinator/web/access.h"
 #include "coordinator/web/assets.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
@@ -27,6 +28,9 @@ const struct web_route web_routes[] = {
     {WEB_GET, "/", WEB_ROLE_NONE, .run = web_asset_index, .summary = "The page."},
     {WEB_GET, "/assets/{file}", WEB_ROLE_NONE, .run = web_asset, .summary = "A file of the page."},
     {WEB_GET, "/docs/errors", WEB_ROLE_NONE, .run = problem_list, .summary = "The codes of problems, as text."},
+    {WEB_POST, "/api/v1/session", WEB_ROLE_NONE, .run = web_session_post, .summary = "Sign in with a token, for a cookie."},
+    {WEB_GET, "/api/v1/session", WEB_ROLE_VIEW, .run = web_session_get, .summary = "Tell who asks."},
+    {WEB_DELETE, "/api/v1/session", WEB_ROLE_NONE, .run = web_session_delete, .summary = "Sign out: forget the cookie."},
     {WEB_GET, "/healthz", WEB_ROLE_NONE, .run = web_healthz, .summary = "Say that the coordinator is alive."},
 
     {WEB_GET, "/api/v1/jobs", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .query = "filter before first",
@@ -64,8 +68,16 @@ const struct web_route web_routes[] = {
     {WEB_GET, "/api/v1/store", WEB_ROLE_VIEW, ASKS(STORE_QUERY, STORE_INFO), .summary = "What takes the room."},
     {WEB_POST, "/api/v1/store/collect", WEB_ROLE_ADMIN, ASKS(STORE_QUERY, STORE_INFO), .fixed = "collect=1",
      .summary = "Remove what may go, and say what takes the room."},
+    {WEB_GET, "/api/v1/tokens", WEB_ROLE_ADMIN, ASKS(TOKEN_QUERY, TOKEN_LIST), .summary = "List the tokens."},
+    {WEB_POST, "/api/v1/tokens", WEB_ROLE_ADMIN, ASKS(TOKEN_CREATE, TOKEN_MADE),
+     .summary = "Make a token, which only this answer has."},
+    {WEB_DELETE, "/api/v1/tokens/{token}", WEB_ROLE_ADMIN, ASKS(TOKEN_REVOKE, TOKEN_LIST),
+     .summary = "Revoke a token, and end what was begun with it."},
+    {WEB_POST, "/api/v1/tokens/{token}/renew", WEB_ROLE_ADMIN, ASKS(TOKEN_RENEW, TOKEN_MADE),
+     .summary = "Give a token another secret, which only this answer has."},
     {WEB_POST, "/api/v1/blobs/missing", WEB_ROLE_SUBMIT, ASKS(BLOB_QUERY, BLOB_MISSING),
      .summary = "Which of these blobs are not on the coordinator?"},
+    {WEB_GET, "/readyz", WEB_ROLE_NONE, .run = web_readyz, .summary = "Say whether the coordinator takes work."},
 };
 const size_t web_route_count = sizeof web_routes / sizeof *web_routes;
 

@@ -9,7 +9,9 @@
 #include "coordinator/net/server.h"
 #include "coordinator/web/certificate.h"
 #include "coordinator/web/call.h"
+#include "coordinator/web/access.h"
 #include "coordinator/web/http.h"
+#include "coordinator/web/token_messages.h"
 #include "coordinator/web/tokens.h"
 
 /* ---- what the page is called ----------------------------------------------------------------- */
@@ -43,24 +45,33 @@ static status certify(struct web *web, struct error *err)
     return STATUS_OK;
 }
 
-static status publish(struct web *web, struct error *err)
+/* STORE/page.url: the address with the token. */
+static status write_url(const struct web *web, int prints, struct error *err)
 {
-    const char *name = public_name(web);
     char url[WEB_URL_MAX + 160], *path = file_join(web->options.store, "page.url");
     status s;
 
     if (!path)
         return error_no_memory(err, "the page's address");
-    snprintf(web->address, sizeof web->address, strchr(name, ':') ? "%s://[%s]:%u" : "%s://%s:%u",
-             web->guard.is_tls ? "https" : "http", name, web->guard.port);
     snprintf(url, sizeof url, "%s/#token=%s\n", web->address, web_tokens_own(web->tokens));
     s = file_write_private(path, url, strlen(url), err);
     mem_free(path);
-    printf("page: %s", url);
-    fflush(stdout);
-    log_info("the page is at %s", web->address);
+    if (prints) {
+        printf("page: %s", url);
+        fflush(stdout);
+    }
     explicit_bzero(url, sizeof url);
     return s;
+}
+
+static status publish(struct web *web, struct error *err)
+{
+    const char *name = public_name(web);
+
+    snprintf(web->address, sizeof web->address, strchr(name, ':') ? "%s://[%s]:%u" : "%s://%s:%u",
+             web->guard.is_tls ? "https" : "http", name, web->guard.port);
+    log_info("the page is at %s", web->address);
+    return write_url(web, 1, err);
 }
 
 /* ---- the guest ------------------------------------------------------------------------------- */
@@ -68,11 +79,20 @@ static status publish(struct web *web, struct error *err)
 static void on_token_ended(void *user, uint64_t token, int cookies)
 {
     struct web *web = user;
+    struct error err = {0};
 
-    if (web->http)
-        http_end_token(web->http, token, cookies);
-    if (web->calls && !cookies)
-        web_calls_end_token(web->calls, token);
+    access_ended(web, token, cookies);
+    if (token == TOKEN_OWN && web->http && write_url(web, 0, &err) != STATUS_OK)
+        log_warn("the page's address with its new token: %s", err.text);
+}
+
+static status message(void *user, struct session *session, const Azulejo__Wire__Envelope *asked, uint64_t now_ns,
+                      struct error *err)
+{
+    struct web *web = user;
+
+    (void)now_ns;
+    return token_message(web->tokens, session, asked, err);
 }
 
 static status start(void *user, struct server *server, struct error *err)
@@ -108,6 +128,7 @@ static void tick(void *user, uint64_t now_ns)
     struct web *web = user;
 
     web_calls_tick(web->calls, now_ns);
+    access_tick(web, now_ns);
     if (web->http)
         http_tick(web->http, now_ns);
 }
@@ -123,7 +144,7 @@ static void stop(void *user)
 
 struct server_guest web_guest(struct web *web)
 {
-    return (struct server_guest){.start = start, .tick = tick, .stop = stop, .user = web};
+    return (struct server_guest){.start = start, .tick = tick, .message = message, .stop = stop, .user = web};
 }
 
 status web_new(struct web **out, const struct web_options *options, struct error *err)

@@ -25,6 +25,18 @@ struct web_options {
     uint32_t connections_max;
 };
 
+enum { WEB_ENDED_MAX = 64 };
+
+/* access.h */
+struct web_access {
+    uint64_t ticked_ns;
+    struct {                   /* tokens whose connections are to end */
+        uint64_t token;
+        int cookies;
+    } ended[WEB_ENDED_MAX];
+    size_t ended_count;
+};
+
 struct http;
 struct web_calls;
 struct web_tokens;
@@ -37,6 +49,7 @@ struct web {
     struct web_tokens *tokens; /* tokens.h */
     char *own_cert, *own_key;  /* files of the certificate that we make; NULL: one is named */
     struct web_calls *calls;   /* call.h */
+    struct web_access access;
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
 };
 
