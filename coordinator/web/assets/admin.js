@@ -6,7 +6,7 @@ import { may, act, listOf } from './verbs.js';
 import { bytes, span, plural, count } from './format.js';
 import { say, trouble } from './notice.js';
 import { confirm, form, open } from './dialog.js';
-import { table, cell } from './workers.js';
+import { table, cell, verbCell } from './workers.js';
 import { jobLink } from './router.js';
 
 /* ---- the store ------------------------------------------------------------------------------------ */
@@ -31,7 +31,7 @@ export function storeView(node) {
       h('h2', null, 'Jobs that take the most'),
       table(['job', 'owner', 'state', 'films', 'pictures', ''], (s.jobs || []).map((j) => h('tr', null,
         h('th', { scope: 'row' }, h('a', { href: jobLink(j.job) }, j.name || `job ${j.job}`)), cell('owner', j.owner), cell('state', j.state), cell('films', bytes(j.films)), cell('pictures', bytes(j.pictures)),
-        h('td', { class: 'buttons' }, state.job(j.job) && ended(state.job(j.job)) && may('operate', j) && h('button', { class: 'danger', onclick: () => act('remove', j.job).then((d) => d && read()) }, 'Remove')))), 'Jobs'),
+        verbCell(state.job(j.job) && ended(state.job(j.job)) && may('operate', j) && h('button', { class: 'danger', onclick: () => act('remove', j.job).then((d) => d && read()) }, 'Remove')))), 'Jobs'),
       Number(s.more_jobs) > 0 && h('p', null, `and ${plural(Number(s.more_jobs), 'smaller one')}`),
       h('h2', null, 'Owners'),
       table(['owner', 'jobs', 'films', 'pictures'], (s.owners || []).map((o) => h('tr', null, h('th', { scope: 'row' }, o.owner || 'not known'), cell('jobs', count(Number(o.jobs))), cell('films', bytes(o.films)), cell('pictures', bytes(o.pictures)))), 'Owners'),
@@ -72,7 +72,7 @@ export function accessView(node) {
     hooks, h('div', { class: 'buttons' }, h('button', { onclick: () => add() }, 'Add a webhook')));
   const read = () => get('/tokens').then((answer) => children(tokens, [table(['token', 'role', 'owner', 'created', 'used', 'expires', ''], listOf(answer, 'tokens').map((t) => h('tr', null,
     h('th', { scope: 'row' }, t.name || `token ${t.token}`), cell('role', t.role), cell('owner', t.owner || '–'), cell('created', when(t.made_at)), cell('used', when(t.used_at)), cell('expires', when(t.expires_at)),
-    h('td', { class: 'buttons' }, h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
+    verbCell(h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
   const revoke = async (t) => {
     const own = t.token === state.session.token;
     if (await confirm(`Revoke ${t.name || `token ${t.token}`}?`, ['Pages and scripts that use it lose access at once, and it cannot be brought back.', own ? 'You are signed in with it: you will be signed out.' : ''].filter(Boolean), 'Revoke'))
@@ -96,7 +96,7 @@ export function accessView(node) {
   const readHooks = () => get('/webhooks').then((answer) => {
     const list = listOf(answer, 'webhooks');
     children(hooks, [list.length ? table(['address', 'last', ''], list.map((w) => h('tr', null, h('th', { scope: 'row' }, w.url), cell('sent', count(Number(w.sent))), cell('waiting', String(w.waiting)), cell('last error', w.last_error || '–'),
-      h('td', { class: 'buttons' }, h('button', { onclick: () => post(`/webhooks/${w.webhook}/test`).then(() => say(`${w.url} took the test message.`), trouble).then(readHooks) }, 'Test'), h('button', { class: 'danger', onclick: () => del(`/webhooks/${w.webhook}`).then(() => { say(`No more messages to ${w.url}.`); readHooks(); }).catch(trouble) }, 'Remove')))), 'Webhooks') : h('p', null, 'None.')]);
+      verbCell(h('button', { onclick: () => post(`/webhooks/${w.webhook}/test`).then(() => say(`${w.url} took the test message.`), trouble).then(readHooks) }, 'Test'), h('button', { class: 'danger', onclick: () => del(`/webhooks/${w.webhook}`).then(() => { say(`No more messages to ${w.url}.`); readHooks(); }).catch(trouble) }, 'Remove')))), 'Webhooks') : h('p', null, 'None.')]);
   }).catch((why) => children(hooks, [h('p', { class: 'problem' }, why.message)]));
   const add = async () => {
     const want = await form('Add a webhook', ['The coordinator itself sends the messages: the address must be reachable from its machine.'], [{ name: 'url', label: 'Address', type: 'url', required: true, placeholder: 'https://' }], 'Add', (v) => v);

@@ -37,16 +37,16 @@ const between = (low, high, f) => (low >= 0 && high > low ? ` (${f(low)} to ${f(
 /* When is it good enough? In words. */
 function whenWords(job) {
   if (job.state === 'done') return job.finished_early ? 'finished early' : 'done';
-  if (ended(job)) return job.state;
-  const end = (job.forecasts || []).find((f) => f.at_end), single = frameCount(job) === 1;
-  const aim = target(job.stop);
-  if (end && end.seconds >= 0 && single) {
-    const time = `in ${span(end.seconds)}${between(end.seconds_low, end.seconds_high, span)}`;
-    return aim ? `${aim} ${time}` : `${display(end.display)} at the end, ${time}`;
+  if (ended(job) || job.state === 'cancelling') return 'not any more';
+  const end = (job.forecasts || []).find((f) => f.at_end), aim = target(job.stop), runs = ['running', 'finishing'].includes(job.state);
+  const after = job.state === 'queued' ? ' of rendering left' : ' after it is resumed';
+  if (end && end.seconds >= 0 && frameCount(job) === 1) {
+    const time = `${span(end.seconds)}${between(end.seconds_low, end.seconds_high, span)}`;
+    return `${aim || `${display(end.display)} at the end`}${runs ? ` in ${time}` : `, ${time}${after}`}`;
   }
-  if (job.seconds_left >= 0 && job.state === 'running')
-    return `${aim ? `${aim}, all frames ` : 'all done '}in ${span(job.seconds_left)}, at ${clockText(Date.now() / 1000 + job.seconds_left)}`;
-  return aim ? `${aim}; when is not known yet` : job.state === 'running' ? 'not known yet' : '–';
+  if (job.seconds_left >= 0 && runs)
+    return `${aim ? `${aim}, all frames` : 'all done'} in ${span(job.seconds_left)}, at ${clockText(Date.now() / 1000 + job.seconds_left)}`;
+  return aim ? `${aim}; when is not known yet` : runs ? 'not known yet' : '–';
 }
 const stateWords = (job) => [job.state, reason(job)].filter(Boolean).join(': ');
 

@@ -10,6 +10,7 @@ import { mountStrip, workersView, workerView } from './workers.js';
 import { eventsView } from './log.js';
 import { storeView, accessView } from './admin.js';
 import { submitView, beginDrops } from './submit.js';
+import { emptyJobs } from './empty.js';
 import { begin, leave, loginForm } from './login.js';
 import { act, may, owns } from './verbs.js';
 import { addKeys, allKeys, keysAreOn, switchKeys } from './keys.js';
@@ -160,8 +161,16 @@ function take(route) {
     }
     if (route.job && document.body.dataset.tab === 'queue') phone('picture');
   } else phone('view');
-  show(byId('nothing'), farm && !context.job() && state.loaded);
+  nothing();
   title();
+}
+/* What stands where the picture would be. */
+let said = '';
+function nothing() {
+  const what = !state.loaded || context.job() ? '' : state.jobs.size ? 'choose' : 'empty';
+  show(byId('nothing'), what);
+  if (what && what !== said) children(byId('nothing-words'), what === 'empty' ? emptyJobs() : [h('p', null, 'Choose a job to see its picture become right.')]);
+  said = what;
 }
 /* Without a choice, the page shows what is served first. */
 function chooseOne() {
@@ -189,8 +198,8 @@ function changed(now) {
   if (now.loaded) {
     if (context.job() && !state.job(context.job())) loadJob(context.job()).catch(() => emit('job'));
     chooseOne();
-    show(byId('nothing'), parse().view === 'farm' && !context.job());
   } else if (now.jobs.size) chooseOne();
+  if (now.loaded || now.jobs.size || now.removed.size) nothing();
 }
 
 /* ---- help and keys ---------------------------------------------------------------------------------- */

@@ -9,7 +9,6 @@ import { jobLink, go } from './router.js';
 import { span, display, target, percent } from './format.js';
 import { trouble, say } from './notice.js';
 import { menuOf } from './job.js';
-import { emptyJobs } from './empty.js';
 
 const HOLD_MS = 2000;
 const FILTERS = {
@@ -91,7 +90,7 @@ function order() {
   for (const number of rows.keys()) if (!state.jobs.has(number)) { rows.delete(number); picked.delete(number); }
   const nothing = state.loaded && !shown.length;
   show(empty, nothing);
-  if (nothing) children(empty, state.jobs.size ? [h('p', null, words || filter !== 'all' ? 'No job fits these words and this filter.' : 'No jobs.')] : emptyJobs());
+  if (nothing) text(empty, state.jobs.size ? 'No job fits these words and this filter.' : 'No jobs yet.');
   show(more, state.older && !['active', 'failed'].includes(filter));
   mark();
 }

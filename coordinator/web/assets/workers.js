@@ -73,7 +73,8 @@ export function mountStrip(node) {
 const buttons = (w, after) => workerOffers(w).map((v) => h('button', {
   title: `${w.name}: ${workerVerbs[v].done}`, class: v === 'block' ? 'danger' : '', onclick: () => steer(v, w.name).then(after),
 }, v[0].toUpperCase() + v.slice(1)));
-const cell = (name, ...inside) => h('td', { 'data-title': name }, ...inside);
+const cell = (name, ...inside) => h('td', { 'data-title': name, class: /state|why|owner|error/.test(name) ? 'wrap' : '' }, ...inside);
+const verbCell = (...inside) => h('td', { class: 'buttons' }, h('div', { class: 'buttons' }, ...inside));
 const HEAD = ['name', 'state', 'job', 'threads', 'rate', 'processors', 'memory', 'cache', 'units', 'connected', ''];
 
 function row(w) {
@@ -85,11 +86,11 @@ function row(w) {
     cell('threads', `${busy(w)} of ${w.threads}`), cell('rate', w.samples_per_second > 0 ? `${count(w.samples_per_second)}/s` : '–'),
     cell('processors', s ? s.cpus.toFixed(1) : '–'), cell('memory', s ? bytes(s.memory_bytes) : '–'),
     cell('cache', s ? bytes(s.cache_bytes) : '–'), cell('units', count(Number(w.units_done))), cell('connected', span(Number(w.connected_s))),
-    h('td', { class: 'buttons' }, buttons(w)));
+    verbCell(buttons(w)));
 }
 const table = (head, rows, label) => h('div', { class: 'table', tabindex: '0', role: 'region', 'aria-label': label }, h('table', null,
   h('thead', null, h('tr', null, head.map((t) => (t ? h('th', { scope: 'col' }, t) : h('td'))))), h('tbody', null, rows)));
-export { table, cell };
+export { table, cell, verbCell };
 
 export function workersView(node) {
   let goneShown = false;
@@ -147,5 +148,6 @@ export function workerView(node, name) {
     if (!stopped) timer = setTimeout(read, POLL_MS);
   };
   read();
-  return () => { stopped = true; clearTimeout(timer); };
+  const off = context.on('jobs', (c) => c.loaded && read());
+  return () => { stopped = true; clearTimeout(timer); off(); };
 }
