@@ -5,11 +5,11 @@
 #include <string.h>
 
 #include "coordinator/net/server.h"
-#include "coordinator/web/access.h"
 #include "coordinator/web/assets.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
 #include "coordinator/web/problem.h"
+#include "coordinator/web/sign_in.h"
 #include "coordinator/web/tokens.h"
 #include "coordinator/web/web.h"
 

@@ -9,7 +9,6 @@
 #include "coordinator/net/server.h"
 #include "coordinator/web/certificate.h"
 #include "coordinator/web/call.h"
-#include "coordinator/web/access.h"
 #include "coordinator/web/http.h"
 #include "coordinator/web/token_messages.h"
 #include "coordinator/web/tokens.h"
@@ -81,7 +80,7 @@ static void on_token_ended(void *user, uint64_t token, int cookies)
     struct web *web = user;
     struct error err = {0};
 
-    access_ended(web, token, cookies);
+    token_end(web, token, cookies);
     if (token == TOKEN_OWN && web->http && write_url(web, 0, &err) != STATUS_OK)
         log_warn("the page's address with its new token: %s", err.text);
 }
@@ -128,7 +127,7 @@ static void tick(void *user, uint64_t now_ns)
     struct web *web = user;
 
     web_calls_tick(web->calls, now_ns);
-    access_tick(web, now_ns);
+    token_end_tick(web, now_ns);
     if (web->http)
         http_tick(web->http, now_ns);
 }

@@ -12,6 +12,7 @@
 #include "common/base/status.h"
 #include "coordinator/net/guest.h"
 #include "coordinator/web/guard.h"
+#include "coordinator/web/token_end.h"
 
 enum { WEB_URL_MAX = 512 };
 
@@ -23,18 +24,6 @@ struct web_options {
     const char *cert, *key;    /* PEM files; NULL: plain HTTP, or a certificate of our own */
     const char *store;         /* the store's folder */
     uint32_t connections_max;
-};
-
-enum { WEB_ENDED_MAX = 64 };
-
-/* access.h */
-struct web_access {
-    uint64_t ticked_ns;
-    struct {                   /* tokens whose connections are to end */
-        uint64_t token;
-        int cookies;
-    } ended[WEB_ENDED_MAX];
-    size_t ended_count;
 };
 
 struct http;
@@ -49,7 +38,7 @@ struct web {
     struct web_tokens *tokens; /* tokens.h */
     char *own_cert, *own_key;  /* files of the certificate that we make; NULL: one is named */
     struct web_calls *calls;   /* call.h */
-    struct web_access access;
+    struct token_ends token_ends;
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
 };
 
