@@ -8,6 +8,7 @@
 #include "coordinator/web/assets.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
+#include "coordinator/web/live.h"
 #include "coordinator/web/problem.h"
 #include "coordinator/web/sign_in.h"
 #include "coordinator/web/tokens.h"
@@ -23,6 +24,9 @@
 #define WORKER_VERB(word, says)                                                                                 \
     {WEB_POST, "/api/v1/workers/{name}/" word, WEB_ROLE_OPERATE, ASKS(WORKER_STEER, WORKER_LIST),             \
      .fixed = "verb=" word, .summary = says}
+
+static web_handler events_stream;
+static void live_open(struct web_socket *socket);
 
 const struct web_route web_routes[] = {
     {WEB_GET, "/", WEB_ROLE_NONE, .run = web_asset_index, .summary = "The page."},
@@ -78,8 +82,23 @@ const struct web_route web_routes[] = {
     {WEB_POST, "/api/v1/blobs/missing", WEB_ROLE_SUBMIT, ASKS(BLOB_QUERY, BLOB_MISSING),
      .summary = "Which of these blobs are not on the coordinator?"},
     {WEB_GET, "/readyz", WEB_ROLE_NONE, .run = web_readyz, .summary = "Say whether the coordinator takes work."},
+
+    {WEB_GET, "/api/v1/events", WEB_ROLE_VIEW, .run = events_stream, .query = "after",
+     .summary = "A stream of server-sent events: what changes on the farm."},
+    {WEB_GET, "/api/v1/live", WEB_ROLE_VIEW, .open = live_open,
+     .summary = "A WebSocket: the same events, and a frame's picture while it is rendered."},
 };
 const size_t web_route_count = sizeof web_routes / sizeof *web_routes;
+
+static void events_stream(struct web_request *request)
+{
+    live_stream(request->web->live, request);
+}
+
+static void live_open(struct web_socket *socket)
+{
+    live_socket(socket->web->live, socket);
+}
 
 /* Is the job, which the path names first, the caller's own? The answer is given if not. */
 static int is_own(struct web_request *request)

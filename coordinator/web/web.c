@@ -11,6 +11,7 @@
 #include "coordinator/web/call.h"
 #include "coordinator/web/http.h"
 #include "coordinator/web/token_messages.h"
+#include "coordinator/web/live.h"
 #include "coordinator/web/tokens.h"
 
 /* ---- what the page is called ----------------------------------------------------------------- */
@@ -116,10 +117,46 @@ static status start(void *user, struct server *server, struct error *err)
     if (s != STATUS_OK && err)
         *err = why;
     if (s == STATUS_OK)
+        s = live_new(&web->live, server, err);
+    if (s == STATUS_OK)
         s = publish(web, err);
-    if (s != STATUS_OK)
+    if (s != STATUS_OK) {
         http_stop(web->http);
+        live_stop(web->live);
+    }
     return s;
+}
+
+static void job_changed(void *user, const struct job *job)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_job_changed(web->live, job);
+}
+
+static void job_removed(void *user, uint64_t job)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_job_removed(web->live, job);
+}
+
+static void workers_changed(void *user)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_workers_changed(web->live);
+}
+
+static void job_event(void *user, const struct job_event *event)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_job_event(web->live, event);
 }
 
 static void tick(void *user, uint64_t now_ns)
@@ -130,6 +167,8 @@ static void tick(void *user, uint64_t now_ns)
     token_end_tick(web, now_ns);
     if (web->http)
         http_tick(web->http, now_ns);
+    if (web->live)
+        live_tick(web->live, now_ns);
 }
 
 static void stop(void *user)
@@ -138,12 +177,15 @@ static void stop(void *user)
 
     if (web->http)
         http_stop(web->http);
+    live_stop(web->live);
     web->server = NULL;
 }
 
 struct server_guest web_guest(struct web *web)
 {
-    return (struct server_guest){.start = start, .tick = tick, .message = message, .stop = stop, .user = web};
+    return (struct server_guest){.start = start, .job_changed = job_changed, .job_removed = job_removed,
+                                 .workers_changed = workers_changed, .job_event = job_event, .tick = tick,
+                                 .message = message, .stop = stop, .user = web};
 }
 
 status web_new(struct web **out, const struct web_options *options, struct error *err)
@@ -171,6 +213,7 @@ void web_free(struct web *web)
     if (!web)
         return;
     http_free(web->http);
+    live_free(web->live);
     web_calls_free(web->calls);
     web_tokens_close(web->tokens);
     mem_free(web->own_cert);

@@ -27,6 +27,7 @@ struct web_options {
 };
 
 struct http;
+struct live;
 struct web_calls;
 struct web_tokens;
 
@@ -37,6 +38,7 @@ struct web {
     struct http *http;         /* http.h; NULL: there is no page, as its port was in use */
     struct web_tokens *tokens; /* tokens.h */
     char *own_cert, *own_key;  /* files of the certificate that we make; NULL: one is named */
+    struct live *live;         /* live.h; NULL: there is no page */
     struct web_calls *calls;   /* call.h */
     struct token_ends token_ends;
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
