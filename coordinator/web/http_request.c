@@ -217,7 +217,7 @@ static int find_caller(struct http_connection *c, const struct head *head, struc
     if (authorization) {
         found = guard_bearer(authorization, token) && web_tokens_find(tokens, token, clock_wall_s(), caller);
         explicit_bzero(token, sizeof token);
-    } else if (guard_cookie(head_text(head, head->cookie), token)) {
+    } else if (guard_cookie(head_text(head, head->cookie), c->http->web->guard.port, token)) {
         caller->by_cookie = web_tokens_find_cookie(tokens, token, clock_wall_s(), caller);
         explicit_bzero(token, sizeof token);
     }

@@ -77,8 +77,8 @@ void web_session_post(struct web_request *request)
     }
     web_tokens_cookie(web->tokens, request->caller.token, now_s, cookie, &life_s);
     snprintf(line, sizeof line,
-             "set-cookie: " GUARD_COOKIE "=%s; Path=/; Max-Age=%" PRId64 "; HttpOnly; SameSite=Strict%s\r\n", cookie,
-             life_s, web->guard.is_tls ? "; Secure" : "");
+             "set-cookie: " GUARD_COOKIE "%u=%s; Path=/; Max-Age=%" PRId64 "; HttpOnly; SameSite=Strict%s\r\n",
+             web->guard.port, cookie, life_s, web->guard.is_tls ? "; Secure" : "");
     access_note(web, request->caller.who, request->peer, web_token_row(web->tokens, request->caller.token), NULL);
     answer_who(request, line);
     OPENSSL_cleanse(token, sizeof token);
@@ -88,7 +88,7 @@ void web_session_delete(struct web_request *request)
 {
     char line[160];
 
-    snprintf(line, sizeof line, "set-cookie: " GUARD_COOKIE "=; Path=/; Max-Age=0; HttpOnly; SameSite=Strict%s\r\n",
-             request->web->guard.is_tls ? "; Secure" : "");
+    snprintf(line, sizeof line, "set-cookie: " GUARD_COOKIE "%u=; Path=/; Max-Age=0; HttpOnly; SameSite=Strict%s\r\n",
+             request->web->guard.port, request->web->guard.is_tls ? "; Secure" : "");
     web_answer(request, 204, "application/json", line, NULL, 0);
 }
