@@ -19,10 +19,12 @@
 
 const char *const http_kept_names[HTTP_KEPT_MAX] = {
     "if-none-match", "last-event-id", "content-type", "accept", "range", "user-agent", "content-length", "origin",
+    "accept-encoding",
 };
 static const enum lws_token_indexes kept_tokens[HTTP_KEPT_MAX] = {
     WSI_TOKEN_HTTP_IF_NONE_MATCH, WSI_TOKEN_COUNT, WSI_TOKEN_HTTP_CONTENT_TYPE, WSI_TOKEN_HTTP_ACCEPT,
     WSI_TOKEN_HTTP_RANGE, WSI_TOKEN_HTTP_USER_AGENT, WSI_TOKEN_HTTP_CONTENT_LENGTH, WSI_TOKEN_ORIGIN,
+    WSI_TOKEN_HTTP_ACCEPT_ENCODING,
 };
 
 /* ---- the library's headers ------------------------------------------------------------------- */
