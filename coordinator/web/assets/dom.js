@@ -46,7 +46,7 @@ export function children(node, wanted) {
 /* A moment (seconds since 1970): relative, with the absolute on hover. */
 const absolute = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium', timeStyle: 'medium' });
 const clock = new Intl.DateTimeFormat(undefined, { hour: '2-digit', minute: '2-digit' });
-export const clockText = (at) => clock.format(new Date(at * 1000));
+export const clockText = (at) => (Math.abs(at - Date.now() / 1000) < 43200 ? clock : absolute).format(new Date(at * 1000));
 
 function ago(at) {
   const s = Date.now() / 1000 - at, size = Math.abs(s);

@@ -19,5 +19,5 @@ export const emptyJobs = () => [
 ];
 export const emptyWorkers = () => [
   h('p', null, 'No worker is connected, so nothing renders. On each machine that shall render:'),
-  command(`azulejo-worker --coordinator ${address()} --key farm.worker.key`),
+  command(`azulejo-worker --coordinator ${address()} --key farm.key`),
 ];

@@ -162,7 +162,7 @@ function settings(job) {
     ['memory', Number(job.memory) > 0 && `${bytes(job.memory)}${job.memory_said ? '' : ', estimated'}`],
     ['size', `${s.width} × ${s.height}${s.whole_width ? ` of ${s.whole_width} × ${s.whole_height}` : ''}`],
     ['frames', job.first_frame === job.last_frame ? String(job.first_frame) : `${job.first_frame}-${job.last_frame}, ${s.fps || 24} a second`],
-    ['samples', s.spp > 1e8 ? 'no limit' : `${s.spp} a pixel at most`], ['target', target(stop)],
+    ['samples', s.spp >= 1 << 20 ? 'no limit' : `${s.spp} a pixel at most`], ['target', target(stop)],
     ['time limit', Number(stop.time_limit_ms) > 0 && `${span(stop.time_limit_ms / 1000)} a frame`],
     ['core limit', Number(stop.core_limit_ms) > 0 && `${coreTime(stop.core_limit_ms / 1000)} a frame`],
     ['depth', String(s.max_depth)], ['seed', String(s.seed)],

@@ -124,7 +124,7 @@ function whoMenu() {
     [['off', 'off'], ['mine', 'of my jobs'], ['all', 'of all jobs']].map(([v, t]) => h('option', { value: v }, t)));
   select.value = wants();
   return open(s.who || 'Signed in', (close) => [
-    h('p', null, `Role ${s.role}${s.name ? `, token “${s.name}”` : ''}. ${state.farm.software || s.software || ''}`),
+    h('p', null, `Role ${s.role}${s.token_name ? `, token “${s.token_name}”` : ''}. ${state.farm.software || s.software || ''}`),
     h('div', { class: 'field' }, h('label', { htmlFor: 'notify' }, 'Notifications when a job ends or needs a person'), select),
     h('p', { class: 'links' }, h('a', { href: '/api/v1/openapi.yaml', target: '_blank', rel: 'noopener' }, 'The API')),
     h('div', { class: 'buttons' }, h('button', { onclick: () => { close(); help(); } }, 'Keys'), h('button', { onclick: () => { close(); leave(); } }, 'Sign out'), h('button', { class: 'primary', onclick: () => close() }, 'Close')),
@@ -279,6 +279,8 @@ async function start() {
   subscribe(changed);
   beginRouter(take);
   live.begin({ event: takeEvent, connection });
+  /* The lists do not need the live connection: a proxy may not let it through. */
+  setTimeout(() => state.loaded || load().catch(trouble), 1500);
   header();
 }
 start();
