@@ -272,10 +272,8 @@ static void refuse(struct http_connection *c, unsigned status_code, const struct
 {
     struct web_request *request = &c->request->base;
     struct buffer body = BUFFER_INIT;
-    int problem = 0;
+    enum problem problem = problem_of_http(status_code);
 
-    while (problem < PROBLEM_INTERNAL && problem_kinds[problem].http_status != status_code)
-        problem++;
     problem_put(&body, problem, why->text, request->path);
     web_answer(request, problem_kinds[problem].http_status, PROBLEM_CONTENT_TYPE, headers, body.data, body.size);
     buffer_release(&body);
@@ -297,7 +295,7 @@ static void refuse_method(struct http_connection *c, unsigned allowed)
 
 static int run_handler(struct http_connection *c)
 {
-    call(c->request, web_route_run);
+    call(c->request, c->http->web->routing->run);
     return 0;
 }
 
@@ -362,7 +360,7 @@ static void start(struct http_connection *c, const struct head *head, enum web_m
         refuse(c, 400, &why, NULL);
         return;
     }
-    request->route = web_route_find(method, path, request->parameters, &allowed);
+    request->route = web_route_find(c->http->web->routing, method, path, request->parameters, &allowed);
     if (!request->route) {
         (void)error_set(&why, STATUS_ERR_NOT_FOUND, "there is nothing here");
         if (allowed)
@@ -596,11 +594,6 @@ void web_answer(struct web_request *request, unsigned http_status, const char *c
     web_end(request);
 }
 
-void web_fail(struct web_request *request, const struct error *why)
-{
-    problem_answer(request, problem_of_request(why->code, request->caller.role != WEB_ROLE_NONE), why->text);
-}
-
 int http_on_writable(struct http_connection *c)
 {
     struct http_queue *out = &c->out;
@@ -676,7 +669,7 @@ int http_on_upgrade(struct http_connection *c, const char *to)
     if (take_texts(c, request, uri, (size_t)size, &path)) {
         refused = check_guard(c, &head, request->base.path, 0, 1, &c->caller, &why);
         if (!refused)
-            route = web_route_find(WEB_GET, path, request->base.parameters, &allowed);
+            route = web_route_find(c->http->web->routing, WEB_GET, path, request->base.parameters, &allowed);
         if (!refused && (!route || !route->open)) {
             (void)error_set(&why, STATUS_ERR_NOT_FOUND, "there is no WebSocket here");
             refused = 404;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "coordinator/net/server.h"
+#include "coordinator/web/api_farm.h"
 #include "coordinator/web/assets.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
@@ -28,7 +29,7 @@
 static web_handler events_stream;
 static void live_open(struct web_socket *socket);
 
-const struct web_route web_routes[] = {
+static const struct web_route routes[] = {
     {WEB_GET, "/", WEB_ROLE_NONE, .run = web_asset_index, .summary = "The page."},
     {WEB_GET, "/assets/{file}", WEB_ROLE_NONE, .run = web_asset, .summary = "A file of the page."},
     {WEB_GET, "/docs/errors", WEB_ROLE_NONE, .run = problem_list, .summary = "The codes of problems, as text."},
@@ -36,6 +37,12 @@ const struct web_route web_routes[] = {
     {WEB_GET, "/api/v1/session", WEB_ROLE_VIEW, .run = web_session_get, .summary = "Tell who asks."},
     {WEB_DELETE, "/api/v1/session", WEB_ROLE_NONE, .run = web_session_delete, .summary = "Sign out: forget the cookie."},
     {WEB_GET, "/healthz", WEB_ROLE_NONE, .run = web_healthz, .summary = "Say that the coordinator is alive."},
+
+    {WEB_GET, "/api/v1/farm", WEB_ROLE_VIEW, .run = api_farm, .summary = "Describe the farm: its jobs' states, workers, store."},
+    {WEB_GET, "/api/v1/operators", WEB_ROLE_VIEW, .run = api_operators,
+     .summary = "List the tone mappers with their parameters."},
+    {WEB_GET, "/api/v1/effects", WEB_ROLE_VIEW, .run = api_effects,
+     .summary = "The names behind bits and numbers: effects, layers, choices."},
 
     {WEB_GET, "/api/v1/jobs", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .query = "filter before first",
      .summary = "List jobs: the newest that match the filter, or with `first` those that are served next."},
@@ -88,7 +95,6 @@ const struct web_route web_routes[] = {
     {WEB_GET, "/api/v1/live", WEB_ROLE_VIEW, .open = live_open,
      .summary = "A WebSocket: the same events, and a frame's picture while it is rendered."},
 };
-const size_t web_route_count = sizeof web_routes / sizeof *web_routes;
 
 static void events_stream(struct web_request *request)
 {
@@ -119,7 +125,8 @@ static int is_own(struct web_request *request)
     return 0;
 }
 
-void web_route_run(struct web_request *request)
+/* Run the request's handler, or send its message to the farm. */
+static void run(struct web_request *request)
 {
     const struct web_route *route = request->route;
 
@@ -130,3 +137,5 @@ void web_route_run(struct web_request *request)
     else
         web_call(request);
 }
+
+const struct web_routing web_routing = {routes, sizeof routes / sizeof *routes, run};

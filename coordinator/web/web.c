@@ -12,6 +12,7 @@
 #include "coordinator/web/http.h"
 #include "coordinator/web/token_messages.h"
 #include "coordinator/web/live.h"
+#include "coordinator/web/routes.h"
 #include "coordinator/web/tokens.h"
 
 /* ---- what the page is called ----------------------------------------------------------------- */
@@ -198,6 +199,7 @@ status web_new(struct web **out, const struct web_options *options, struct error
     if (!web)
         return error_no_memory(err, "the page");
     web->options = *options;
+    web->routing = &web_routing;
     s = guard_init(&web->guard, options->host, options->name, options->port, is_tls, err);
     if (s == STATUS_OK && is_tls && !options->cert) {
         web->own_cert = file_join(options->store, "web-cert.pem");

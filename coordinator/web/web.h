@@ -29,12 +29,14 @@ struct web_options {
 struct http;
 struct live;
 struct web_calls;
+struct web_routing;
 struct web_tokens;
 
 struct web {
     struct web_options options;
     struct server *server;     /* from start to stop */
     struct guard guard;
+    const struct web_routing *routing; /* routes.h */
     struct http *http;         /* http.h; NULL: there is no page, as its port was in use */
     struct web_tokens *tokens; /* tokens.h */
     char *own_cert, *own_key;  /* files of the certificate that we make; NULL: one is named */
