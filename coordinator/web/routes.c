@@ -10,6 +10,7 @@
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
 #include "coordinator/web/live.h"
+#include "coordinator/web/import.h"
 #include "coordinator/web/problem.h"
 #include "coordinator/web/sign_in.h"
 #include "coordinator/web/tokens.h"
@@ -94,6 +95,14 @@ static const struct web_route routes[] = {
      .summary = "A stream of server-sent events: what changes on the farm."},
     {WEB_GET, "/api/v1/live", WEB_ROLE_VIEW, .open = live_open,
      .summary = "A WebSocket: the same events, and a frame's picture while it is rendered."},
+    {WEB_POST, "/api/v1/imports", WEB_ROLE_SUBMIT, .run = import_begin,
+     .summary = "Begin an upload of a scene's files."},
+    {WEB_PUT, "/api/v1/imports/{import}/files/{path...}", WEB_ROLE_SUBMIT, .run = import_file, .streams_body = 1,
+     .summary = "Upload a file: its path is that below the scene's folder, its body the bytes."},
+    {WEB_POST, "/api/v1/imports/{import}", WEB_ROLE_SUBMIT, .run = import_run,
+     .summary = "Submit a scene among the uploaded files, with options as `azulejo submit` has them."},
+    {WEB_DELETE, "/api/v1/imports/{import}", WEB_ROLE_SUBMIT, .run = import_remove,
+     .summary = "Remove an upload and its files."},
 };
 
 static void events_stream(struct web_request *request)

@@ -13,6 +13,7 @@
 #include "coordinator/web/token_messages.h"
 #include "coordinator/web/live.h"
 #include "coordinator/web/routes.h"
+#include "coordinator/web/import.h"
 #include "coordinator/web/tokens.h"
 
 /* ---- what the page is called ----------------------------------------------------------------- */
@@ -107,6 +108,8 @@ static status start(void *user, struct server *server, struct error *err)
         s = certify(web, err);
     if (s == STATUS_OK)
         s = web_calls_new(&web->calls, server, err);
+    if (s == STATUS_OK)
+        s = imports_open(&web->imports, server, web->options.client, err);
     if (s != STATUS_OK)
         return s;
     s = http_start(&web->http, web, &why);
@@ -166,6 +169,7 @@ static void tick(void *user, uint64_t now_ns)
 
     web_calls_tick(web->calls, now_ns);
     token_end_tick(web, now_ns);
+    imports_tick(web->imports, now_ns);
     if (web->http)
         http_tick(web->http, now_ns);
     if (web->live)
@@ -176,6 +180,7 @@ static void stop(void *user)
 {
     struct web *web = user;
 
+    imports_stop(web->imports);
     if (web->http)
         http_stop(web->http);
     live_stop(web->live);
@@ -216,6 +221,7 @@ void web_free(struct web *web)
         return;
     http_free(web->http);
     live_free(web->live);
+    imports_free(web->imports);
     web_calls_free(web->calls);
     web_tokens_close(web->tokens);
     mem_free(web->own_cert);

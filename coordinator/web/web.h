@@ -24,10 +24,12 @@ struct web_options {
     const char *cert, *key;    /* PEM files; NULL: plain HTTP, or a certificate of our own */
     const char *store;         /* the store's folder */
     uint32_t connections_max;
+    const char *client;        /* the program `azulejo`, for uploads; NULL: beside this program */
 };
 
 struct http;
 struct live;
+struct imports;
 struct web_calls;
 struct web_routing;
 struct web_tokens;
@@ -43,6 +45,7 @@ struct web {
     struct live *live;         /* live.h; NULL: there is no page */
     struct web_calls *calls;   /* call.h */
     struct token_ends token_ends;
+    struct imports *imports;   /* import.h */
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
 };
 

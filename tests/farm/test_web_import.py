@@ -37,11 +37,17 @@ class Answer:
         return "%d %s" % (self.status, self.body[:2000].decode("utf-8", "replace"))
 
 
+def start(farm, *options, listen="127.0.0.1:0"):
+    """A coordinator with its page; farm.page: the page's address, with its token."""
+    farm.start_coordinator("--web", "127.0.0.1:0", *options, listen=listen)
+    farm.page = farm.coordinator.wait_line("page: ")
+
+
 class Api:
     """The API of a farm's coordinator as one token sees it."""
 
     def __init__(self, farm, token=None):
-        address, own = read_bytes(os.path.join(farm.store, "page.url")).decode().strip().split("/#token=")
+        address, own = farm.page.split("/#token=")
         self.host = urllib.parse.urlsplit(address).netloc
         self.token = token or own
 
@@ -155,7 +161,7 @@ Shape "trianglemesh" "point3 P" [-1 0 1  1 0 1  1 0 -1  -1 0 -1] "integer indice
 def every_format():
     """glTF with buffers and textures, GLB, OBJ with materials and a folder of pbrt files become jobs that render; the same bits as submit's"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         farm.start_worker()
         api = Api(farm)
         files = gltf_files(farm)
@@ -187,7 +193,7 @@ def every_format():
 def asked_twice():
     """asking again after an answer gives the same job; an error leaves the files, and one more file mends it"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         files = gltf_files(farm)
         number = api.begin()
@@ -211,7 +217,7 @@ def asked_twice():
 def paths():
     """names that lead out of the upload, or are none, are refused and make no file"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         number = api.begin()
         bad = ["..", "../x", "a/../../x", "a/..", "./a", "a//b", "/etc/passwd", "a\nb", "a\0b", "a/", "\x1b[2J", "n" * 256, "d/" * 40 + "x"]
@@ -226,9 +232,9 @@ def paths():
                  if os.path.getsize(os.path.join(at, f)) == 3 and read_bytes(os.path.join(at, f)) == b"bad"]
         expect(not found, found)
         api.put(number, "a", b"a file")
-        expect(api.put(number, "a/b", b"x", None).status == 400, "a file as a folder")
+        expect(api.put(number, "a/b", b"x", None).status == 422, "a file as a folder")
         api.put(number, "d/e", b"x")
-        expect(api.put(number, "d", b"x", None).status == 400, "a folder as a file")
+        expect(api.put(number, "d", b"x", None).status == 422, "a folder as a file")
         for scene in bad + ["nothing.gltf", "-o", "d"]:
             answer = api.ask("POST", "imports/%d" % number, {"scene": scene})
             expect(400 <= answer.status < 500, (scene, str(answer)))
@@ -240,7 +246,7 @@ def paths():
 def options():
     """only the options that concern the picture and the queue may be given; their errors are the command line's"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         number = api.begin()
         for path, data in gltf_files(farm).items():
@@ -270,7 +276,7 @@ def options():
 def files_of_the_machine():
     """a scene cannot read the coordinator's files, nor learn whether they exist"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         with open(farm.path("secret.png"), "wb") as out:
             out.write(png(4, 4, (1, 2, 3)))
@@ -298,7 +304,7 @@ def files_of_the_machine():
 def bombs():
     """pictures and files that would need all memory are refused, and the coordinator goes on"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         def chunk(kind, data):
             return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -329,7 +335,7 @@ def bombs():
 def roles_and_strangers():
     """view may not; submit may, as the owner of its jobs; another token's upload does not exist"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         tokens = {}
         for role, owner in (("view", "vera@home"), ("submit", "maria@studio"), ("submit2", "rui@studio")):
             made = farm.cli("token", "create", "--role", role.rstrip("2"), "--owner", owner, "--coordinator", farm.address, "--key", farm.key,
@@ -352,7 +358,7 @@ def roles_and_strangers():
         expect(any(l["verb"] == "import" and l["who"] == "maria@studio" and l["job"] == job["job"] for l in lines), lines[-3:])
 
 
-def slow_scene(spheres=60000):
+def slow_scene(spheres=4000):
     """Takes the importer a while to read."""
     return b'Camera "perspective"\nWorldBegin\nLightSource "infinite" "rgb L" [1 1 1]\n' + b"".join(
         b'AttributeBegin\nTranslate %d 0 0\nShape "sphere" "float radius" 1\nAttributeEnd\n' % i for i in range(spheres))
@@ -385,7 +391,7 @@ def importers_of(farm):
 def vanished_clients():
     """a client that vanishes while it sends leaves no file; while its scene is imported, no process"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         number = api.begin()
         host, port = api.host.split(":")
@@ -411,7 +417,7 @@ def vanished_clients():
 def killed_coordinator():
     """a coordinator that is killed takes its importers with it, and its successor removes the uploads; SIGTERM ends it quickly"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         for how in (signal.SIGKILL, signal.SIGTERM):
             api = Api(farm)
             number = api.begin()
@@ -425,7 +431,7 @@ def killed_coordinator():
             expect(time.monotonic() - began < 10 * PATIENCE, "the end took long")
             wait_for(lambda: not importers_of(farm), "the importer to end")
             thread.join()
-            farm.restart_coordinator()
+            start(farm, listen=farm.address)
             wait_for(lambda: not folders(farm), "the uploads to go")
             expect(Api(farm).ask("DELETE", "imports/%d" % number).status == 404, "an upload of before")
         expect(farm.cli("list", "--json", expect=0).json()["jobs"] == [], "a job")
@@ -442,7 +448,7 @@ def ignore(function, *args):
 def three_at_once():
     """two are imported at a time, a third waits for its turn; one that is removed while it is imported ends; the farm answers meanwhile"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         numbers = [api.begin() for _ in range(4)]
         for number in numbers:
@@ -482,7 +488,7 @@ def full_disk():
             if not disk:
                 raise Skip("only root may mount small disks")
             farm.store = os.path.join(disk, "store")
-            farm.start_coordinator()
+            start(farm)
             api = Api(farm)
             number = api.begin()
             api.put(number, "a.bin", bytes(20 << 20))
@@ -495,7 +501,7 @@ def full_disk():
             wait_for(lambda: os.statvfs(disk).f_bavail * free.f_frsize > 50 << 20, "the room to be free again")
             farm.coordinator.stop()
     with Farm() as farm:
-        farm.start_coordinator("--store-limit", "20M")
+        start(farm, "--store-limit", "20M")
         api = Api(farm)
         number = api.begin()
         api.put(number, "a.bin", bytes(2 << 20))
@@ -507,7 +513,7 @@ def full_disk():
 def memory():
     """a large file is never held in memory, whether its sender is fast or slow"""
     with Farm() as farm:
-        farm.start_coordinator()
+        start(farm)
         api = Api(farm)
         number = api.begin()
         api.put(number, "first.bin", bytes(4 << 20))
