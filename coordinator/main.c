@@ -17,6 +17,7 @@
 #include "coordinator/store/store.h"
 #include "coordinator/store/store_backup.h"
 #ifdef AZULEJO_WEB
+#include "coordinator/web/child.h"
 #include "coordinator/web/http.h"
 #include "coordinator/web/web.h"
 #endif
@@ -119,7 +120,7 @@ static int copy_store(const char *command, const char *dir, const char *folder)
 
 /* What is said of the page on the command line. */
 struct page {
-    const char *address, *name, *cert, *key; /* NULL: not given */
+    const char *address, *name, *cert, *key, *client; /* NULL: not given */
     int off;
 };
 
@@ -134,6 +135,11 @@ static int names_port(const char *address)
     return colon && !strchr(colon + 1, ':');
 }
 
+static int is_child(int argc, char **argv, int *exit_status)
+{
+    return web_child_launch(argc, argv, exit_status);
+}
+
 /* The page's options: what --web says, or the port above the farm's. `host` holds the address's text. */
 static status page_options(const struct page *page, const char *folder, uint16_t farm_port, char *host,
                            size_t host_size, struct web_options *out, struct error *err)
@@ -143,7 +149,7 @@ static status page_options(const struct page *page, const char *folder, uint16_t
     status s;
 
     *out = (struct web_options){.host = host, .was_asked_for = page->address != NULL, .name = page->name,
-                                .cert = page->cert, .key = page->key, .store = folder};
+                                .cert = page->cert, .key = page->key, .store = folder, .client = page->client};
     s = address_parse(address, "", 0, host, host_size, &out->port, err);
     if (s == STATUS_OK && !has_port)
         out->port = farm_port && farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
@@ -177,10 +183,18 @@ static status run(struct server_options *options, const struct page *page, const
 
 enum { PAGE_CONNECTIONS = 0 };
 
+static int is_child(int argc, char **argv, int *exit_status)
+{
+    (void)argc;
+    (void)argv;
+    *exit_status = 0;
+    return 0;
+}
+
 static status run(struct server_options *options, const struct page *page, const char *folder, struct error *err)
 {
     (void)folder;
-    if (page->address || page->name || page->cert || page->key)
+    if (page->address || page->name || page->cert || page->key || page->client)
         return error_set(err, STATUS_ERR_USAGE,
                          "this build has no page: build it with libwebsockets-dev installed and without WEB=0");
     return server_run(options, err);
@@ -197,7 +211,7 @@ int main(int argc, char **argv)
     const char *half_life = NULL, *longest_wait = NULL;
     double lease_seconds = 60, unit_seconds = HANG_LEAST_S;
     struct page page = {0};
-    int remove_store = 0, version = 0, help = 0;
+    int remove_store = 0, version = 0, help = 0, child_status;
     const struct option table[] = {
         {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
          "address to listen on (127.0.0.1:7420); port 0 takes any free one", 0, 0, NULL},
@@ -236,6 +250,8 @@ int main(int argc, char **argv)
         {"web-cert", 0, OPTION_STRING, &page.cert, "FILE",
          "the page's certificate, with its chain, in PEM (one made on first use, in the store)", 0, 0, NULL},
         {"web-key", 0, OPTION_STRING, &page.key, "FILE", "the certificate's key, in PEM", 0, 0, NULL},
+        {"client-program", 0, OPTION_STRING, &page.client, "FILE",
+         "the program that reads scenes which are uploaded to the page (azulejo, beside this one)", 0, 0, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -259,6 +275,8 @@ int main(int argc, char **argv)
     char host[ADDRESS_HOST_MAX];
     status s;
 
+    if (is_child(argc, argv, &child_status))
+        return child_status;
     file_hold_standard();
     log_setup("azulejo-coordinator", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Write a C file that holds the page's files: embed.py OUT.c FOLDER
 
-Each gets its type by its name, and an ETag by its content.
+Each gets its type by its name, and an ETag by its content; it is there as it is and packed by gzip.
 """
+import gzip
 import hashlib
 import pathlib
 import sys
@@ -23,12 +24,15 @@ def main(out, folder):
             sys.exit(f"embed.py: {path}: no type is known for files of this name; add it to TYPES")
         data = path.read_bytes()
         etag = hashlib.sha256(data).hexdigest()[:32]
-        lines.append(f"static const unsigned char file_{number}[] = {{")
-        for at in range(0, len(data), 32):
-            lines.append("    " + "".join(f"{byte}," for byte in data[at:at + 32]))
-        lines.append("    0};")
-        rows.append(f'    {{"{path.name}", "{TYPES[path.suffix]}", "\\"{etag}\\"", file_{number}, {len(data)}}},')
-    lines += ["const struct web_asset_file web_asset_files[] = {", *rows, "    {0, 0, 0, 0, 0}};",
+        packed = gzip.compress(data, 9, mtime=0)
+        for name, content in ((f"file_{number}", data), (f"packed_{number}", packed)):
+            lines.append(f"static const unsigned char {name}[] = {{")
+            for at in range(0, len(content), 32):
+                lines.append("    " + "".join(f"{byte}," for byte in content[at:at + 32]))
+            lines.append("    0};")
+        rows.append(f'    {{"{path.name}", "{TYPES[path.suffix]}", "{etag}", file_{number}, {len(data)}, '
+                    f'packed_{number}, {len(packed)}}},')
+    lines += ["const struct web_asset_file web_asset_files[] = {", *rows, "    {0, 0, 0, 0, 0, 0, 0}};",
               f"const size_t web_asset_file_count = {len(rows)};", ""]
     pathlib.Path(out).write_text("\n".join(lines))
 

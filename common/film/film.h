@@ -188,5 +188,7 @@ status film_tile_peek(const struct film *film, uint32_t tile, const uint8_t *dat
                       size_t size_bytes, uint32_t passes[GROUPS], struct error *err) MUST_CHECK;
 status film_tile_load(struct film *film, uint32_t tile, const uint8_t *data, size_t size_bytes,
                       struct error *err) MUST_CHECK;
+/* The tile has nothing any more, and takes no memory: of a film that is read tile by tile. */
+void film_tile_unload(struct film *film, uint32_t tile);
 
 #endif

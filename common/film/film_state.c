@@ -441,3 +441,19 @@ status film_tile_load(struct film *film, uint32_t index, const uint8_t *data, si
         group_load(film, index, g, &headers[g], parts[g]);
     return STATUS_OK;
 }
+
+void film_tile_unload(struct film *film, uint32_t tile)
+{
+    for (uint32_t i = 0; i < GROUPS; i++) {
+        struct film_group *g = &film->tiles[tile].groups[i];
+        group_clear(film, tile, i);
+        mem_free(g->whole);
+        mem_free(g->cut);
+        mem_free(g->log);
+        mem_free(g->levels);
+        g->whole = g->cut = NULL;
+        g->log = NULL;
+        g->levels = NULL;
+        g->log_capacity = g->level_capacity = 0;
+    }
+}

@@ -12,6 +12,7 @@
 
 #include "common/base/buffer.h"
 #include "common/base/status.h"
+#include "common/image/image.h"
 #include "coordinator/job/frame.h"
 #include "coordinator/job/queue.h"
 #include "coordinator/store/store.h"
@@ -51,6 +52,10 @@ int64_t development_revision(const struct development *development);
 /* Append the frame's manifest (common/scene/manifest.h) to `json`. */
 status develop_manifest(struct development *development, const struct store *store,
                         struct buffer *json, struct error *err) MUST_CHECK;
+
+/* The means of a frame that is done, from its files: 3 channels, or 4. ERR_NOT_FOUND: they are gone. */
+status develop_read_picture(const struct store *store, uint64_t job, uint32_t frame, struct image *out,
+                            struct error *err) MUST_CHECK;
 
 /* The files' bytes, for previews and for tests; either buffer may be NULL. `store` may be NULL when
  * the tone mapping needs no file. A preview has no AOVs and averages no statistics, because earlier

@@ -141,6 +141,22 @@ static status read_alpha(const struct buffer *exr, const char *name, float **alp
     return s;
 }
 
+status develop_read_picture(const struct store *store, uint64_t job, uint32_t frame, struct image *out,
+                            struct error *err)
+{
+    struct buffer exr = BUFFER_INIT;
+    char name[64];
+    status s = store_output_read(store, job, frame, PICTURE_EXTENSION, IMAGE_BYTES_MAX, &exr, err);
+
+    snprintf(name, sizeof name, "job %" PRIu64 ", frame %u", job, frame);
+    if (s == STATUS_ERR_NOT_FOUND)
+        s = store_output_read(store, job, frame, "exr", IMAGE_BYTES_MAX, &exr, err);
+    if (s == STATUS_OK)
+        s = exr_decode(out, exr.data, exr.size, name, err);
+    buffer_release(&exr);
+    return s;
+}
+
 /* Read a frame's stored picture, and the alpha of one that has it. */
 static status read_picture(const struct development *d, const struct store *store, uint32_t frame,
                            struct image *out, float **alpha, struct error *err)

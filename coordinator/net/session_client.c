@@ -267,6 +267,19 @@ static status extend(struct session *session, const Azulejo__Wire__Envelope *mes
     return session_answer_change(session, message->request, job, s, now_ns, err);
 }
 
+/* What the page and its API keep is theirs. */
+static status guest(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
+                    struct error *err)
+{
+    const struct server_guest *page = &session->server->guest;
+
+    if (!page->message)
+        return error_set(err, STATUS_ERR_UNSUPPORTED,
+                         "this coordinator runs without its page, which tokens and webhooks belong to (it was "
+                         "started with --no-web, or built with WEB=0)");
+    return page->message(page->user, session, message, now_ns, err);
+}
+
 /* ---- dispatch ------------------------------------------------------------------------------- */
 
 enum { CLIENTS = 0, WORKERS_TOO = 1 };
@@ -301,6 +314,14 @@ static const struct {
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},
     {BODY(HISTORY_GET), CLIENTS, session_history_get},
     {BODY(RENDER_REQUEST), CLIENTS, render_request_begin},
+    {BODY(TOKEN_CREATE), CLIENTS, guest},
+    {BODY(TOKEN_QUERY), CLIENTS, guest},
+    {BODY(TOKEN_REVOKE), CLIENTS, guest},
+    {BODY(TOKEN_RENEW), CLIENTS, guest},
+    {BODY(WEBHOOK_ADD), CLIENTS, guest},
+    {BODY(WEBHOOK_QUERY), CLIENTS, guest},
+    {BODY(WEBHOOK_REMOVE), CLIENTS, guest},
+    {BODY(WEBHOOK_TEST), CLIENTS, guest},
 #undef BODY
 };
 

@@ -9,6 +9,7 @@
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_messages.h"
 #include "coordinator/net/session_table.h"
+#include "coordinator/net/workers_list.h"
 #include "protocol/message.h"
 
 _Static_assert((int)WORKER_MODE_PAUSED == (int)AZULEJO__WIRE__WORKER_MODE__MODE_PAUSED &&
@@ -321,11 +322,9 @@ static status point_at_gone(struct worker_answer *a, struct error *err)
     return STATUS_OK;
 }
 
-/* Answer with all that is known of the name; "": of all workers. `job`: only of those that render it. */
-static status answer(struct session *session, uint64_t request, const char *name, uint64_t job,
-                     int with_gone, uint64_t now_ns, struct error *err)
+status workers_list(struct server *server, const char *name, uint64_t job, int with_gone, workers_use *use,
+                    void *user, uint64_t now_ns, struct error *err)
 {
-    struct server *server = session->server;
     struct worker_answer *a = mem_calloc(1, sizeof *a);
     status s;
 
@@ -341,13 +340,33 @@ static status answer(struct session *session, uint64_t request, const char *name
         s = store_workers_gone(server->store, name, take_gone, a, err);
     if (s == STATUS_OK)
         s = point_at_gone(a, err);
-    if (s == STATUS_OK) {
-        Azulejo__Wire__Envelope envelope = MESSAGE(WORKER_LIST, worker_list, &a->list);
-        session_reply(session, request, &envelope);
-    }
+    if (s == STATUS_OK)
+        use(user, &a->list);
     answer_release(a);
     mem_free(a);
     return s;
+}
+
+/* A request of a session. */
+struct asked {
+    struct session *session;
+    uint64_t request;
+};
+
+static void send_workers(void *user, Azulejo__Wire__WorkerList *list)
+{
+    const struct asked *asked = user;
+    Azulejo__Wire__Envelope envelope = MESSAGE(WORKER_LIST, worker_list, list);
+
+    session_reply(asked->session, asked->request, &envelope);
+}
+
+static status answer(struct session *session, uint64_t request, const char *name, uint64_t job,
+                     int with_gone, uint64_t now_ns, struct error *err)
+{
+    struct asked asked = {session, request};
+
+    return workers_list(session->server, name, job, with_gone, send_workers, &asked, now_ns, err);
 }
 
 status session_workers(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,

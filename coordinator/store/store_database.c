@@ -11,6 +11,7 @@
 #include "common/base/memory.h"
 #include "coordinator/store/reserve.h"
 #include "coordinator/store/store_parts.h"
+#include "coordinator/store/store_web.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
 enum { STORE_VERSION = 8, BUSY_MS = 5000 };
@@ -128,6 +129,19 @@ static status add_workers_and_needs(struct store *store, struct error *err)
 
     return s == STATUS_OK ? sql_exec(store, needs_schema, "cannot be brought up to date", err) : s;
 }
+
+/* Version 8: tokens and webhooks of the page. The first row of `tokens` gets number TOKEN_FIRST. */
+static const char schema_8[] =
+    "CREATE TABLE tokens (number INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, role INTEGER NOT NULL,"
+    " owner TEXT NOT NULL, made_by TEXT NOT NULL, hash BLOB NOT NULL, made_at INTEGER NOT NULL,"
+    " used_at INTEGER NOT NULL, expires_at INTEGER NOT NULL);"
+    "INSERT INTO sqlite_sequence (name, seq) VALUES ('tokens', 1);"
+    "CREATE TABLE webhooks (number INTEGER PRIMARY KEY AUTOINCREMENT, url TEXT NOT NULL, secret BLOB NOT NULL,"
+    " made_by TEXT NOT NULL, made_at INTEGER NOT NULL);"
+    "CREATE TABLE webhook_events (id INTEGER PRIMARY KEY AUTOINCREMENT,"
+    " webhook INTEGER NOT NULL REFERENCES webhooks(number) ON DELETE CASCADE, at INTEGER NOT NULL,"
+    " body TEXT NOT NULL);";
+_Static_assert(TOKEN_FIRST == 2, "as in schema_8");
 
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
                "as in convert_4");
@@ -328,7 +342,7 @@ static status open_to_write(struct store *store, const char *path, struct error 
     if (s == STATUS_OK && version < 7)
         s = add_workers_and_needs(store, err);
     if (s == STATUS_OK && version < 8)
-        s = sql_exec(store, web_schema, "cannot be brought up to date", err);
+        s = sql_exec(store, schema_8, "cannot be brought up to date", err);
     if (s == STATUS_OK && version > 0 && version < 5)
         s = sql_exec(store, convert_4, "cannot be brought up to date", err);
     if (s == STATUS_OK)

@@ -108,6 +108,20 @@ status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const 
     return s;
 }
 
+status store_film_reader(const struct store *store, uint64_t job, uint32_t frame,
+                         const struct render_settings *settings, struct film_reader **out, struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s;
+
+    *out = NULL;
+    kept_path(store, job, frame, &path);
+    s = buffer_ok(&path) ? film_reader_open(out, buffer_text(&path), job, frame, settings, err)
+                         : error_no_memory(err, "a path");
+    buffer_release(&path);
+    return s;
+}
+
 void store_film_remove(struct store *store, uint64_t job, uint32_t frame)
 {
     struct buffer path = BUFFER_INIT;

@@ -113,8 +113,6 @@ status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_
                   const struct film_coverage *cut, struct error *err) MUST_CHECK;
 /* Note the newest figures of the job's finished frames in job->figures. */
 status history_load_last(struct store *store, struct job *job, struct error *err) MUST_CHECK;
-/* The tables of tokens and webhooks. */
-extern const char web_schema[];
 /* The table of deliverers, and a row of it. */
 extern const char deliverers_schema[];
 status deliverer_write(struct store *store, const struct deliverer *deliverer,

@@ -4,19 +4,6 @@
 
 #include "coordinator/store/store_parts.h"
 
-/* Version 8. The first row of `tokens` gets number TOKEN_FIRST. */
-const char web_schema[] =
-    "CREATE TABLE tokens (number INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, role INTEGER NOT NULL,"
-    " owner TEXT NOT NULL, made_by TEXT NOT NULL, hash BLOB NOT NULL, made_at INTEGER NOT NULL,"
-    " used_at INTEGER NOT NULL, expires_at INTEGER NOT NULL);"
-    "INSERT INTO sqlite_sequence (name, seq) VALUES ('tokens', 1);"
-    "CREATE TABLE webhooks (number INTEGER PRIMARY KEY AUTOINCREMENT, url TEXT NOT NULL, secret BLOB NOT NULL,"
-    " made_by TEXT NOT NULL, made_at INTEGER NOT NULL);"
-    "CREATE TABLE webhook_events (id INTEGER PRIMARY KEY AUTOINCREMENT,"
-    " webhook INTEGER NOT NULL REFERENCES webhooks(number) ON DELETE CASCADE, at INTEGER NOT NULL,"
-    " body TEXT NOT NULL);";
-_Static_assert(TOKEN_FIRST == 2, "as in web_schema");
-
 /* ---- running a statement while no other thread writes ----------------------------------------- */
 
 static status write_row(struct store *store, const char *sql, const struct sql_value *values, size_t count,

@@ -1,6 +1,7 @@
 #include "coordinator/web/assets.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 const struct web_asset_file *web_asset_find(const char *name)
@@ -28,20 +29,39 @@ int web_etag_matches(const char *if_none_match, const char *etag)
     return 0;
 }
 
+int web_accepts_gzip(const char *accept_encoding)
+{
+    for (const char *at = accept_encoding; at && *at; at += strcspn(at, ",")) {
+        const char *quality;
+
+        at += strspn(at, " \t,");
+        if (strncmp(at, "gzip", 4) != 0 || (at[4] && !strchr(" \t,;", at[4])))
+            continue;
+        quality = at + 4 + strspn(at + 4, " \t;");
+        return strncmp(quality, "q=", 2) != 0 || strtod(quality + 2, NULL) > 0.0;
+    }
+    return 0;
+}
+
 static void send(struct web_request *request, const char *name)
 {
     const struct web_asset_file *file = web_asset_find(name);
+    int packed = web_accepts_gzip(web_header(request, "accept-encoding"));
     struct error why;
-    char headers[160];
+    char headers[200], etag[64];
 
     if (!file) {
         (void)error_set(&why, STATUS_ERR_NOT_FOUND, "the page has no such file");
         web_fail(request, &why);
         return;
     }
-    snprintf(headers, sizeof headers, "cache-control: no-cache\r\netag: %s\r\n", file->etag);
-    if (web_etag_matches(web_header(request, "if-none-match"), file->etag))
+    snprintf(etag, sizeof etag, "\"%s%s\"", file->etag, packed ? "-gz" : "");
+    snprintf(headers, sizeof headers, "cache-control: no-cache\r\nvary: accept-encoding\r\netag: %s\r\n%s", etag,
+             packed ? "content-encoding: gzip\r\n" : "");
+    if (web_etag_matches(web_header(request, "if-none-match"), etag))
         web_answer(request, 304, NULL, headers, NULL, 0);
+    else if (packed)
+        web_answer(request, 200, file->type, headers, file->packed, file->packed_size);
     else
         web_answer(request, 200, file->type, headers, file->data, file->size);
 }

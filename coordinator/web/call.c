@@ -189,7 +189,7 @@ static struct calling *calling_new(struct web_calls *calls, const struct web_cal
 {
     static const struct channel_callbacks none = {NULL, never_message, NULL, never_close};
     struct calling *calling = mem_calloc(1, sizeof *calling);
-    char peer[64];
+    char peer[64]; /* what the audit log has as the address */
 
     if (!calling) {
         (void)error_no_memory(err, "a session");
@@ -199,7 +199,7 @@ static struct calling *calling_new(struct web_calls *calls, const struct web_cal
     calling->kind = kind;
     calling->token = caller->token;
     memcpy(calling->who, caller->who, sizeof calling->who);
-    snprintf(peer, sizeof peer, "the API, token %" PRIu64, caller->token);
+    snprintf(peer, sizeof peer, "API, token %" PRIu64 ": %.30s", caller->token, caller->token_name);
     if (channel_local(&calling->channel, &calls->server->loop, &sink, calling, FARM_ROLE_CLIENT, peer, &none, NULL,
                       err) != STATUS_OK) {
         mem_free(calling);

@@ -199,15 +199,18 @@ int guard_bearer(const char *authorization, char *out)
     return take_token(authorization, strcspn(authorization, " "), out);
 }
 
-int guard_cookie(const char *cookies, char *out)
+int guard_cookie(const char *cookies, uint16_t port, char *out)
 {
-    const size_t name = strlen(GUARD_COOKIE);
+    char ours[sizeof GUARD_COOKIE + 5 + 1]; /* a port and "=" */
+    size_t size;
 
     out[0] = 0;
+    snprintf(ours, sizeof ours, GUARD_COOKIE "%u=", port);
+    size = strlen(ours);
     for (const char *at = cookies; at && *at;) {
         at += strspn(at, "; ");
-        if (strncmp(at, GUARD_COOKIE, name) == 0 && at[name] == '=')
-            return take_token(at + name + 1, strcspn(at + name + 1, "; "), out);
+        if (strncmp(at, ours, size) == 0)
+            return take_token(at + size, strcspn(at + size, "; "), out);
         at += strcspn(at, ";");
     }
     return 0;

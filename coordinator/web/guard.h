@@ -18,7 +18,8 @@ enum {
     GUARD_TOKEN_MAX = 255,
 };
 
-#define GUARD_COOKIE "azulejo_session"
+/* With the port behind it: browsers send cookies to every port of a host, so each coordinator needs a name of its own. */
+#define GUARD_COOKIE "azulejo_session_"
 
 /* What every response has. */
 enum { GUARD_LINES = 6 };
@@ -52,8 +53,8 @@ struct guard_headers_of {
 /* 0: go on; else the HTTP status of the refusal, and why. */
 unsigned guard_check(const struct guard *guard, const struct guard_headers_of *request, struct error *why);
 
-/* The token of "Bearer TOKEN", or of our cookie, into out[GUARD_TOKEN_MAX + 1]. 0: there is none. */
+/* The token of "Bearer TOKEN", or of our cookie (that of the coordinator on this port), into out[GUARD_TOKEN_MAX + 1]. 0: there is none. */
 int guard_bearer(const char *authorization, char *out);
-int guard_cookie(const char *cookies, char *out);
+int guard_cookie(const char *cookies, uint16_t port, char *out);
 
 #endif

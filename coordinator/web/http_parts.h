@@ -13,8 +13,8 @@
 
 enum {
     HTTP_QUERY_MAX = 32,       /* values of a query */
-    HTTP_KEPT_MAX = 8,         /* headers that handlers can ask for */
     HTTP_ACCEPTS_PER_TURN = 16,
+    HTTP_KEPT_MAX = 9,         /* headers that handlers can ask for */
     HTTP_PIECE_MAX = 64 << 10, /* handed to the kernel at once */
 };
 

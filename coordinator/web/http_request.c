@@ -14,14 +14,17 @@
 #include "common/base/memory.h"
 #include "coordinator/web/http_parts.h"
 #include "coordinator/web/problem.h"
+#include "coordinator/web/access.h"
 #include "coordinator/web/tokens.h"
 
 const char *const http_kept_names[HTTP_KEPT_MAX] = {
     "if-none-match", "last-event-id", "content-type", "accept", "range", "user-agent", "content-length", "origin",
+    "accept-encoding",
 };
 static const enum lws_token_indexes kept_tokens[HTTP_KEPT_MAX] = {
     WSI_TOKEN_HTTP_IF_NONE_MATCH, WSI_TOKEN_COUNT, WSI_TOKEN_HTTP_CONTENT_TYPE, WSI_TOKEN_HTTP_ACCEPT,
     WSI_TOKEN_HTTP_RANGE, WSI_TOKEN_HTTP_USER_AGENT, WSI_TOKEN_HTTP_CONTENT_LENGTH, WSI_TOKEN_ORIGIN,
+    WSI_TOKEN_HTTP_ACCEPT_ENCODING,
 };
 
 /* ---- the library's headers ------------------------------------------------------------------- */
@@ -216,11 +219,11 @@ static int find_caller(struct http_connection *c, const struct head *head, struc
     if (authorization) {
         found = guard_bearer(authorization, token) && web_tokens_find(tokens, token, clock_wall_s(), caller);
         explicit_bzero(token, sizeof token);
-    } else if (guard_cookie(head_text(head, head->cookie), token)) {
+    } else if (guard_cookie(head_text(head, head->cookie), c->http->web->guard.port, token)) {
         caller->by_cookie = web_tokens_find_cookie(tokens, token, clock_wall_s(), caller);
         explicit_bzero(token, sizeof token);
     }
-    return found || web_tokens_note_failure(tokens, c->peer, clock_monotonic_ns());
+    return found || access_note_failure(c->http->web, c->peer);
 }
 
 static unsigned check_guard(struct http_connection *c, const struct head *head, const char *path, int changes,
@@ -269,10 +272,8 @@ static void refuse(struct http_connection *c, unsigned status_code, const struct
 {
     struct web_request *request = &c->request->base;
     struct buffer body = BUFFER_INIT;
-    int problem = 0;
+    enum problem problem = problem_of_http(status_code);
 
-    while (problem < PROBLEM_INTERNAL && problem_kinds[problem].http_status != status_code)
-        problem++;
     problem_put(&body, problem, why->text, request->path);
     web_answer(request, problem_kinds[problem].http_status, PROBLEM_CONTENT_TYPE, headers, body.data, body.size);
     buffer_release(&body);
@@ -294,7 +295,7 @@ static void refuse_method(struct http_connection *c, unsigned allowed)
 
 static int run_handler(struct http_connection *c)
 {
-    call(c->request, web_route_run);
+    call(c->request, c->http->web->routing->run);
     return 0;
 }
 
@@ -362,7 +363,7 @@ static void start(struct http_connection *c, const struct head *head, enum web_m
         refuse(c, 400, &why, NULL);
         return;
     }
-    request->route = web_route_find(method, path, request->parameters, &allowed);
+    request->route = web_route_find(c->http->web->routing, method, path, request->parameters, &allowed);
     if (!request->route) {
         (void)error_set(&why, STATUS_ERR_NOT_FOUND, "there is nothing here");
         if (allowed)
@@ -601,11 +602,6 @@ void web_answer(struct web_request *request, unsigned http_status, const char *c
     web_end(request);
 }
 
-void web_fail(struct web_request *request, const struct error *why)
-{
-    problem_answer(request, problem_of_request(why->code, request->caller.role != WEB_ROLE_NONE), why->text);
-}
-
 int http_on_writable(struct http_connection *c)
 {
     struct http_queue *out = &c->out;
@@ -687,7 +683,7 @@ int http_on_upgrade(struct http_connection *c, const char *to)
     if (take_texts(c, request, uri, (size_t)size, &path)) {
         refused = check_guard(c, &head, request->base.path, 0, 1, &c->caller, &why);
         if (!refused)
-            route = web_route_find(WEB_GET, path, request->base.parameters, &allowed);
+            route = web_route_find(c->http->web->routing, WEB_GET, path, request->base.parameters, &allowed);
         if (!refused && (!route || !route->open)) {
             (void)error_set(&why, STATUS_ERR_NOT_FOUND, "there is no WebSocket here");
             refused = 404;

@@ -13,6 +13,8 @@
 #include "common/base/memory.h"
 #include "common/base/trash.h"
 #include "coordinator/web/import_parts.h"
+#include "coordinator/web/problem.h"
+#include "coordinator/web/web.h"
 
 enum { PATH_BYTES = 4096, NUMBER_BITS = 48 };
 
@@ -136,6 +138,12 @@ void imports_free(struct imports *imports)
 
 /* ---- handlers ----------------------------------------------------------------------------- */
 
+/* What is wrong with an upload is a value or a state, not the request's form. */
+void import_fail(struct web_request *request, const struct error *why)
+{
+    problem_answer(request, problem_of_farm(why->code), why->text);
+}
+
 void import_answer(struct web_request *request, unsigned http_status, json_t *body)
 {
     char *text = body ? json_dumps(body, JSON_COMPACT) : NULL;
@@ -144,7 +152,7 @@ void import_answer(struct web_request *request, unsigned http_status, json_t *bo
     json_decref(body);
     if (!text) {
         error_no_memory(&err, "an answer");
-        web_fail(request, &err);
+        import_fail(request, &err);
         return;
     }
     web_answer(request, http_status, "application/json", NULL, text, strlen(text));
@@ -153,7 +161,7 @@ void import_answer(struct web_request *request, unsigned http_status, json_t *bo
 
 status import_find(struct web_request *request, struct import **out, struct error *err)
 {
-    struct imports *all = web_imports(request->web);
+    struct imports *all = request->web->imports;
     const char *text = request->parameters[0];
     char *end;
     uint64_t number = strtoull(text, &end, 10);
@@ -223,7 +231,7 @@ static status make_folders(struct import *import, struct error *err)
 
 static status begin(struct web_request *request, struct import **out, struct error *err)
 {
-    struct imports *all = web_imports(request->web);
+    struct imports *all = request->web->imports;
     struct import *import = NULL;
     status s = farm_store_usable(&all->server->farm, err);
 
@@ -263,7 +271,7 @@ void import_begin(struct web_request *request)
     if (begin(request, &import, &err) == STATUS_OK)
         import_answer(request, 201, json_pack("{s:I}", "import", (json_int_t)import->number));
     else
-        web_fail(request, &err);
+        import_fail(request, &err);
 }
 
 void import_remove(struct web_request *request)
@@ -272,7 +280,7 @@ void import_remove(struct web_request *request)
     struct error err = {0};
 
     if (import_find(request, &import, &err) != STATUS_OK) {
-        web_fail(request, &err);
+        import_fail(request, &err);
         return;
     }
     import_drop(import);

@@ -15,6 +15,7 @@
 #include "coordinator/store/footprint.h"
 #include "coordinator/store/reserve.h"
 #include "coordinator/web/import_parts.h"
+#include "coordinator/web/web.h"
 
 enum { PIECE_BYTES = 1 << 20 };  /* the body pauses above this many unwritten bytes */
 
@@ -192,7 +193,7 @@ static void fail(struct import_write *w, const struct error *err)
         write_free(w, 0);
     if (request) {
         request->state = NULL;
-        web_fail(request, err);
+        import_fail(request, err);
     }
 }
 
@@ -398,7 +399,7 @@ void import_file(struct web_request *request)
         }
     }
     if (s != STATUS_OK) {
-        web_fail(request, &err);
+        import_fail(request, &err);
         return;
     }
     w->request = request;

@@ -39,15 +39,13 @@ struct imports {
     int stopped;
 };
 
-/* The room's imports: web.c has them. */
-struct imports *web_imports(const struct web *web);
-
 /* The caller's own import of the route's first parameter. ERR_NOT_FOUND. */
 status import_find(struct web_request *request, struct import **out, struct error *err) MUST_CHECK;
 /* Remove its files and, as soon as nothing works on it, itself. */
 void import_drop(struct import *import);
 /* Something has ended its work on it. */
 void import_settle(struct import *import);
+void import_fail(struct web_request *request, const struct error *why);
 void import_answer(struct web_request *request, unsigned http_status, json_t *body);
 /* Its asker vanished, or it is dropped: stop running it. */
 void import_stop_running(struct import *import);

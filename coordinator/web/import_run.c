@@ -142,7 +142,7 @@ static void on_end(void *user, const struct web_child_result *r)
     if (asker && answer)
         import_answer(asker, 201, json_incref(answer));
     else if (asker)
-        web_fail(asker, &err);
+        import_fail(asker, &err);
     json_decref(answer);
     import_settle(import);
     imports_pump(all);
@@ -271,7 +271,7 @@ void imports_pump(struct imports *imports)
         first->asker = NULL;
         if (asker) {
             asker->state = NULL;
-            web_fail(asker, &err);
+            import_fail(asker, &err);
         }
     }
 }
@@ -291,7 +291,7 @@ void import_stop_running(struct import *import)
         return;
     asker->state = NULL;
     error_set(&err, STATUS_ERR_REFUSED, "the upload was removed before it was imported");
-    web_fail(asker, &err);
+    import_fail(asker, &err);
 }
 
 static void on_gone(struct web_request *request)
@@ -370,7 +370,7 @@ void import_run(struct web_request *request)
         s = read_body(import, &request->body, &err);
     }
     if (s != STATUS_OK) {
-        web_fail(request, &err);
+        import_fail(request, &err);
         return;
     }
     import->state = IMPORT_WAITING;

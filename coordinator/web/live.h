@@ -23,7 +23,7 @@ struct job_event;
 status live_new(struct live **out, struct server *server, struct error *err) MUST_CHECK;
 /* Close its handle; its clients are http.c's to close. */
 void live_stop(struct live *live);
-/* When the loop has ended and all clients are gone; NULL is fine. */
+/* When the loop has ended; NULL is fine. */
 void live_free(struct live *live);
 
 /* The calls of guest.h. */
@@ -37,7 +37,5 @@ void live_tick(struct live *live, uint64_t now_ns);
 void live_socket(struct live *live, struct web_socket *socket);
 /* GET /api/v1/events: server-sent events. */
 void live_stream(struct live *live, struct web_request *request);
-/* End all that was opened with this token. */
-void live_revoke(struct live *live, uint64_t token);
 
 #endif

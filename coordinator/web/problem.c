@@ -62,6 +62,14 @@ enum problem problem_of_farm(status code)
     }
 }
 
+enum problem problem_of_http(unsigned http_status)
+{
+    for (int i = 0; i < PROBLEM_COUNT; i++)
+        if (problem_kinds[i].http_status == http_status)
+            return (enum problem)i;
+    return PROBLEM_INTERNAL;
+}
+
 void problem_put(struct buffer *out, enum problem problem, const char *detail, const char *instance)
 {
     const struct problem_kind *kind = &problem_kinds[problem];
@@ -73,26 +81,4 @@ void problem_put(struct buffer *out, enum problem problem, const char *detail, c
     buffer_puts(out, ",\"instance\":");
     json_put_text(out, instance);
     buffer_puts(out, "}\n");
-}
-
-void problem_answer(struct web_request *request, enum problem problem, const char *detail)
-{
-    const char *headers = problem == PROBLEM_NO_TOKEN ? "www-authenticate: Bearer realm=\"azulejo\"\r\n" : NULL;
-    struct buffer text = BUFFER_INIT;
-
-    problem_put(&text, problem, detail, request->path);
-    web_answer(request, problem_kinds[problem].http_status, PROBLEM_CONTENT_TYPE, headers, text.data, text.size);
-    buffer_release(&text);
-}
-
-void problem_list(struct web_request *request)
-{
-    struct buffer text = BUFFER_INIT;
-
-    buffer_puts(&text, "The problems that the API answers with. 'code' is one of these; 'detail' says more.\n");
-    for (int i = 0; i < PROBLEM_COUNT; i++)
-        buffer_printf(&text, "\n%s (%u): %s.\n    %s\n", problem_kinds[i].code, problem_kinds[i].http_status,
-                      problem_kinds[i].title, problem_kinds[i].meaning);
-    web_answer(request, 200, "text/plain; charset=utf-8", NULL, text.data, text.size);
-    buffer_release(&text);
 }

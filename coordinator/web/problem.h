@@ -27,11 +27,13 @@
     X(STATE, "state", 409, "The present state does not allow this",                                                  \
       "The request is fine, but the job, the worker or the store is not in a state for it. The detail says what "    \
       "would make it possible.")                                                                                     \
+    X(LENGTH, "length", 411, "A body needs its length", "Send the header Content-Length; chunks are not taken.")      \
     X(TOO_LARGE, "too-large", 413, "The request is too large", "The detail names the limit.")                        \
     X(WRONG_HOST, "wrong-host", 421, "This is not the host that was asked for",                                      \
       "The header Host must name this coordinator: by its address, or as --web-name says.")                          \
     X(VALUE, "value", 422, "A value is not allowed",                                                                 \
       "The JSON is well-formed, but the farm does not take a value of it. The detail names it and its range.")       \
+    X(UPGRADE, "upgrade", 426, "This is a WebSocket", "Ask for the upgrade to a WebSocket.")                          \
     X(LIMIT, "limit", 429, "Too much at once", "Try again in a moment, or with less.")                               \
     X(INTERNAL, "internal", 500, "The coordinator failed", "The coordinator's log says more. Please report it.")     \
     X(UNSUPPORTED, "unsupported", 501, "This is not supported", "This coordinator cannot do it at all.")             \
@@ -58,8 +60,11 @@ enum problem problem_of_request(status code, int has_token);
 /* Of an error with which the farm answered: what it refuses, it refuses because of a state. */
 enum problem problem_of_farm(status code);
 
+/* By the HTTP status; INTERNAL: none has it. */
+enum problem problem_of_http(unsigned http_status);
+
 void problem_put(struct buffer *out, enum problem problem, const char *detail, const char *instance);
-/* Answer the request with it. */
+/* problem_answer.c: answer the request with it. */
 void problem_answer(struct web_request *request, enum problem problem, const char *detail);
 
 /* GET /docs/errors: the list of codes, as text. */

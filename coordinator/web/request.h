@@ -28,6 +28,7 @@ enum {
     WEB_PARAMETERS_MAX = 4,      /* {job}, {frame}, ... of a path */
     WEB_BODY_MAX = 1 << 20,      /* bytes of a body that is held in memory */
     WEB_WHO_MAX = 127,
+    WEB_TOKEN_NAME_MAX = 63,
     WEB_QUEUE_HIGH = 1 << 20,    /* a stream's writer stops above this many queued bytes */
 };
 
@@ -35,6 +36,7 @@ enum {
 struct web_caller {
     enum web_role role;          /* NONE: no valid token */
     uint64_t token;              /* number of the token; 0: none */
+    char token_name[WEB_TOKEN_NAME_MAX + 1];
     char who[WEB_WHO_MAX + 1];   /* owner of what it submits: user@host */
     int by_cookie;               /* the browser sent it by itself: Origin was checked for writes */
 };

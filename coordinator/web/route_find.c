@@ -29,19 +29,19 @@ static int match(const char *pattern, const char *path, size_t at[WEB_PARAMETERS
     return *p == 0;
 }
 
-const struct web_route *web_route_find(enum web_method method, char *path, const char *parameters[WEB_PARAMETERS_MAX],
-                                       unsigned *allowed)
+const struct web_route *web_route_find(const struct web_routing *routing, enum web_method method, char *path,
+                                       const char *parameters[WEB_PARAMETERS_MAX], unsigned *allowed)
 {
     size_t at[WEB_PARAMETERS_MAX], sizes[WEB_PARAMETERS_MAX], count;
     const struct web_route *found = NULL;
 
     *allowed = 0;
-    for (size_t i = 0; i < web_route_count; i++) {
-        if (!match(web_routes[i].path, path, at, sizes, &count))
+    for (size_t i = 0; i < routing->count; i++) {
+        if (!match(routing->routes[i].path, path, at, sizes, &count))
             continue;
-        *allowed |= 1u << web_routes[i].method;
-        if (!found && web_routes[i].method == method)
-            found = &web_routes[i];
+        *allowed |= 1u << routing->routes[i].method;
+        if (!found && routing->routes[i].method == method)
+            found = &routing->routes[i];
     }
     memset(parameters, 0, WEB_PARAMETERS_MAX * sizeof *parameters);
     if (!found || !match(found->path, path, at, sizes, &count))

@@ -5,10 +5,14 @@
 #include <string.h>
 
 #include "coordinator/net/server.h"
+#include "coordinator/web/api_farm.h"
 #include "coordinator/web/assets.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
+#include "coordinator/web/live.h"
+#include "coordinator/web/import.h"
 #include "coordinator/web/problem.h"
+#include "coordinator/web/sign_in.h"
 #include "coordinator/web/tokens.h"
 #include "coordinator/web/web.h"
 
@@ -23,11 +27,23 @@
     {WEB_POST, "/api/v1/workers/{name}/" word, WEB_ROLE_OPERATE, ASKS(WORKER_STEER, WORKER_LIST),             \
      .fixed = "verb=" word, .summary = says}
 
-const struct web_route web_routes[] = {
+static web_handler events_stream;
+static void live_open(struct web_socket *socket);
+
+static const struct web_route routes[] = {
     {WEB_GET, "/", WEB_ROLE_NONE, .run = web_asset_index, .summary = "The page."},
     {WEB_GET, "/assets/{file}", WEB_ROLE_NONE, .run = web_asset, .summary = "A file of the page."},
     {WEB_GET, "/docs/errors", WEB_ROLE_NONE, .run = problem_list, .summary = "The codes of problems, as text."},
+    {WEB_POST, "/api/v1/session", WEB_ROLE_NONE, .run = web_session_post, .summary = "Sign in with a token, for a cookie."},
+    {WEB_GET, "/api/v1/session", WEB_ROLE_VIEW, .run = web_session_get, .summary = "Tell who asks."},
+    {WEB_DELETE, "/api/v1/session", WEB_ROLE_NONE, .run = web_session_delete, .summary = "Sign out: forget the cookie."},
     {WEB_GET, "/healthz", WEB_ROLE_NONE, .run = web_healthz, .summary = "Say that the coordinator is alive."},
+
+    {WEB_GET, "/api/v1/farm", WEB_ROLE_VIEW, .run = api_farm, .summary = "Describe the farm: its jobs' states, workers, store."},
+    {WEB_GET, "/api/v1/operators", WEB_ROLE_VIEW, .run = api_operators,
+     .summary = "List the tone mappers with their parameters."},
+    {WEB_GET, "/api/v1/effects", WEB_ROLE_VIEW, .run = api_effects,
+     .summary = "The names behind bits and numbers: effects, layers, choices."},
 
     {WEB_GET, "/api/v1/jobs", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .query = "filter before first",
      .summary = "List jobs: the newest that match the filter, or with `first` those that are served next."},
@@ -64,10 +80,40 @@ const struct web_route web_routes[] = {
     {WEB_GET, "/api/v1/store", WEB_ROLE_VIEW, ASKS(STORE_QUERY, STORE_INFO), .summary = "What takes the room."},
     {WEB_POST, "/api/v1/store/collect", WEB_ROLE_ADMIN, ASKS(STORE_QUERY, STORE_INFO), .fixed = "collect=1",
      .summary = "Remove what may go, and say what takes the room."},
+    {WEB_GET, "/api/v1/tokens", WEB_ROLE_ADMIN, ASKS(TOKEN_QUERY, TOKEN_LIST), .summary = "List the tokens."},
+    {WEB_POST, "/api/v1/tokens", WEB_ROLE_ADMIN, ASKS(TOKEN_CREATE, TOKEN_MADE),
+     .summary = "Make a token, which only this answer has."},
+    {WEB_DELETE, "/api/v1/tokens/{token}", WEB_ROLE_ADMIN, ASKS(TOKEN_REVOKE, TOKEN_LIST),
+     .summary = "Revoke a token, and end what was begun with it."},
+    {WEB_POST, "/api/v1/tokens/{token}/renew", WEB_ROLE_ADMIN, ASKS(TOKEN_RENEW, TOKEN_MADE),
+     .summary = "Give a token another secret, which only this answer has."},
     {WEB_POST, "/api/v1/blobs/missing", WEB_ROLE_SUBMIT, ASKS(BLOB_QUERY, BLOB_MISSING),
      .summary = "Which of these blobs are not on the coordinator?"},
+    {WEB_GET, "/readyz", WEB_ROLE_NONE, .run = web_readyz, .summary = "Say whether the coordinator takes work."},
+
+    {WEB_GET, "/api/v1/events", WEB_ROLE_VIEW, .run = events_stream, .query = "after",
+     .summary = "A stream of server-sent events: what changes on the farm."},
+    {WEB_GET, "/api/v1/live", WEB_ROLE_VIEW, .open = live_open,
+     .summary = "A WebSocket: the same events, and a frame's picture while it is rendered."},
+    {WEB_POST, "/api/v1/imports", WEB_ROLE_SUBMIT, .run = import_begin,
+     .summary = "Begin an upload of a scene's files."},
+    {WEB_PUT, "/api/v1/imports/{import}/files/{path...}", WEB_ROLE_SUBMIT, .run = import_file, .streams_body = 1,
+     .summary = "Upload a file: its path is that below the scene's folder, its body the bytes."},
+    {WEB_POST, "/api/v1/imports/{import}", WEB_ROLE_SUBMIT, .run = import_run,
+     .summary = "Submit a scene among the uploaded files, with options as `azulejo submit` has them."},
+    {WEB_DELETE, "/api/v1/imports/{import}", WEB_ROLE_SUBMIT, .run = import_remove,
+     .summary = "Remove an upload and its files."},
 };
-const size_t web_route_count = sizeof web_routes / sizeof *web_routes;
+
+static void events_stream(struct web_request *request)
+{
+    live_stream(request->web->live, request);
+}
+
+static void live_open(struct web_socket *socket)
+{
+    live_socket(socket->web->live, socket);
+}
 
 /* Is the job, which the path names first, the caller's own? The answer is given if not. */
 static int is_own(struct web_request *request)
@@ -88,7 +134,8 @@ static int is_own(struct web_request *request)
     return 0;
 }
 
-void web_route_run(struct web_request *request)
+/* Run the request's handler, or send its message to the farm. */
+static void run(struct web_request *request)
 {
     const struct web_route *route = request->route;
 
@@ -99,3 +146,5 @@ void web_route_run(struct web_request *request)
     else
         web_call(request);
 }
+
+const struct web_routing web_routing = {routes, sizeof routes / sizeof *routes, run};

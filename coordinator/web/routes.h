@@ -22,15 +22,17 @@ struct web_route {
     const char *summary;         /* for openapi.yaml and docs: one sentence, imperative */
 };
 
-extern const struct web_route web_routes[];
-extern const size_t web_route_count;
+/* A table of routes. */
+struct web_routing {
+    const struct web_route *routes;
+    size_t count;
+    web_handler *run;            /* of all of them */
+};
+extern const struct web_routing web_routing; /* the API's and the page's */
 
 /* The route of a path, and its parameters (pointers into `path`, which is cut at '/'). NULL: none;
  * *allowed has a bit for each method that the path knows. */
-const struct web_route *web_route_find(enum web_method method, char *path,
+const struct web_route *web_route_find(const struct web_routing *routing, enum web_method method, char *path,
                                        const char *parameters[WEB_PARAMETERS_MAX], unsigned *allowed);
-
-/* Run the request's handler, or send its message to the farm. */
-void web_route_run(struct web_request *request);
 
 #endif

@@ -20,6 +20,8 @@
 #include "coordinator/store/store.h"
 
 #define TOKEN_PREFIX "azt_" /* so that programs that look for secrets in files know what it is */
+_Static_assert((int)WEB_TOKEN_NAME_MAX == (int)TOKEN_NAME_MAX && (int)WEB_WHO_MAX >= (int)JOB_WHO_MAX,
+               "a caller has room for its token's texts");
 enum { TOKEN_FILE_MAX = 4096, PREFIX_LENGTH = sizeof TOKEN_PREFIX - 1 };
 
 /* An address that sent wrong tokens. */
@@ -245,6 +247,7 @@ static void use(struct token_row *row, int64_t now_s, int by_cookie, struct web_
         row->used_at = now_s;
     out->role = (enum web_role)row->role;
     out->token = row->number;
+    snprintf(out->token_name, sizeof out->token_name, "%s", row->name);
     out->by_cookie = by_cookie;
     snprintf(out->who, sizeof out->who, "%s", row->owner);
 }

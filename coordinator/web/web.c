@@ -10,6 +10,10 @@
 #include "coordinator/web/certificate.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/http.h"
+#include "coordinator/web/token_messages.h"
+#include "coordinator/web/live.h"
+#include "coordinator/web/routes.h"
+#include "coordinator/web/import.h"
 #include "coordinator/web/tokens.h"
 
 /* ---- what the page is called ----------------------------------------------------------------- */
@@ -43,24 +47,33 @@ static status certify(struct web *web, struct error *err)
     return STATUS_OK;
 }
 
-static status publish(struct web *web, struct error *err)
+/* STORE/page.url: the address with the token. */
+static status write_url(const struct web *web, int prints, struct error *err)
 {
-    const char *name = public_name(web);
     char url[WEB_URL_MAX + 160], *path = file_join(web->options.store, "page.url");
     status s;
 
     if (!path)
         return error_no_memory(err, "the page's address");
-    snprintf(web->address, sizeof web->address, strchr(name, ':') ? "%s://[%s]:%u" : "%s://%s:%u",
-             web->guard.is_tls ? "https" : "http", name, web->guard.port);
     snprintf(url, sizeof url, "%s/#token=%s\n", web->address, web_tokens_own(web->tokens));
     s = file_write_private(path, url, strlen(url), err);
     mem_free(path);
-    printf("page: %s", url);
-    fflush(stdout);
-    log_info("the page is at %s", web->address);
+    if (prints) {
+        printf("page: %s", url);
+        fflush(stdout);
+    }
     explicit_bzero(url, sizeof url);
     return s;
+}
+
+static status publish(struct web *web, struct error *err)
+{
+    const char *name = public_name(web);
+
+    snprintf(web->address, sizeof web->address, strchr(name, ':') ? "%s://[%s]:%u" : "%s://%s:%u",
+             web->guard.is_tls ? "https" : "http", name, web->guard.port);
+    log_info("the page is at %s", web->address);
+    return write_url(web, 1, err);
 }
 
 /* ---- the guest ------------------------------------------------------------------------------- */
@@ -68,11 +81,20 @@ static status publish(struct web *web, struct error *err)
 static void on_token_ended(void *user, uint64_t token, int cookies)
 {
     struct web *web = user;
+    struct error err = {0};
 
-    if (web->http)
-        http_end_token(web->http, token, cookies);
-    if (web->calls && !cookies)
-        web_calls_end_token(web->calls, token);
+    token_end(web, token, cookies);
+    if (token == TOKEN_OWN && web->http && write_url(web, 0, &err) != STATUS_OK)
+        log_warn("the page's address with its new token: %s", err.text);
+}
+
+static status message(void *user, struct session *session, const Azulejo__Wire__Envelope *asked, uint64_t now_ns,
+                      struct error *err)
+{
+    struct web *web = user;
+
+    (void)now_ns;
+    return token_message(web->tokens, session, asked, err);
 }
 
 static status start(void *user, struct server *server, struct error *err)
@@ -86,6 +108,8 @@ static status start(void *user, struct server *server, struct error *err)
         s = certify(web, err);
     if (s == STATUS_OK)
         s = web_calls_new(&web->calls, server, err);
+    if (s == STATUS_OK)
+        s = imports_open(&web->imports, server, web->options.client, err);
     if (s != STATUS_OK)
         return s;
     s = http_start(&web->http, web, &why);
@@ -97,10 +121,46 @@ static status start(void *user, struct server *server, struct error *err)
     if (s != STATUS_OK && err)
         *err = why;
     if (s == STATUS_OK)
+        s = live_new(&web->live, server, err);
+    if (s == STATUS_OK)
         s = publish(web, err);
-    if (s != STATUS_OK)
+    if (s != STATUS_OK) {
         http_stop(web->http);
+        live_stop(web->live);
+    }
     return s;
+}
+
+static void job_changed(void *user, const struct job *job)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_job_changed(web->live, job);
+}
+
+static void job_removed(void *user, uint64_t job)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_job_removed(web->live, job);
+}
+
+static void workers_changed(void *user)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_workers_changed(web->live);
+}
+
+static void job_event(void *user, const struct job_event *event)
+{
+    const struct web *web = user;
+
+    if (web->live)
+        live_job_event(web->live, event);
 }
 
 static void tick(void *user, uint64_t now_ns)
@@ -108,22 +168,30 @@ static void tick(void *user, uint64_t now_ns)
     struct web *web = user;
 
     web_calls_tick(web->calls, now_ns);
+    token_end_tick(web, now_ns);
+    imports_tick(web->imports, now_ns);
     if (web->http)
         http_tick(web->http, now_ns);
+    if (web->live)
+        live_tick(web->live, now_ns);
 }
 
 static void stop(void *user)
 {
     struct web *web = user;
 
+    imports_stop(web->imports);
     if (web->http)
         http_stop(web->http);
+    live_stop(web->live);
     web->server = NULL;
 }
 
 struct server_guest web_guest(struct web *web)
 {
-    return (struct server_guest){.start = start, .tick = tick, .stop = stop, .user = web};
+    return (struct server_guest){.start = start, .job_changed = job_changed, .job_removed = job_removed,
+                                 .workers_changed = workers_changed, .job_event = job_event, .tick = tick,
+                                 .message = message, .stop = stop, .user = web};
 }
 
 status web_new(struct web **out, const struct web_options *options, struct error *err)
@@ -136,6 +204,7 @@ status web_new(struct web **out, const struct web_options *options, struct error
     if (!web)
         return error_no_memory(err, "the page");
     web->options = *options;
+    web->routing = &web_routing;
     s = guard_init(&web->guard, options->host, options->name, options->port, is_tls, err);
     if (s == STATUS_OK && is_tls && !options->cert) {
         web->own_cert = file_join(options->store, "web-cert.pem");
@@ -151,6 +220,8 @@ void web_free(struct web *web)
     if (!web)
         return;
     http_free(web->http);
+    live_free(web->live);
+    imports_free(web->imports);
     web_calls_free(web->calls);
     web_tokens_close(web->tokens);
     mem_free(web->own_cert);

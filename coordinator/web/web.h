@@ -12,6 +12,7 @@
 #include "common/base/status.h"
 #include "coordinator/net/guest.h"
 #include "coordinator/web/guard.h"
+#include "coordinator/web/token_end.h"
 
 enum { WEB_URL_MAX = 512 };
 
@@ -23,20 +24,28 @@ struct web_options {
     const char *cert, *key;    /* PEM files; NULL: plain HTTP, or a certificate of our own */
     const char *store;         /* the store's folder */
     uint32_t connections_max;
+    const char *client;        /* the program `azulejo`, for uploads; NULL: beside this program */
 };
 
 struct http;
+struct live;
+struct imports;
 struct web_calls;
+struct web_routing;
 struct web_tokens;
 
 struct web {
     struct web_options options;
     struct server *server;     /* from start to stop */
     struct guard guard;
+    const struct web_routing *routing; /* routes.h */
     struct http *http;         /* http.h; NULL: there is no page, as its port was in use */
     struct web_tokens *tokens; /* tokens.h */
     char *own_cert, *own_key;  /* files of the certificate that we make; NULL: one is named */
+    struct live *live;         /* live.h; NULL: there is no page */
     struct web_calls *calls;   /* call.h */
+    struct token_ends token_ends;
+    struct imports *imports;   /* import.h */
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
 };
 

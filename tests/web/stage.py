@@ -13,8 +13,12 @@ ASSETS = os.path.join(ROOT, "coordinator", "web", "assets")
 TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html", "svg": "image/svg+xml"}
 POLICY = "default-src 'self'; img-src 'self' blob:"
 NOTHING = """<!doctype html><html lang="en"><meta charset="utf-8"><title>stage</title>
-<link rel="icon" href="/icon"><link rel="stylesheet" href="/assets/style.css"><link rel="stylesheet" href="/assets/picture.css">
+<link rel="icon" href="/icon"><link rel="stylesheet" href="/assets/style.css"><link rel="stylesheet" href="/assets/picture.css"><link rel="stylesheet" href="/stage.css">
 <main id="picture"></main><aside id="cost"></aside><aside id="effects"></aside>"""
+
+STYLE = """#picture { position: fixed !important; inset: 0 auto auto 0; width: 900px; height: 640px }
+aside { position: fixed; left: 916px; width: 320px; top: 8px }
+aside + aside { top: 420px }"""
 
 
 class Stage(http.server.ThreadingHTTPServer):
@@ -42,6 +46,8 @@ class Answering(http.server.BaseHTTPRequestHandler):
         name = os.path.join(ASSETS, os.path.basename(path))
         if path == "/":
             kind, data = "text/html", NOTHING.encode()
+        elif path == "/stage.css":
+            kind, data = "text/css", STYLE.encode()
         elif path == "/icon":
             kind, data = "image/svg+xml", b"<svg xmlns='http://www.w3.org/2000/svg'/>"
         elif data is None and path.startswith("/assets/") and os.path.exists(name):

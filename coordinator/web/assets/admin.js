@@ -6,7 +6,7 @@ import { may, act, listOf } from './verbs.js';
 import { bytes, span, plural, count } from './format.js';
 import { say, trouble } from './notice.js';
 import { confirm, form, open } from './dialog.js';
-import { table, cell } from './workers.js';
+import { table, cell, verbCell } from './workers.js';
 import { jobLink } from './router.js';
 
 /* ---- the store ------------------------------------------------------------------------------------ */
@@ -27,11 +27,11 @@ export function storeView(node) {
       facts([['kept', s.keep_s < 0 ? 'until somebody removes it' : span(Number(s.keep_s))], ['failed jobs', s.keep_failed_s >= 0 && span(Number(s.keep_failed_s))], ['limit an owner', Number(s.owner_limit) > 0 && bytes(s.owner_limit)], ['held back', s.held]]),
       h('div', { class: 'buttons' },
         may('admin') && h('button', { onclick: collect, title: 'gc: remove what may go: by the policies, and blobs that no job needs' }, 'Collect'),
-        may('operate') && h('button', { class: 'danger', onclick: prune, title: 'prune: remove old jobs that have ended' }, 'Prune…')),
+        may('operate') && h('button', { class: 'danger', onclick: prune, title: 'prune: remove old jobs that have ended' }, 'Prune')),
       h('h2', null, 'Jobs that take the most'),
       table(['job', 'owner', 'state', 'films', 'pictures', ''], (s.jobs || []).map((j) => h('tr', null,
         h('th', { scope: 'row' }, h('a', { href: jobLink(j.job) }, j.name || `job ${j.job}`)), cell('owner', j.owner), cell('state', j.state), cell('films', bytes(j.films)), cell('pictures', bytes(j.pictures)),
-        h('td', { class: 'buttons' }, state.job(j.job) && ended(state.job(j.job)) && may('operate', j) && h('button', { class: 'danger', onclick: () => act('remove', j.job).then((d) => d && read()) }, 'Remove…')))), 'Jobs'),
+        verbCell(state.job(j.job) && ended(state.job(j.job)) && may('operate', j) && h('button', { class: 'danger', onclick: () => act('remove', j.job).then((d) => d && read()) }, 'Remove')))), 'Jobs'),
       Number(s.more_jobs) > 0 && h('p', null, `and ${plural(Number(s.more_jobs), 'smaller one')}`),
       h('h2', null, 'Owners'),
       table(['owner', 'jobs', 'films', 'pictures'], (s.owners || []).map((o) => h('tr', null, h('th', { scope: 'row' }, o.owner || 'not known'), cell('jobs', count(Number(o.jobs))), cell('films', bytes(o.films)), cell('pictures', bytes(o.pictures)))), 'Owners'),
@@ -67,12 +67,12 @@ export function accessView(node) {
   const tokens = h('div'), hooks = h('div');
   node.append(h('h1', null, 'Access'), h('h2', null, 'Tokens'),
     h('p', null, 'A token opens this page and its API. Each person and each script gets its own, with no more than it needs.'),
-    tokens, h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => create() }, 'Create a token…')),
+    tokens, h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => create() }, 'Create a token')),
     h('h2', null, 'Webhooks'), h('p', null, 'The coordinator posts a signed message to these addresses when a job ends or needs a person.'),
-    hooks, h('div', { class: 'buttons' }, h('button', { onclick: () => add() }, 'Add a webhook…')));
-  const read = () => get('/tokens').then((answer) => children(tokens, [table(['token', 'role', 'owner', 'created', 'used', 'expires', ''], listOf(answer, 'tokens').map((t) => h('tr', { class: t.revoked ? 'gone' : '' },
-    h('th', { scope: 'row' }, t.name || `token ${t.token}`), cell('role', t.role), cell('owner', t.owner || t.who || '–'), cell('created', when(t.created_at)), cell('used', when(t.used_at ?? t.last_used_at)), cell('expires', when(t.expires_at)),
-    h('td', { class: 'buttons' }, h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke…')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
+    hooks, h('div', { class: 'buttons' }, h('button', { onclick: () => add() }, 'Add a webhook')));
+  const read = () => get('/tokens').then((answer) => children(tokens, [table(['token', 'role', 'owner', 'created', 'used', 'expires', ''], listOf(answer, 'tokens').map((t) => h('tr', null,
+    h('th', { scope: 'row' }, t.name || `token ${t.token}`), cell('role', t.role), cell('owner', t.owner || '–'), cell('created', when(t.made_at)), cell('used', when(t.used_at)), cell('expires', when(t.expires_at)),
+    verbCell(h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
   const revoke = async (t) => {
     const own = t.token === state.session.token;
     if (await confirm(`Revoke ${t.name || `token ${t.token}`}?`, ['Pages and scripts that use it lose access at once, and it cannot be brought back.', own ? 'You are signed in with it: you will be signed out.' : ''].filter(Boolean), 'Revoke'))
@@ -84,10 +84,10 @@ export function accessView(node) {
       { name: 'role', label: 'Role', options: ROLES, value: 'submit' },
       { name: 'owner', label: 'Owner of its jobs', value: state.session.who, hint: 'user@host' },
       { name: 'days', label: 'Expires after days', type: 'number', min: 1, hint: 'empty: never' }], 'Create',
-    (v) => ({ name: v.name, role: v.role, owner: v.owner, ...(v.days ? { expires_s: Math.round(Number(v.days) * 86400) } : {}) }));
+    (v) => ({ name: v.name, role: v.role, owner: v.owner, expires_at: v.days ? Math.round(Date.now() / 1000 + Number(v.days) * 86400) : 0 }));
     if (!want) return;
     try {
-      const made = await post('/tokens', want), secret = made.secret ?? made.text ?? made.token;
+      const { secret } = await post('/tokens', want);
       read();
       const button = h('button', { onclick: () => copy(secret, button) }, 'Copy');
       await open('The token', (close) => [h('p', null, 'It is shown only now. Whoever has it can do what its role may.'), h('div', { class: 'command' }, h('code', null, secret), button), h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => close(true) }, 'I have it'))]);
@@ -95,8 +95,8 @@ export function accessView(node) {
   };
   const readHooks = () => get('/webhooks').then((answer) => {
     const list = listOf(answer, 'webhooks');
-    children(hooks, [list.length ? table(['address', 'last', ''], list.map((w) => h('tr', null, h('th', { scope: 'row' }, w.url), cell('last', w.last_error || w.status || '–'),
-      h('td', { class: 'buttons' }, h('button', { class: 'danger', onclick: () => del(`/webhooks/${w.webhook ?? w.number ?? w.id}`).then(() => { say(`No more messages to ${w.url}.`); readHooks(); }).catch(trouble) }, 'Remove')))), 'Webhooks') : h('p', null, 'None.')]);
+    children(hooks, [list.length ? table(['address', 'last', ''], list.map((w) => h('tr', null, h('th', { scope: 'row' }, w.url), cell('sent', count(Number(w.sent))), cell('waiting', String(w.waiting)), cell('last error', w.last_error || '–'),
+      verbCell(h('button', { onclick: () => post(`/webhooks/${w.webhook}/test`).then(() => say(`${w.url} took the test message.`), trouble).then(readHooks) }, 'Test'), h('button', { class: 'danger', onclick: () => del(`/webhooks/${w.webhook}`).then(() => { say(`No more messages to ${w.url}.`); readHooks(); }).catch(trouble) }, 'Remove')))), 'Webhooks') : h('p', null, 'None.')]);
   }).catch((why) => children(hooks, [h('p', { class: 'problem' }, why.message)]));
   const add = async () => {
     const want = await form('Add a webhook', ['The coordinator itself sends the messages: the address must be reachable from its machine.'], [{ name: 'url', label: 'Address', type: 'url', required: true, placeholder: 'https://' }], 'Add', (v) => v);

@@ -101,7 +101,12 @@ function ticks(low, high) {
   const tens = all.filter((t) => Math.abs(Math.log10(t) - Math.round(Math.log10(t))) < 1e-9), step = Math.ceil(tens.length / 6);
   return tens.filter((_, i) => i % step === 0);
 }
-const coreTick = (t) => t < 60 ? `${Number(t.toPrecision(1))} s` : t < 3600 ? `${Math.round(t / 60)} min` : `${Number((t / 3600).toPrecision(2))} h`;
+/* Round times. */
+function timeTicks(low, high) {
+  const all = [0.01, 0.1, 1, 3, 10, 30, 60, 180, 600, 1800, 3600, 10800, 36000, 1e2 * 3600, 1e3 * 3600, 1e4 * 3600].filter((t) => t >= low && t <= high);
+  return all.filter((_, i) => (all.length - 1 - i) % Math.ceil(all.length / 5) === 0);
+}
+const coreTick = (t) => t < 60 ? `${t} s` : t < 3600 ? `${t / 60} min` : `${t / 3600} h`;
 
 class Cost {
   constructor(element, context) {
@@ -179,7 +184,7 @@ class Cost {
   paint() {
     const parts = [], { curve, points } = this, m = MEASURES[this.measure], line = (list) => list.map((p) => p.map((n) => n.toFixed(1)).join()).join(' ');
     const low = Math.exp(this.x[0]), high = Math.exp(this.x[1]);
-    for (const t of ticks(low, high)) {
+    for (const t of timeTicks(low, high)) {
       const [x] = this.at(t, 1);
       parts.push(s('line', { class: 'grid', x1: x, x2: x, y1: TOP, y2: H - BOTTOM }), s('text', { x, y: H - BOTTOM + 12, 'text-anchor': 'middle' }, coreTick(t)));
     }
@@ -201,7 +206,7 @@ class Cost {
     parts.push(ends, inside, s('text', { class: 'here', x: Math.min(x + 8, W - 70), y: y - 6 }, 'you are here'));
     if (!this.line) {
       this.line = s('g', { class: 'target', role: 'slider', tabindex: 0, 'aria-label': 'Target error', 'aria-orientation': 'vertical' });
-      this.line.addEventListener('keydown', (event) => this.key(event));
+      this.line.addEventListener('keydown', (event) => this.step(event));
       this.chart.append(this.line);
     }
     this.line.replaceChildren(s('line', { class: 'hold', x1: LEFT, x2: W - RIGHT, y1: ty, y2: ty }), s('line', { x1: LEFT, x2: W - RIGHT, y1: ty, y2: ty }),
@@ -254,7 +259,7 @@ class Cost {
     this.setTarget(Math.exp(this.y[0] + Math.min(Math.max((H - BOTTOM - y) / (H - TOP - BOTTOM), 0.02), 1) * (this.y[1] - this.y[0])));
   }
 
-  key(event) {
+  step(event) {
     const by = { ArrowUp: 1.05, ArrowRight: 1.05, ArrowDown: 1 / 1.05, ArrowLeft: 1 / 1.05, PageUp: 1.4, PageDown: 1 / 1.4 }[event.key];
     if (!by) return;
     event.preventDefault();

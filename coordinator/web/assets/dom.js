@@ -44,18 +44,15 @@ export function children(node, wanted) {
 }
 
 /* A moment (seconds since 1970): relative, with the absolute on hover. */
-const relative = new Intl.RelativeTimeFormat('en', { numeric: 'always', style: 'short' });
 const absolute = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium', timeStyle: 'medium' });
 const clock = new Intl.DateTimeFormat(undefined, { hour: '2-digit', minute: '2-digit' });
-export const clockText = (at) => clock.format(new Date(at * 1000));
+export const clockText = (at) => (Math.abs(at - Date.now() / 1000) < 43200 ? clock : absolute).format(new Date(at * 1000));
 
 function ago(at) {
-  const s = at - Date.now() / 1000, size = Math.abs(s);
-  if (size < 10) return s > 1 ? 'in some seconds' : 'just now';
-  if (size < 60) return relative.format(Math.round(s / 10) * 10, 'second');
-  if (size < 3600) return relative.format(Math.round(s / 60), 'minute');
-  if (size < 36 * 3600) return relative.format(Math.round(s / 3600), 'hour');
-  return relative.format(Math.round(s / 86400), 'day');
+  const s = Date.now() / 1000 - at, size = Math.abs(s);
+  if (size < 10) return 'just now';
+  const words = size < 60 ? `${Math.round(size / 10) * 10} s` : size < 3570 ? `${Math.round(size / 60)} min` : size < 36 * 3600 ? `${Math.round(size / 3600)} h` : `${Math.round(size / 86400)} d`;
+  return s > 0 ? `${words} ago` : `in ${words}`;
 }
 
 export function moment(at) {

@@ -10,12 +10,14 @@ export function address() {
   const host = location.hostname;
   return `${host.includes(':') && !host.startsWith('[') ? `[${host}]` : host}:${port}`;
 }
+/* The option that names it; none where it is the default. */
+export const where = () => (address() === '127.0.0.1:7420' ? '' : ` -c ${address()}`);
 export const emptyJobs = () => [
   h('p', null, 'No jobs yet. Send a scene (glTF, pbrt, OBJ or PLY) from a terminal:'),
-  command(`azulejo submit scene.glb --coordinator ${address()}`),
+  command(`azulejo submit scene.glb${where()}`),
   h('p', null, 'or drop its files onto this page.'),
 ];
 export const emptyWorkers = () => [
   h('p', null, 'No worker is connected, so nothing renders. On each machine that shall render:'),
-  command(`azulejo-worker --coordinator ${address()} --key farm.worker.key`),
+  command(`azulejo-worker --coordinator ${address()} --key farm.key`),
 ];

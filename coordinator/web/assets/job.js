@@ -6,7 +6,7 @@ import { context } from './context.js';
 import { offered, act, owns } from './verbs.js';
 import { jobLink, go } from './router.js';
 import { span, coreTime, display, target, percent, plural, samplesRate, bytes } from './format.js';
-import { address } from './empty.js';
+import { where } from './empty.js';
 
 const FRAMES_SHOWN = 240, LINES_KEPT = 400;
 const FIRST = {
@@ -37,16 +37,16 @@ const between = (low, high, f) => (low >= 0 && high > low ? ` (${f(low)} to ${f(
 /* When is it good enough? In words. */
 function whenWords(job) {
   if (job.state === 'done') return job.finished_early ? 'finished early' : 'done';
-  if (ended(job)) return job.state;
-  const end = (job.forecasts || []).find((f) => f.at_end), single = frameCount(job) === 1;
-  const aim = target(job.stop);
-  if (end && end.seconds >= 0 && single) {
-    const time = `in ${span(end.seconds)}${between(end.seconds_low, end.seconds_high, span)}`;
-    return aim ? `${aim} ${time}` : `${display(end.display)} at the end, ${time}`;
+  if (ended(job) || job.state === 'cancelling') return 'not any more';
+  const end = (job.forecasts || []).find((f) => f.at_end), aim = target(job.stop), runs = ['running', 'finishing'].includes(job.state);
+  const after = job.state === 'queued' ? ' of rendering left' : ' after it is resumed';
+  if (end && end.seconds >= 0 && frameCount(job) === 1) {
+    const time = `${span(end.seconds)}${between(end.seconds_low, end.seconds_high, span)}`;
+    return `${aim || `${display(end.display)} at the end`}${runs ? ` in ${time}` : `, ${time}${after}`}`;
   }
-  if (job.seconds_left >= 0 && job.state === 'running')
-    return `${aim ? `${aim}, all frames ` : 'all done '}in ${span(job.seconds_left)}, at ${clockText(Date.now() / 1000 + job.seconds_left)}`;
-  return aim ? `${aim}; when is not known yet` : job.state === 'running' ? 'not known yet' : '–';
+  if (job.seconds_left >= 0 && runs)
+    return `${aim ? `${aim}, all frames` : 'all done'} in ${span(job.seconds_left)}, at ${clockText(Date.now() / 1000 + job.seconds_left)}`;
+  return aim ? `${aim}; when is not known yet` : runs ? 'not known yet' : '–';
 }
 const stateWords = (job) => [job.state, reason(job)].filter(Boolean).join(': ');
 
@@ -72,7 +72,7 @@ function buttons(job) {
   ui.verbs.dataset.now = now;
   const first = FIRST[job.state].map((n) => can.find((v) => v.name === n)).filter(Boolean).slice(0, 2);
   const more = can.filter((v) => !first.includes(v));
-  const menu = more.length > 0 && h('button', { 'aria-haspopup': 'menu', title: 'More verbs', onclick: (e) => { const b = e.currentTarget.getBoundingClientRect(); menuOf([state.job(job.job)], b.left, b.bottom + 4, more); } }, 'More…');
+  const menu = more.length > 0 && h('button', { 'aria-haspopup': 'menu', title: 'More verbs', onclick: (e) => { const b = e.currentTarget.getBoundingClientRect(); menuOf([state.job(job.job)], b.left, b.bottom + 4, more); } }, 'More');
   children(ui.verbs, [...first.map((v) => verbButton(v, job)), menu].filter(Boolean));
 }
 
@@ -145,7 +145,7 @@ function files(job, frame) {
     h('p', { class: 'links' }, some.map((name) => h('a', { class: 'button', href: url(at + name), download: true }, name.replace('preview.', 'Preview ').replace(/^(exr|png|jpg)$/, (s) => s.toUpperCase())))),
     !isDone && h('p', { class: 'hint' }, 'Frame ', String(frame), ' is not done: a preview is its picture so far.'),
     h('p', { class: 'hint' }, 'All files, and when each thread rendered what, from a terminal:'),
-    command(`azulejo fetch ${job.job} -o . -c ${address()}`), command(`azulejo trace ${job.job} -o trace.json -c ${address()}`),
+    command(`azulejo fetch ${job.job} -o .${where()}`), command(`azulejo trace ${job.job} -o trace.json${where()}`),
   ].filter(Boolean));
 }
 
@@ -162,7 +162,7 @@ function settings(job) {
     ['memory', Number(job.memory) > 0 && `${bytes(job.memory)}${job.memory_said ? '' : ', estimated'}`],
     ['size', `${s.width} × ${s.height}${s.whole_width ? ` of ${s.whole_width} × ${s.whole_height}` : ''}`],
     ['frames', job.first_frame === job.last_frame ? String(job.first_frame) : `${job.first_frame}-${job.last_frame}, ${s.fps || 24} a second`],
-    ['samples', s.spp > 1e8 ? 'no limit' : `${s.spp} a pixel at most`], ['target', target(stop)],
+    ['samples', s.spp >= 1 << 20 ? 'no limit' : `${s.spp} a pixel at most`], ['target', target(stop)],
     ['time limit', Number(stop.time_limit_ms) > 0 && `${span(stop.time_limit_ms / 1000)} a frame`],
     ['core limit', Number(stop.core_limit_ms) > 0 && `${coreTime(stop.core_limit_ms / 1000)} a frame`],
     ['depth', String(s.max_depth)], ['seed', String(s.seed)],

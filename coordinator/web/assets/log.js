@@ -27,7 +27,11 @@ export function eventsView(node) {
   };
   for (const e of state.log) keep(Number(e.job), [e]);
   draw();
-  const newest = [...state.jobs.values()].sort((a, b) => Math.max(b.finished_at, b.submitted_at) - Math.max(a.finished_at, a.submitted_at)).slice(0, JOBS_READ);
-  Promise.allSettled(newest.map((j) => get(`/jobs/${j.job}/log?after=0`).then((answer) => keep(j.job, answer.events || [])))).then(draw);
-  return context.on('log', (events) => { for (const e of events) keep(Number(e.job), [e]); draw(); });
+  const load = () => {
+    const newest = [...state.jobs.values()].sort((a, b) => Math.max(b.finished_at, b.submitted_at) - Math.max(a.finished_at, a.submitted_at)).slice(0, JOBS_READ);
+    Promise.allSettled(newest.map((j) => get(`/jobs/${j.job}/log?after=0`).then((answer) => keep(j.job, answer.events || [])))).then(draw);
+  };
+  if (state.loaded) load();
+  const off = [context.on('jobs', (c) => c.loaded && load()), context.on('log', (events) => { for (const e of events) keep(Number(e.job), [e]); draw(); })];
+  return () => off.forEach((stop) => stop());
 }

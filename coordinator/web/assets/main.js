@@ -10,6 +10,7 @@ import { mountStrip, workersView, workerView } from './workers.js';
 import { eventsView } from './log.js';
 import { storeView, accessView } from './admin.js';
 import { submitView, beginDrops } from './submit.js';
+import { emptyJobs } from './empty.js';
 import { begin, leave, loginForm } from './login.js';
 import { act, may, owns } from './verbs.js';
 import { addKeys, allKeys, keysAreOn, switchKeys } from './keys.js';
@@ -84,7 +85,7 @@ function title() {
 }
 function connection(now, first) {
   emit('connection', now);
-  document.body.classList.toggle('lost', now === 'lost');
+  document.documentElement.dataset.connection = now;
   if (now === 'lost' && !lostAt) {
     lostAt = Date.now() / 1000;
     tell('Connection lost');
@@ -123,7 +124,7 @@ function whoMenu() {
     [['off', 'off'], ['mine', 'of my jobs'], ['all', 'of all jobs']].map(([v, t]) => h('option', { value: v }, t)));
   select.value = wants();
   return open(s.who || 'Signed in', (close) => [
-    h('p', null, `Role ${s.role}${s.name ? `, token “${s.name}”` : ''}. ${state.farm.software || s.software || ''}`),
+    h('p', null, `Role ${s.role}${s.token_name ? `, token “${s.token_name}”` : ''}. ${state.farm.software || s.software || ''}`),
     h('div', { class: 'field' }, h('label', { htmlFor: 'notify' }, 'Notifications when a job ends or needs a person'), select),
     h('p', { class: 'links' }, h('a', { href: '/api/v1/openapi.yaml', target: '_blank', rel: 'noopener' }, 'The API')),
     h('div', { class: 'buttons' }, h('button', { onclick: () => { close(); help(); } }, 'Keys'), h('button', { onclick: () => { close(); leave(); } }, 'Sign out'), h('button', { class: 'primary', onclick: () => close() }, 'Close')),
@@ -160,8 +161,16 @@ function take(route) {
     }
     if (route.job && document.body.dataset.tab === 'queue') phone('picture');
   } else phone('view');
-  show(byId('nothing'), farm && !context.job() && state.loaded);
+  nothing();
   title();
+}
+/* What stands where the picture would be. */
+let said = '';
+function nothing() {
+  const what = !state.loaded || context.job() ? '' : state.jobs.size ? 'choose' : 'empty';
+  show(byId('nothing'), what);
+  if (what && what !== said) children(byId('nothing-words'), what === 'empty' ? emptyJobs() : [h('p', null, 'Choose a job to see its picture become right.')]);
+  said = what;
 }
 /* Without a choice, the page shows what is served first. */
 function chooseOne() {
@@ -189,8 +198,8 @@ function changed(now) {
   if (now.loaded) {
     if (context.job() && !state.job(context.job())) loadJob(context.job()).catch(() => emit('job'));
     chooseOne();
-    show(byId('nothing'), parse().view === 'farm' && !context.job());
   } else if (now.jobs.size) chooseOne();
+  if (now.loaded || now.jobs.size || now.removed.size) nothing();
 }
 
 /* ---- help and keys ---------------------------------------------------------------------------------- */
@@ -270,6 +279,8 @@ async function start() {
   subscribe(changed);
   beginRouter(take);
   live.begin({ event: takeEvent, connection });
+  /* The lists do not need the live connection: a proxy may not let it through. */
+  setTimeout(() => state.loaded || load().catch(trouble), 1500);
   header();
 }
 start();

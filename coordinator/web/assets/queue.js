@@ -9,7 +9,6 @@ import { jobLink, go } from './router.js';
 import { span, display, target, percent } from './format.js';
 import { trouble, say } from './notice.js';
 import { menuOf } from './job.js';
-import { emptyJobs } from './empty.js';
 
 const HOLD_MS = 2000;
 const FILTERS = {
@@ -59,9 +58,9 @@ function fill(r, job) {
   text(r.head, job.state === 'running' ? percent(part) : job.state === 'queued' && job.state_text ? 'waiting' : job.state);
   const line = ended(job) ? [frames > 1 && `${job.frames_done}/${frames} frames`, reason(job)].filter(Boolean).join(' · ') : second(job);
   text(r.line, line);
-  attr(r.line, 'title', line.length > 40 ? line : undefined);
-  text(r.owner, (job.owner || '').split('@')[0]);
-  attr(r.owner, 'title', job.owner);
+  /* A reason needs the room. */
+  text(r.owner, reason(job) ? '' : (job.owner || '').split('@')[0]);
+  attr(r.link, 'title', [job.owner, line].filter(Boolean).join('\n'));
   r.node.className = job.state;
   property(r.bar.firstChild, '--share', part.toFixed(3));
   attr(r.pick, 'aria-label', `Select ${job.name || 'job'} (job ${job.job})`);
@@ -91,7 +90,7 @@ function order() {
   for (const number of rows.keys()) if (!state.jobs.has(number)) { rows.delete(number); picked.delete(number); }
   const nothing = state.loaded && !shown.length;
   show(empty, nothing);
-  if (nothing) children(empty, state.jobs.size ? [h('p', null, words || filter !== 'all' ? 'No job fits these words and this filter.' : 'No jobs.')] : emptyJobs());
+  if (nothing) text(empty, state.jobs.size ? 'No job fits these words and this filter.' : 'No jobs yet.');
   show(more, state.older && !['active', 'failed'].includes(filter));
   mark();
 }

@@ -3,6 +3,7 @@
  *   begin --> load (lists) --> events change it --> "reset" --> load again
  */
 import { get } from './api.js';
+import { clockText } from './dom.js';
 
 const EVENTS_KEPT = 2000;
 const ENDED_FIRST = 200;
@@ -107,7 +108,7 @@ export function load() {
   };
   loading = (async () => {
     await Promise.all([
-      get('/farm').then(takeFarm),
+      get('/farm').then(takeFarm).catch(() => {}), /* its lines are the least of what is shown */
       get('/workers').then(takeWorkers),
       pages('/jobs?filter=active', take),
       pages('/jobs?filter=ended', take, ENDED_FIRST).then((before) => { state.older = before; }),
@@ -155,7 +156,7 @@ export const frameCount = (job) => Math.max(1, job.last_frame - job.first_frame 
 export const bit = (hex, i) => hex && i >> 3 < hex.length / 2 ? (parseInt(hex.substr((i >> 3) * 2, 2), 16) >> (i & 7)) & 1 : 0;
 
 /* Why it waits or failed, in words. */
-export const reason = (job) => job.state_text || (job.state === 'queued' && job.queue_position > 1 ? `${job.queue_position - 1} before it` : job.finished_early ? 'finished early' : '');
+export const reason = (job) => (Number(job.waits_until) ? `waits until ${clockText(job.waits_until)}` : '') || job.state_text || (job.state === 'queued' && job.queue_position > 1 ? `${job.queue_position - 1} before it` : job.finished_early ? 'finished early' : '');
 
 /* The order of the queue: what is served first comes first, the newest of the ended. */
 const RANK = { running: 0, finishing: 0, cancelling: 0, queued: 1, paused: 2, parked: 2 };

@@ -7,7 +7,7 @@ import { field, values } from './dialog.js';
 import { say, trouble, tell } from './notice.js';
 import { bytes, plural, frameList, errorTarget, milliseconds } from './format.js';
 import { jobLink, go } from './router.js';
-import { address } from './empty.js';
+import { where } from './empty.js';
 
 const SCENE = /\.(gltf|glb|pbrt|obj|ply)$/i;
 const AT_ONCE = 3;
@@ -94,7 +94,7 @@ export function submitView(node) {
       h('p', { class: 'buttons' }, h('button', { type: 'button', onclick: () => one.click() }, 'Files…'), h('button', { type: 'button', onclick: () => folder.click() }, 'Folder…'), one, folder), summary, list),
     sceneField, envField, h('div', { class: 'fields' }, FIELDS.map((f) => field(f)), after), problem, work,
     h('div', { class: 'buttons' }, start, stop, h('button', { type: 'button', onclick: () => { chosen.clear(); redraw(); } }, 'Clear')));
-  node.append(h('h1', null, 'Submit a scene'), form, h('p', { class: 'hint' }, 'From a terminal, with all options:'), command(`azulejo submit scene.glb --coordinator ${address()}`));
+  node.append(h('h1', null, 'Submit a scene'), form, h('p', { class: 'hint' }, 'From a terminal, with all options:'), command(`azulejo submit scene.glb${where()}`));
 
   const fill = (select, paths, none) => { const now = select.value; children(select, [...(none ? [h('option', { value: '' }, none)] : []), ...paths.map((p) => h('option', { value: p }, p))]); if (paths.includes(now)) select.value = now; };
   redraw = () => {

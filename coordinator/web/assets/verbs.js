@@ -53,15 +53,15 @@ export const verbs = {
     text: 'Go on with frames that are not done, from the samples they have.',
   },
   'retry-frames': {
-    verb: 'retry', label: 'Retry frames…', single: true, states: FINAL, done: 'back in the queue', ask: askFrames,
+    verb: 'retry', label: 'Retry frames', single: true, states: FINAL, done: 'back in the queue', ask: askFrames,
     text: 'Render chosen frames again.',
   },
   extend: {
-    label: 'Extend…', states: ['done'], single: true, done: 'going on with more samples', ask: askExtend,
+    label: 'Extend', states: ['done'], single: true, done: 'going on with more samples', ask: askExtend,
     text: 'More samples, or a smaller error, from the films that are kept.',
   },
   develop: {
-    label: 'Develop…', single: true, states: [...ALIVE, 'done', 'failed', 'cancelled'], ask: askDevelop, done: 'making its pictures again',
+    label: 'Develop', single: true, states: [...ALIVE, 'done', 'failed', 'cancelled'], ask: askDevelop, done: 'making its pictures again',
     text: 'Tone map its pictures again, without rendering.',
   },
   cancel: {
@@ -69,14 +69,14 @@ export const verbs = {
     text: 'End it. Pictures are made of what is rendered, and Retry goes on from there.',
   },
   discard: {
-    verb: 'cancel', label: 'Cancel and discard…', states: [...ALIVE, 'cancelling'], dangerous: true, done: 'cancelled', body: { discard: true },
+    verb: 'cancel', label: 'Cancel and discard', states: [...ALIVE, 'cancelling'], dangerous: true, done: 'cancelled', body: { discard: true },
     ask: (jobs) => confirm(`Cancel ${names(jobs)} and discard its samples?`, [
       'All samples of unfinished frames are lost: no pictures are made of them, and Retry begins them from nothing.',
       'Pictures of finished frames stay.'], 'Discard the samples').then((yes) => yes && {}),
     text: 'End it, and free the room of its unfinished frames at once.',
   },
   remove: {
-    label: 'Remove…', states: FINAL, dangerous: true, done: 'removed',
+    label: 'Remove', states: FINAL, dangerous: true, done: 'removed',
     ask: (jobs) => confirm(`Remove ${names(jobs)}?`, [
       `The coordinator forgets ${jobs.length === 1 ? 'the job' : 'these jobs'}: ${lost(jobs)}, settings and log are lost. Nothing brings them back.`,
       'Pictures that were downloaded stay where they are.'], 'Remove').then((yes) => yes && {}),

@@ -38,6 +38,7 @@ export function mountStrip(node) {
   };
   const fill = (c, w) => {
     text(c.name, w.name);
+    attr(c.node, 'data-worker', w.session);
     attr(c.link, 'href', workerLink(w.name));
     attr(c.link, 'title', why(w) || `${w.host}, ${w.software}`);
     property(c.bar.firstChild, '--share', w.threads ? Math.min(1, busy(w) / w.threads).toFixed(2) : 0);
@@ -72,23 +73,24 @@ export function mountStrip(node) {
 const buttons = (w, after) => workerOffers(w).map((v) => h('button', {
   title: `${w.name}: ${workerVerbs[v].done}`, class: v === 'block' ? 'danger' : '', onclick: () => steer(v, w.name).then(after),
 }, v[0].toUpperCase() + v.slice(1)));
-const cell = (name, ...inside) => h('td', { 'data-title': name }, ...inside);
+const cell = (name, ...inside) => h('td', { 'data-title': name, class: /state|why|owner|error/.test(name) ? 'wrap' : '' }, ...inside);
+const verbCell = (...inside) => h('td', { class: 'buttons' }, h('div', { class: 'buttons' }, ...inside));
 const HEAD = ['name', 'state', 'job', 'threads', 'rate', 'processors', 'memory', 'cache', 'units', 'connected', ''];
 
 function row(w) {
   const s = w.status, job = w.job && state.job(w.job);
-  return h('tr', { class: silentFor(w) ? 'silent' : w.state },
+  return h('tr', { 'data-worker': w.session, class: silentFor(w) ? 'silent' : w.state },
     h('th', { scope: 'row' }, h('a', { href: workerLink(w.name) }, w.name)),
     cell('state', h('span', { class: `state ${w.state}` }, silentFor(w) ? words(w) : w.state), why(w) && h('small', null, why(w))),
     cell('job', job ? h('a', { href: jobLink(w.job) }, job.name) : w.job ? `job ${w.job}` : '–'),
     cell('threads', `${busy(w)} of ${w.threads}`), cell('rate', w.samples_per_second > 0 ? `${count(w.samples_per_second)}/s` : '–'),
     cell('processors', s ? s.cpus.toFixed(1) : '–'), cell('memory', s ? bytes(s.memory_bytes) : '–'),
     cell('cache', s ? bytes(s.cache_bytes) : '–'), cell('units', count(Number(w.units_done))), cell('connected', span(Number(w.connected_s))),
-    h('td', { class: 'buttons' }, buttons(w)));
+    verbCell(buttons(w)));
 }
 const table = (head, rows, label) => h('div', { class: 'table', tabindex: '0', role: 'region', 'aria-label': label }, h('table', null,
   h('thead', null, h('tr', null, head.map((t) => (t ? h('th', { scope: 'col' }, t) : h('td'))))), h('tbody', null, rows)));
-export { table, cell };
+export { table, cell, verbCell };
 
 export function workersView(node) {
   let goneShown = false;
@@ -146,5 +148,6 @@ export function workerView(node, name) {
     if (!stopped) timer = setTimeout(read, POLL_MS);
   };
   read();
-  return () => { stopped = true; clearTimeout(timer); };
+  const off = context.on('jobs', (c) => c.loaded && read());
+  return () => { stopped = true; clearTimeout(timer); off(); };
 }

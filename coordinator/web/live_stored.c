@@ -1,0 +1,149 @@
+/* A frame that is done, sent from what the store kept: read in the thread pool, a piece at a time. */
+#include "common/base/bytes.h"
+#include "common/base/clock.h"
+#include "common/base/memory.h"
+#include "coordinator/net/task.h"
+#include "coordinator/web/live_parts.h"
+
+/* The client's, until it goes while a piece is being read: then the task's. */
+struct live_stored {
+    struct live *live;
+    struct live_client *client;  /* NULL: it went */
+    struct stored_tiles *tiles;
+    struct buffer bytes;         /* records, */
+    size_t at;                   /* of which these were sent */
+    int is_reading, end;
+    uint64_t moved_ns;           /* when the client took something last */
+};
+
+struct stored_task {
+    struct task task;
+    struct live_stored *stored;
+};
+
+static void stored_free(struct live_stored *s)
+{
+    s->live->stored--;
+    stored_tiles_free(s->tiles);
+    buffer_release(&s->bytes);
+    mem_free(s);
+}
+
+static void task_run(struct task *task)
+{
+    struct live_stored *s = ((struct stored_task *)task)->stored;
+
+    task->result = stored_tiles_read(s->tiles, task->server->store, LIVE_STORED_BYTES, &s->bytes, &s->end, &task->error);
+}
+
+static void task_end(struct task *task)
+{
+    struct live_stored *s = ((struct stored_task *)task)->stored;
+
+    s->is_reading = 0;
+    if (!s->client) {
+        stored_free(s);
+    } else if (task->result != STATUS_OK) {
+        watch_done(s->client, &task->error);
+        stored_end(s->client);
+    } else {
+        live_wake(s->live, 1);
+    }
+}
+
+static const struct task_kind stored_kind = {"a picture's tiles", sizeof(struct stored_task), task_run, task_end, NULL};
+
+void stored_end(struct live_client *client)
+{
+    struct live_stored *s = client->watch.stored;
+
+    client->watch.stored = NULL;
+    if (!s)
+        return;
+    s->client = NULL;
+    if (!s->is_reading)
+        stored_free(s);
+}
+
+/* Is there a place? A client that takes nothing gives up its own; it goes on later. */
+static int make_room(struct live *live, uint64_t now_ns)
+{
+    for (struct live_client *c = live->clients; c && live->stored >= STORED_TILES_OPEN; c = c->next) {
+        struct live_stored *s = c->watch.stored;
+        if (s && !s->is_reading && now_ns - s->moved_ns > LIVE_STORED_STALL_MS * NS_PER_MS)
+            stored_end(c);
+    }
+    return live->stored < STORED_TILES_OPEN;
+}
+
+static void begin(struct live_client *client, const struct job *job, uint64_t now_ns)
+{
+    struct live *live = client->live;
+    struct live_watch *w = &client->watch;
+    struct error err = {0};
+    struct live_stored *s;
+
+    if (!client_has_room(client) || !make_room(live, now_ns))
+        return;
+    s = mem_calloc(1, sizeof *s);
+    if (!s || stored_tiles_new(&s->tiles, job, w->frame, w->layer, &err) != STATUS_OK) {
+        mem_free(s);
+        return; /* it is tried again */
+    }
+    s->live = live;
+    s->client = client;
+    s->moved_ns = now_ns;
+    live->stored++;
+    w->stored = s;
+}
+
+static void read_more(struct live_stored *s)
+{
+    struct stored_task *t = task_new(s->live->server, &stored_kind, NULL);
+
+    if (!t)
+        return;
+    buffer_clear(&s->bytes);
+    s->at = 0;
+    t->stored = s;
+    s->is_reading = 1;
+    task_start(&t->task);
+}
+
+/* The records that were read and that the client has not seen. */
+static void send_some(struct live_client *client, struct live_stored *s, uint64_t now_ns)
+{
+    struct live_watch *w = &client->watch;
+
+    while (s->at < s->bytes.size && client_has_room(client)) {
+        const uint8_t *record = s->bytes.data + s->at;
+        size_t pixels = (size_t)bytes_get16(record + 4) * bytes_get16(record + 6);
+        size_t size = LINEAR_HEADER_BYTES + pixels * LINEAR_PIXEL_BYTES;
+        uint32_t samples = stored_tiles_are_exact(s->tiles) ? bytes_get32(record + 8) / LINEAR_SAMPLES_ONE : UINT32_MAX;
+        if (picture_wants(&w->picture, bytes_get32(record), samples))
+            watch_add(w, record, size);
+        s->at += size;
+        s->moved_ns = now_ns;
+        if (w->message.size >= LIVE_MESSAGE_BYTES)
+            watch_flush(client);
+    }
+}
+
+void stored_turn(struct live_client *client, const struct job *job, uint64_t now_ns)
+{
+    struct live_watch *w = &client->watch;
+
+    if (!w->stored)
+        begin(client, job, now_ns);
+    if (!w->stored || w->stored->is_reading)
+        return;
+    send_some(client, w->stored, now_ns);
+    if (w->stored->at < w->stored->bytes.size)
+        return;
+    if (w->stored->end) {
+        watch_done(client, NULL);
+        stored_end(client);
+    } else {
+        read_more(w->stored);
+    }
+}

@@ -1,0 +1,283 @@
+/* The frame that a client watches: which one it is, and its tiles. */
+#include <inttypes.h>
+#include <string.h>
+
+#include "common/base/bytes.h"
+#include "common/base/clock.h"
+#include "common/base/memory.h"
+#include "coordinator/web/json_wire.h"
+#include "coordinator/web/live_parts.h"
+
+/* ---- what the client is told ------------------------------------------------------------------ */
+
+static void put_field(struct buffer *out, const char *name, uint64_t value)
+{
+    buffer_printf(out, "%s\"%s\":%" PRIu64, out->size > 1 ? "," : "", name, value);
+}
+
+static void tell_picture(struct live_client *client, const struct job *job, int complete)
+{
+    const struct live_watch *w = &client->watch;
+    const struct render_settings *s = &job->settings;
+    struct buffer data = BUFFER_INIT;
+
+    buffer_puts(&data, "{");
+    put_field(&data, "watch", w->serial);
+    put_field(&data, "job", w->job);
+    put_field(&data, "frame", w->frame);
+    put_field(&data, "width", s->width);
+    put_field(&data, "height", s->height);
+    put_field(&data, "tiles_x", tiles_across(s->width));
+    put_field(&data, "tiles_y", tiles_across(s->height));
+    buffer_printf(&data, ",\"layer\":\"%s\",\"layers\":[", linear_layer_name(w->layer));
+    for (int layer = LINEAR_PICTURE; layer < AOV_COUNT; layer++)
+        if (linear_has_layer(s->aovs, layer))
+            buffer_printf(&data, "%s\"%s\"", layer == LINEAR_PICTURE ? "" : ",", linear_layer_name(layer));
+    buffer_printf(&data, "],\"complete\":%s,\"linear\":true}", complete ? "true" : "false");
+    client_tell(client, "picture", &data);
+    buffer_release(&data);
+}
+
+void watch_done(struct live_client *client, const struct error *why)
+{
+    struct buffer data = BUFFER_INIT;
+
+    watch_flush(client);
+    buffer_puts(&data, "{");
+    put_field(&data, "watch", client->watch.serial);
+    if (why) {
+        buffer_puts(&data, ",\"error\":");
+        json_put_text(&data, why->text);
+    }
+    buffer_puts(&data, "}");
+    client_tell(client, "picture-done", &data);
+    buffer_release(&data);
+    client->watch.state = WATCH_DONE;
+}
+
+/* Nothing will come of this watch. */
+static void give_up(struct live_client *client, const struct error *why)
+{
+    watch_done(client, why);
+    watch_end(client);
+}
+
+/* ---- which frame ------------------------------------------------------------------------------ */
+
+/* The frame in work; else the one that was shown last, or the newest that is done. */
+static uint32_t frame_to_follow(const struct live_watch *w, const struct job *job)
+{
+    if (job->frames)
+        return job->frames->number;
+    if (w->picture.tiles > 0)
+        return w->frame;
+    for (uint64_t number = job->last_frame; number > job->first_frame; number--)
+        if (job_frame_is_done(job, (uint32_t)number))
+            return (uint32_t)number;
+    return job->first_frame;
+}
+
+/* The client sees another frame, or this one from its beginning. */
+static int begin_frame(struct live_client *client, const struct job *job, uint32_t number)
+{
+    struct live_watch *w = &client->watch;
+
+    stored_end(client);
+    w->frame = number;
+    w->epoch = job->epoch_floor;
+    w->samples = 0;
+    w->in_turn = w->is_final = 0;
+    if (!picture_begin(&w->picture, job->settings.width, job->settings.height))
+        return 0;
+    tell_picture(client, job, !farm_frame_find(job, number) && job_frame_is_done(job, number));
+    w->state = WATCH_FRAME;
+    return 1;
+}
+
+void watch_follow(struct live_client *client, uint64_t now_ns)
+{
+    struct live_watch *w = &client->watch;
+    const struct job *job = queue_find(&client->live->server->farm.queue, w->job);
+    struct error err = {0};
+    uint32_t number;
+
+    if (!job) {
+        error_set(&err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ": there is none of that number", w->job);
+        give_up(client, &err);
+        return;
+    }
+    number = w->asked ? w->asked : frame_to_follow(w, job);
+    if (w->picture.tiles == 0 || number != w->frame || w->epoch != job->epoch_floor) {
+        if (w->picture.tiles > 0 && w->state != WATCH_DONE)
+            watch_done(client, NULL);
+        if (!begin_frame(client, job, number)) {
+            error_no_memory(&err, "the live picture");
+            give_up(client, &err);
+            return;
+        }
+    }
+    if (farm_frame_find(job, number)) {
+        if (w->state == WATCH_STORED)
+            stored_end(client);
+        w->state = WATCH_FRAME;
+    } else if (w->state == WATCH_FRAME && job_frame_is_done(job, number)) {
+        if (w->is_final)
+            watch_done(client, NULL);
+        else
+            w->state = WATCH_STORED;
+    }
+    if (w->state == WATCH_STORED)
+        stored_turn(client, job, now_ns);
+}
+
+void watch_begin(struct live_client *client, uint32_t serial, uint64_t number, uint32_t frame, const char *layer)
+{
+    struct live *live = client->live;
+    const struct job *job = queue_find(&live->server->farm.queue, number);
+    struct error err = {0};
+
+    client->watch = (struct live_watch){.state = WATCH_FRAME, .serial = serial, .job = number, .asked = frame,
+                                   .layer = linear_layer_parse(layer)};
+    live->watching++;
+    if (!live->cache)
+        live->cache = mem_calloc(LIVE_CACHE_TILES, sizeof *live->cache);
+    if (job && frame && (frame < job->first_frame || frame > job->last_frame))
+        error_set(&err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has frames %u to %u", number, job->first_frame,
+                  job->last_frame);
+    else if (job && !linear_has_layer(job->settings.aovs, client->watch.layer))
+        error_set(&err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has no layer '%.40s'", number, layer);
+    else if (!live->cache)
+        error_no_memory(&err, "the live picture");
+    if (err.code != STATUS_OK) {
+        give_up(client, &err);
+        return;
+    }
+    watch_follow(client, clock_monotonic_ns());
+    live_wake(live, 1);
+}
+
+void watch_end(struct live_client *client)
+{
+    struct live_watch *w = &client->watch;
+    struct live *live = client->live;
+
+    if (w->state == WATCH_NONE)
+        return;
+    stored_end(client);
+    picture_end(&w->picture);
+    buffer_release(&w->message);
+    memset(w, 0, sizeof *w);
+    if (--live->watching == 0) {
+        mem_free(live->cache);
+        live->cache = NULL;
+    }
+}
+
+/* ---- tiles ------------------------------------------------------------------------------------ */
+
+void watch_flush(struct live_client *client)
+{
+    struct live_watch *w = &client->watch;
+
+    if (w->message_tiles == 0)
+        return;
+    if (buffer_ok(&w->message)) {
+        memcpy(w->message.data, "AZL1", 4);
+        bytes_put32(w->message.data + 4, w->serial);
+        bytes_put32(w->message.data + 8, w->message_tiles);
+        web_socket_send(client->socket, 1, w->message.data, w->message.size);
+    }
+    buffer_clear(&w->message);
+    w->message_tiles = 0;
+}
+
+void watch_add(struct live_watch *w, const uint8_t *record, size_t size)
+{
+    if (w->message_tiles == 0) {
+        buffer_clear(&w->message);
+        buffer_append_space(&w->message, LIVE_MESSAGE_HEADER);
+    }
+    buffer_append(&w->message, record, size);
+    w->message_tiles++;
+}
+
+/* The tile's record, made once for all who watch the same. */
+static const struct tile_cache_entry *encode(struct live *live, const struct live_watch *w, const struct job_frame *frame,
+                                             uint32_t tile)
+{
+    struct tile_cache_entry *e = &live->cache[tile % LIVE_CACHE_TILES];
+    uint32_t samples = frame->shown[tile];
+
+    if (e->size > 0 && e->job == w->job && e->epoch == w->epoch && e->frame == frame->number && e->tile == tile &&
+        e->samples == samples && e->layer == w->layer)
+        return e;
+    e->job = w->job;
+    e->epoch = w->epoch;
+    e->frame = frame->number;
+    e->tile = tile;
+    e->samples = samples;
+    e->layer = w->layer;
+    e->size = (uint32_t)linear_tile(frame->film, tile, w->layer, e->record);
+    return e;
+}
+
+/* Has all of it been sent, as it is now? */
+static int is_up_to_date(const struct live_watch *w, const struct job_frame *frame)
+{
+    return w->samples == film_samples(frame->film) && !w->in_turn;
+}
+
+static int film_slice(struct live_client *client, const struct job_frame *frame, int begins_turn)
+{
+    struct live *live = client->live;
+    struct live_watch *w = &client->watch;
+    uint64_t begin_ns;
+
+    if (is_up_to_date(w, frame)) {
+        w->is_final = frame->end != FRAME_END_NONE;
+        return 0;
+    }
+    if (!w->in_turn && !begins_turn)
+        return 0;
+    if (!w->in_turn) {
+        picture_turn(&w->picture);
+        w->samples = film_samples(frame->film); /* what changes from here on is for the next turn */
+        w->in_turn = 1;
+    }
+    begin_ns = clock_monotonic_ns();
+    for (int i = 0; i < LIVE_SLICE_TILES; i++) {
+        const struct tile_cache_entry *e;
+        int is_first;
+        int64_t tile;
+        if (!client_has_room(client) || (live->share_ns <= 0 && w->picture.fresh_left == 0))
+            return 0;
+        tile = picture_next(&w->picture, frame->shown, &is_first);
+        if (tile == PICTURE_NO_TILE) {
+            w->in_turn = 0;
+            return 0;
+        }
+        e = encode(live, w, frame, (uint32_t)tile);
+        watch_add(w, e->record, e->size);
+        if (!is_first) {
+            uint64_t end_ns = clock_monotonic_ns();
+            live->share_ns -= (int64_t)(end_ns - begin_ns);
+            begin_ns = end_ns;
+        }
+        if (w->message.size >= LIVE_MESSAGE_BYTES)
+            watch_flush(client);
+    }
+    return 1;
+}
+
+int watch_slice(struct live_client *client, uint64_t now_ns, int begins_turn)
+{
+    struct live_watch *w = &client->watch;
+    const struct job *job = queue_find(&client->live->server->farm.queue, w->job);
+    const struct job_frame *frame = job ? farm_frame_find(job, w->frame) : NULL;
+
+    if (w->state == WATCH_STORED && job && !begins_turn)
+        stored_turn(client, job, now_ns);
+    if (w->state != WATCH_FRAME || !frame || w->epoch != job->epoch_floor)
+        return 0;
+    return film_slice(client, frame, begins_turn);
+}

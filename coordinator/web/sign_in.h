@@ -1,0 +1,12 @@
+/* sign_in: signing in to the page. */
+#ifndef AZULEJO_COORDINATOR_SIGN_IN_H
+#define AZULEJO_COORDINATOR_SIGN_IN_H
+
+#include "coordinator/web/request.h"
+
+/* POST /api/v1/session {"token": TEXT}: a cookie for a token. DELETE: no cookie any more. GET: who asks. */
+void web_session_post(struct web_request *request);
+void web_session_delete(struct web_request *request);
+void web_session_get(struct web_request *request);
+
+#endif
