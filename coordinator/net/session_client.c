@@ -313,6 +313,7 @@ static const struct {
     {BODY(WORKER_STEER), CLIENTS, session_worker_steer},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},
     {BODY(HISTORY_GET), CLIENTS, session_history_get},
+    {BODY(FRAME_TILES_GET), CLIENTS, session_frame_tiles},
     {BODY(RENDER_REQUEST), CLIENTS, render_request_begin},
     {BODY(TOKEN_CREATE), CLIENTS, guest},
     {BODY(TOKEN_QUERY), CLIENTS, guest},

@@ -21,6 +21,7 @@ status session_answer_change(struct session *session, uint64_t request, struct j
 session_handler session_submit;         /* session_submit.c */
 session_handler session_output_get;     /* session_outputs.c */
 session_handler session_history_get;
+session_handler session_frame_tiles;    /* session_tiles.c */
 session_handler session_pause;          /* session_steer.c */
 session_handler session_finish;
 session_handler session_priority;

@@ -67,6 +67,8 @@ static const struct web_route routes[] = {
      .summary = "When what was done for a job, with larger numbers than `after`."},
     {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/history", WEB_ROLE_VIEW, ASKS(HISTORY_GET, HISTORY),
      .summary = "How a frame's error decreased."},
+    {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/tiles", WEB_ROLE_VIEW, ASKS(FRAME_TILES_GET, FRAME_TILES),
+     .summary = "What a frame's tiles have: samples, error, time, and who rendered them."},
 
     {WEB_GET, "/api/v1/workers", WEB_ROLE_VIEW, ASKS(WORKER_QUERY, WORKER_LIST), .query = "name gone job",
      .summary = "List the workers that are connected, with `gone` also those that left."},

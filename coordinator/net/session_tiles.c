@@ -1,0 +1,186 @@
+/* What a client is told of a frame's tiles. */
+#include <inttypes.h>
+
+#include "common/base/memory.h"
+#include "coordinator/farm/tile_map.h"
+#include "coordinator/net/server.h"
+#include "coordinator/net/session_messages.h"
+#include "coordinator/net/session_table.h"
+#include "coordinator/net/task.h"
+#include "protocol/message.h"
+
+/* ---- the answer ------------------------------------------------------------------------------ */
+
+struct answer {
+    Azulejo__Wire__FrameTile *tiles, **tile_pointers;
+    Azulejo__Wire__FrameWorker *workers, **worker_pointers;
+};
+
+static void fill_tile(Azulejo__Wire__FrameTile *out, const struct tile_cell *cell)
+{
+    azulejo__wire__frame_tile__init(out);
+    out->samples = cell->samples;
+    out->error = (double)cell->error;
+    out->cpu_ns = cell->cpu_ns;
+    out->units = cell->units;
+    out->worker = cell->worker;
+    out->thread = cell->thread;
+    out->passes = cell->passes;
+}
+
+static void fill_worker(Azulejo__Wire__FrameWorker *out, struct deliverer *worker)
+{
+    azulejo__wire__frame_worker__init(out);
+    out->name = worker->label;
+    out->host = worker->host;
+    out->process = worker->process;
+}
+
+static void send_map(struct session *session, uint64_t request, uint64_t job, uint32_t frame,
+                     const struct tile_map *map)
+{
+    Azulejo__Wire__FrameTiles message = AZULEJO__WIRE__FRAME_TILES__INIT;
+    Azulejo__Wire__Envelope envelope = MESSAGE(FRAME_TILES, frame_tiles, &message);
+    struct error err = {0};
+    struct answer a = {
+        mem_alloc_array(map->count, sizeof *a.tiles), mem_alloc_array(map->count, sizeof *a.tile_pointers),
+        mem_alloc_array(map->worker_count, sizeof *a.workers),
+        mem_alloc_array(map->worker_count, sizeof *a.worker_pointers)};
+
+    if (a.tiles && a.tile_pointers && a.workers && a.worker_pointers) {
+        for (uint32_t i = 0; i < map->count; i++)
+            fill_tile(a.tile_pointers[i] = &a.tiles[i], &map->cells[i]);
+        for (uint32_t i = 0; i < map->worker_count; i++)
+            fill_worker(a.worker_pointers[i] = &a.workers[i], &map->workers[i]);
+        message.job = job;
+        message.frame = frame;
+        message.width = map->width;
+        message.height = map->height;
+        message.tiles_x = tiles_across(map->width);
+        message.tiles_y = tiles_across(map->height);
+        message.n_tiles = map->count;
+        message.tiles = a.tile_pointers;
+        message.n_workers = map->worker_count;
+        message.workers = a.worker_pointers;
+        session_reply(session, request, &envelope);
+    } else {
+        error_no_memory(&err, "a frame's tiles");
+        session_fail(session, request, &err);
+    }
+    mem_free(a.tiles);
+    mem_free(a.tile_pointers);
+    mem_free(a.workers);
+    mem_free(a.worker_pointers);
+}
+
+/* ---- a frame that is done -------------------------------------------------------------------- */
+
+struct tiles_task {
+    struct task task;
+    uint32_t session, frame;
+    uint64_t request, job;
+    struct render_settings settings;
+    struct tile_map map;
+};
+
+static void tiles_run(struct task *task)
+{
+    struct tiles_task *t = (struct tiles_task *)task;
+    struct film_reader *reader;
+    struct error *err = &task->error;
+    uint32_t tile;
+    status s = store_film_reader(task->server->store, t->job, t->frame, &t->settings, &reader, err);
+
+    if (s == STATUS_ERR_NOT_FOUND)
+        s = error_set(err, s, "job %" PRIu64 ", frame %u: its film was not kept, so its tiles are not known", t->job,
+                      t->frame);
+    task->result = s;
+    while (s == STATUS_OK) {
+        s = film_reader_next(reader, &tile, err);
+        if (s == STATUS_OK)
+            s = tile_map_take(&t->map, film_reader_film(reader), tile, err);
+        if (s != STATUS_OK && s != STATUS_ERR_NOT_FOUND)
+            task->result = s;
+    }
+    film_reader_close(reader);
+}
+
+static void tiles_end(struct task *task)
+{
+    struct tiles_task *t = (struct tiles_task *)task;
+    struct session *session = session_find(task->server, t->session);
+
+    if (!session || session->state != SESSION_OPEN)
+        return;
+    if (task->result != STATUS_OK) {
+        session_fail(session, t->request, &task->error);
+        return;
+    }
+    tile_map_name(&t->map, &task->server->farm);
+    send_map(session, t->request, t->job, t->frame, &t->map);
+}
+
+static void tiles_release(struct task *task)
+{
+    tile_map_release(&((struct tiles_task *)task)->map);
+}
+
+static const struct task_kind tiles_kind = {"a frame's tiles", sizeof(struct tiles_task), tiles_run, tiles_end,
+                                            tiles_release};
+
+static status begin_stored(struct session *session, uint64_t request, const struct job *job, uint32_t frame,
+                           struct error *err)
+{
+    struct tiles_task *t = task_new(session->server, &tiles_kind, err);
+    status s = t ? tile_map_new(&t->map, job->settings.width, job->settings.height, err) : STATUS_ERR_NO_MEMORY;
+
+    if (s != STATUS_OK) {
+        task_drop(t ? &t->task : NULL);
+        return s;
+    }
+    t->session = session->id;
+    t->request = request;
+    t->job = job->id;
+    t->frame = frame;
+    t->settings = job->settings;
+    task_start(&t->task);
+    return STATUS_OK;
+}
+
+/* ---- a frame in work ------------------------------------------------------------------------- */
+
+static status send_open(struct session *session, uint64_t request, const struct job_frame *frame, struct error *err)
+{
+    struct tile_map map;
+    status s = tile_map_new(&map, film_width(frame->film), film_height(frame->film), err);
+
+    for (uint32_t i = 0; i < map.count && s == STATUS_OK; i++)
+        s = tile_map_take(&map, frame->film, i, err);
+    if (s == STATUS_OK) {
+        tile_map_name(&map, &session->server->farm);
+        send_map(session, request, frame->job->id, frame->number, &map);
+    }
+    tile_map_release(&map);
+    return s;
+}
+
+status session_frame_tiles(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
+                           struct error *err)
+{
+    const struct job *job = session_job(session, message->frame_tiles_get->job, err);
+    uint32_t number = message->frame_tiles_get->frame;
+    const struct job_frame *frame;
+
+    (void)now_ns;
+    if (!job)
+        return STATUS_ERR_NOT_FOUND;
+    frame = farm_frame_find(job, number);
+    if (frame)
+        return send_open(session, message->request, frame, err);
+    if (number < job->first_frame || number > job->last_frame)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has frames %u to %u", job->id, job->first_frame,
+                         job->last_frame);
+    if (!job_frame_is_done(job, number))
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet", job->id, number);
+    return begin_stored(session, message->request, job, number, err);
+}
