@@ -73,7 +73,9 @@ function buttons(job) {
   const first = FIRST[job.state].map((n) => can.find((v) => v.name === n)).filter(Boolean).slice(0, 2);
   const more = can.filter((v) => !first.includes(v));
   const menu = more.length > 0 && h('button', { 'aria-haspopup': 'menu', title: 'More verbs', onclick: (e) => { const b = e.currentTarget.getBoundingClientRect(); menuOf([state.job(job.job)], b.left, b.bottom + 4, more); } }, 'More');
+  const used = ui.verbs.contains(document.activeElement);
   children(ui.verbs, [...first.map((v) => verbButton(v, job)), menu].filter(Boolean));
+  if (used) ui.verbs.querySelector('button')?.focus();
 }
 
 /* A menu of verbs at a place of the window. */

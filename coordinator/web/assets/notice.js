@@ -2,19 +2,18 @@
 import { h, text } from './dom.js';
 
 const STAY_MS = 8000, KEPT = 4;
-let last = null; /* the newest line's undo */
+let last = null; /* presses the newest line's button */
 
 function line(node, words, undo, undoName) {
-  const button = undo && h('button', { onclick: () => { close(); undo(); } }, undoName || 'Undo');
-  const item = h('div', { class: 'notice' }, h('span', null, words), button,
+  const act = () => { close(); undo(); };
+  const item = h('div', { class: 'notice' }, h('span', null, words), undo && h('button', { onclick: act }, undoName || 'Undo'),
     h('button', { class: 'quiet', 'aria-label': 'Close this message', onclick: () => close() }, '×'));
   let timer = 0;
-  const close = () => { item.remove(); if (last === undo) last = null; };
+  const close = () => { item.remove(); if (last === act) last = null; };
   const start = () => { clearTimeout(timer); timer = setTimeout(close, STAY_MS); };
-  item.onmouseenter = () => clearTimeout(timer);
-  item.onmouseleave = start;
-  item.onfocus = () => clearTimeout(timer);
-  if (undo) last = undo;
+  const hold = () => clearTimeout(timer);
+  for (const [event, fn] of [['mouseenter', hold], ['focusin', hold], ['mouseleave', start], ['focusout', start]]) item.addEventListener(event, fn);
+  if (undo) last = act;
   node.append(item);
   while (node.children.length > KEPT) node.firstChild.remove();
   start();
@@ -26,7 +25,7 @@ export function trouble(why) {
   line(document.getElementById('refused'), why instanceof Error || why.message ? why.message : String(why));
 }
 export function undoLast() {
-  if (last) { const undo = last; last = null; undo(); } else say('Nothing to undo.');
+  if (last) last(); else say('Nothing to undo.');
 }
 
 /* State changes: several within a moment become one sentence. */

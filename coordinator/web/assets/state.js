@@ -147,8 +147,10 @@ export function takeEvent(name, data) {
 export function share(job) {
   if (job.state === 'done') return 1;
   const stop = job.stop || {};
-  if ((stop.measure || Number(stop.time_limit_ms) || Number(stop.core_limit_ms)) && job.seconds_left >= 0 && job.seconds_active > 0)
-    return job.seconds_active / (job.seconds_active + job.seconds_left);
+  if (stop.measure || Number(stop.time_limit_ms) || Number(stop.core_limit_ms)) {
+    if (job.seconds_left >= 0 && job.seconds_active > 0) return job.seconds_active / (job.seconds_active + job.seconds_left);
+    return job.frames_done / frameCount(job);
+  }
   const samples = Number(job.samples_total) ? Number(job.samples_done) / Number(job.samples_total) : 0;
   return Math.min(1, samples);
 }

@@ -12,7 +12,6 @@ import { trouble } from './notice.js';
 const POLL_MS = 5000;
 const busy = (w) => w.status?.threads_busy ?? (w.units_leased ? w.threads : 0);
 const isOff = (w) => !['idle', 'working'].includes(w.state);
-const memory = (w) => { const s = w.status; return s && Number(s.machine_memory_bytes) ? Number(s.memory_bytes) / Number(s.machine_memory_bytes) : NaN; };
 
 function words(w) {
   const silent = silentFor(w);
@@ -22,7 +21,8 @@ function words(w) {
   return job ? job.name : w.state === 'idle' ? 'idle' : '';
 }
 const why = (w) => [silentFor(w) ? 'It has not told its state lately.' : '', w.note, w.status?.reason].filter(Boolean).join(' · ');
-const byName = (a, b) => a.name.localeCompare(b.name, 'en', { numeric: true });
+const collator = new Intl.Collator('en', { numeric: true });
+const byName = (a, b) => collator.compare(a.name, b.name);
 const alarm = (w) => (silentFor(w) ? 2 : w.state === 'blocked' ? 1 : 0);
 
 /* ---- the strip ----------------------------------------------------------------------------------- */
@@ -45,7 +45,7 @@ export function mountStrip(node) {
     text(c.threads, `${w.threads} thr`);
     text(c.rate, w.samples_per_second > 0 ? `${count(w.samples_per_second)}/s` : '');
     text(c.what, words(w));
-    text(c.mem, memory(w) >= 0 ? `${Math.round(100 * memory(w))} % mem` : '');
+    text(c.mem, w.status ? bytes(w.status.memory_bytes) : '');
     c.node.className = silentFor(w) ? 'silent' : isOff(w) ? 'off' : w.state;
   };
   const update = () => {
@@ -78,15 +78,20 @@ const verbCell = (...inside) => h('td', { class: 'buttons' }, h('div', { class: 
 const HEAD = ['name', 'state', 'job', 'threads', 'rate', 'processors', 'memory', 'cache', 'units', 'connected', ''];
 
 function row(w) {
-  const s = w.status, job = w.job && state.job(w.job);
-  return h('tr', { 'data-worker': w.session, class: silentFor(w) ? 'silent' : w.state },
+  const s = w.status, job = w.job && state.job(w.job), silent = silentFor(w);
+  const shown = [w.name, silent ? words(w) : w.state, why(w), job ? job.name : w.job ? `job ${w.job}` : '–', `${busy(w)} of ${w.threads}`, w.samples_per_second > 0 ? `${count(w.samples_per_second)}/s` : '–',
+    s ? s.cpus.toFixed(1) : '–', s ? bytes(s.memory_bytes) : '–', s ? bytes(s.cache_bytes) : '–', count(Number(w.units_done)), span(Number(w.connected_s))];
+  return keep(`${w.name}/${w.session}`, [...shown, silent, ...workerOffers(w)].join('\n'), () => h('tr', { 'data-worker': w.session, class: silent ? 'silent' : w.state },
     h('th', { scope: 'row' }, h('a', { href: workerLink(w.name) }, w.name)),
-    cell('state', h('span', { class: `state ${w.state}` }, silentFor(w) ? words(w) : w.state), why(w) && h('small', null, why(w))),
-    cell('job', job ? h('a', { href: jobLink(w.job) }, job.name) : w.job ? `job ${w.job}` : '–'),
-    cell('threads', `${busy(w)} of ${w.threads}`), cell('rate', w.samples_per_second > 0 ? `${count(w.samples_per_second)}/s` : '–'),
-    cell('processors', s ? s.cpus.toFixed(1) : '–'), cell('memory', s ? bytes(s.memory_bytes) : '–'),
-    cell('cache', s ? bytes(s.cache_bytes) : '–'), cell('units', count(Number(w.units_done))), cell('connected', span(Number(w.connected_s))),
-    verbCell(buttons(w)));
+    cell('state', h('span', { class: `state ${w.state}` }, shown[1]), shown[2] && h('small', null, shown[2])),
+    cell('job', job ? h('a', { href: jobLink(w.job) }, job.name) : shown[3]),
+    HEAD.slice(3, -1).map((name, i) => cell(name, shown[4 + i])), verbCell(buttons(w))));
+}
+/* A row is made again only if it shows something else; a button that is in use stays in use. */
+const kept = new Map();
+function keep(key, now, make) {
+  if (kept.get(key)?.now !== now) kept.set(key, { now, node: make() });
+  return kept.get(key).node;
 }
 const table = (head, rows, label) => h('div', { class: 'table', tabindex: '0', role: 'region', 'aria-label': label }, h('table', null,
   h('thead', null, h('tr', null, head.map((t) => (t ? h('th', { scope: 'col' }, t) : h('td'))))), h('tbody', null, rows)));
@@ -94,17 +99,23 @@ export { table, cell, verbCell };
 
 export function workersView(node) {
   let goneShown = false;
-  const body = h('div'), goneBox = h('details', { ontoggle: (e) => { goneShown = e.target.open; if (goneShown) gone(); } }, h('summary', null, 'Workers that left'), h('div'));
-  node.append(h('h1', null, 'Workers'), body, goneBox);
+  const rows = table(HEAD, [], 'Workers'), body = h('div'), goneBox = h('details', { ontoggle: (e) => { goneShown = e.target.open; if (goneShown) gone(); } }, h('summary', null, 'Workers that left'), h('div'));
+  kept.clear();
+  node.append(h('h1', null, 'Workers'), rows, body, goneBox);
   const gone = () => get('/workers?gone=1').then((list) => children(goneBox.lastChild, [(list.gone || []).length
     ? table(['name', 'left', 'why', 'units', 'samples', 'core time'], list.gone.map((g) => h('tr', null, h('th', { scope: 'row' }, h('a', { href: workerLink(g.name) }, g.name)),
       cell('left', moment(g.left_at)), cell('why', g.why), cell('units', count(Number(g.units_done))), cell('samples', count(Number(g.samples_done))), cell('core time', coreTime(g.core_seconds)))), 'Workers that left')
     : h('p', null, 'None has left.')])).catch(trouble);
   const update = () => {
-    /* A button under the keyboard stays where it is. */
-    if (body.contains(document.activeElement) && document.activeElement.matches('button')) return;
     const marked = state.marks.filter((m) => !state.workers.some((w) => w.name === m.name));
-    children(body, state.workers.length ? [table(HEAD, [...state.workers].sort(byName).map(row), 'Workers')] : emptyWorkers());
+    const using = document.activeElement?.closest('[data-worker]')?.dataset.worker, name = using && document.activeElement.textContent;
+    children(rows.querySelector('tbody'), [...state.workers].sort(byName).map(row));
+    if (using && !document.activeElement?.closest('[data-worker]')) {
+      const again = [...rows.querySelectorAll(`[data-worker="${using}"] :is(button, a)`)];
+      (again.find((e) => e.textContent === name) || again.find((e) => e.matches('button')) || again[0])?.focus();
+    }
+    show(rows, state.workers.length);
+    children(body, state.workers.length || !state.loaded ? [] : emptyWorkers());
     if (marked.length) body.append(h('h2', null, 'Not connected'), ...marked.map((m) => h('p', { class: 'line' }, h('a', { href: workerLink(m.name) }, m.name), ` ${m.blocked ? 'blocked' : 'drained'} by ${m.who} `, moment(m.at), ...buttons({ name: m.name, state: m.blocked ? 'blocked' : 'drained' }, reload))));
   };
   const reload = () => get('/workers').then((list) => { state.marks = list.marks || []; update(); }).catch(() => {});
@@ -116,7 +127,7 @@ export function workersView(node) {
 /* ---- one ------------------------------------------------------------------------------------------- */
 
 export function workerView(node, name) {
-  const head = h('div'), now = h('div'), lines = h('div'), before = h('div');
+  const word = h('p'), verbs = h('div', { class: 'buttons' }), head = h('div', null, word, verbs), now = h('div'), lines = h('div'), before = h('div');
   node.append(h('p', null, h('a', { href: '#/workers' }, '← Workers')), h('h1', null, name), head, now, lines, before);
   const log = (list) => h('ol', { class: 'log' }, (list || []).map((l) => h('li', null, moment(l.at), h('span', null, l.text))));
   let timer = 0, stopped = false;
@@ -128,7 +139,15 @@ export function workerView(node, name) {
       const w = (list.workers || [])[0], mark = (list.marks || []).find((m) => m.name === name), s = w && w.status;
       if (w) w.seenAt = performance.now();
       const shown = w || { name, state: mark?.blocked ? 'blocked' : mark ? 'drained' : 'gone' };
-      if (!head.contains(document.activeElement)) children(head, [h('p', { class: `state ${shown.state}` }, [w ? w.state : mark ? `not connected, ${shown.state}` : 'not connected', w && why(w)].filter(Boolean).join(': ')), h('div', { class: 'buttons' }, buttons(shown, read))]);
+      const words_ = [w ? w.state : mark ? `not connected, ${shown.state}` : 'not connected', w && why(w)].filter(Boolean).join(': '), offers = workerOffers(shown).join();
+      word.className = `state ${shown.state}`;
+      text(word, words_);
+      if (verbs.dataset.now !== offers) {
+        const used = verbs.contains(document.activeElement);
+        verbs.dataset.now = offers;
+        children(verbs, buttons(shown, read));
+        if (used) verbs.querySelector('button')?.focus();
+      }
       children(now, w ? [facts([
         ['job', w.job ? h('a', { href: jobLink(w.job) }, state.job(w.job)?.name || `job ${w.job}`) : 'none'],
         ['rate', samplesRate(w.samples_per_second)], ['threads', `${busy(w)} of ${w.threads} render`],
