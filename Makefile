@@ -78,7 +78,7 @@ LIBS_COMMON := $(shell $(PKG_CONFIG) --libs libpng zlib libjpeg libwebp libzstd 
 LIBS_PROTOCOL := $(shell $(PKG_CONFIG) --libs libuv 2>/dev/null)
 LIBS_COORDINATOR := $(shell $(PKG_CONFIG) --libs sqlite3 2>/dev/null)
 ifeq ($(WEB),1)
-LIBS_COORDINATOR += $(shell $(PKG_CONFIG) --libs libwebsockets jansson 2>/dev/null)
+LIBS_COORDINATOR += $(shell $(PKG_CONFIG) --libs libwebsockets libcurl jansson 2>/dev/null)
 endif
 LIBS_CLIENT := $(shell $(PKG_CONFIG) --libs jansson 2>/dev/null)
 LIBS_RENDER := -lembree$(EMBREE)

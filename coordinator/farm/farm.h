@@ -122,6 +122,7 @@ struct farm_events {
     void (*job_removed)(void *user, uint64_t job);
     void (*job_event)(void *user, const struct job_event *event);
     void (*workers_changed)(void *user); /* one joined, left, was steered, or changed its mode */
+    void (*job_state)(void *user, const struct job *job); /* it has another one */
 };
 
 struct farm {

@@ -109,6 +109,8 @@ void farm_job_change(struct farm *farm, struct job *job, enum job_state state, c
         farm_frame_close(farm, job->frames, "the job ended");
     job_set_state(&farm->queue, job, state, text, now_ns, farm->wall_s);
     farm->counts.jobs[state]++;
+    if (farm->events.job_state)
+        farm->events.job_state(farm->events.user, job);
     note_state(farm, job);
     farm_job_save(farm, job, now_ns); /* its films are removed when that is on disk */
     farm->pump_wanted = 1;

@@ -22,6 +22,7 @@ struct server_guest {
     /* What follows is called on the loop's thread, and must not block it. */
     void (*job_changed)(void *user, const struct job *job);   /* its state or its samples */
     void (*job_removed)(void *user, uint64_t job);
+    void (*job_state)(void *user, const struct job *job);     /* it has another one */
     void (*workers_changed)(void *user);                      /* joined, left, steered */
     void (*job_event)(void *user, const struct job_event *event); /* a line of a job's log */
     void (*tick)(void *user, uint64_t now_ns);                /* ten times a second */

@@ -63,6 +63,14 @@ static void on_job_removed(void *user, uint64_t job)
         guest->job_removed(guest->user, job);
 }
 
+static void on_job_state(void *user, const struct job *job)
+{
+    const struct server_guest *guest = &((struct server *)user)->guest;
+
+    if (guest->job_state)
+        guest->job_state(guest->user, job);
+}
+
 static void on_job_event(void *user, const struct job_event *event)
 {
     const struct server_guest *guest = &((struct server *)user)->guest;
@@ -322,7 +330,8 @@ status server_run(const struct server_options *options, struct error *err)
     struct server *server = mem_calloc(1, sizeof *server);
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, farm_task_develop,
                                  farm_task_redevelop, farm_task_measure, farm_task_freeze, server,
-                                 on_job_removed, on_job_event, on_workers_changed};
+                                 on_job_removed, on_job_event, on_workers_changed,
+                                 on_job_state};
     static const struct audit_actor coordinator = {.who = "coordinator"};
     status s;
 

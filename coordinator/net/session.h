@@ -103,6 +103,7 @@ void session_watches_send(struct session *session, uint64_t now_ns, int only_due
 /* session_workers.c */
 void session_worker_status(struct session *session, const Azulejo__Wire__WorkerStatus *status,
                            uint64_t now_ns);
+Azulejo__Wire__WorkerState session_worker_state(const struct farm_worker *worker);
 /* Why the worker's connection, which has closed, ended. */
 void session_worker_leaves(const struct session *session, const struct error *why, char *out, size_t size);
 void session_worker_release(struct session *session);

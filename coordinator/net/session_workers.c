@@ -152,7 +152,7 @@ static void fill_lines(Azulejo__Wire__WorkerLine *lines, Azulejo__Wire__WorkerLi
     }
 }
 
-static Azulejo__Wire__WorkerState state_of(const struct farm_worker *worker)
+Azulejo__Wire__WorkerState session_worker_state(const struct farm_worker *worker)
 {
     int busy = worker->held.units > 0;
 
@@ -205,7 +205,7 @@ static void fill_worker(struct worker_answer *a, Azulejo__Wire__WorkerInfo *info
     info->name = worker->label;
     info->tags = worker->tags;
     info->memory = worker->memory;
-    info->state = state_of(worker);
+    info->state = session_worker_state(worker);
     info->job = worker->held.units > 0 ? worker->held.job : 0;
     info->core_seconds = (double)worker->cpu_ns / 1e9;
     if (s->told) {

@@ -9,6 +9,7 @@
 #include "coordinator/web/assets.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
+#include "coordinator/web/metrics.h"
 #include "coordinator/web/live.h"
 #include "coordinator/web/import.h"
 #include "coordinator/web/problem.h"
@@ -89,9 +90,17 @@ static const struct web_route routes[] = {
      .summary = "Revoke a token, and end what was begun with it."},
     {WEB_POST, "/api/v1/tokens/{token}/renew", WEB_ROLE_ADMIN, ASKS(TOKEN_RENEW, TOKEN_MADE),
      .summary = "Give a token another secret, which only this answer has."},
+    {WEB_GET, "/api/v1/webhooks", WEB_ROLE_ADMIN, ASKS(WEBHOOK_QUERY, WEBHOOK_LIST), .summary = "List the webhooks."},
+    {WEB_POST, "/api/v1/webhooks", WEB_ROLE_ADMIN, ASKS(WEBHOOK_ADD, WEBHOOK_LIST),
+     .summary = "Add a webhook; only this answer has the secret that signs what is sent."},
+    {WEB_DELETE, "/api/v1/webhooks/{webhook}", WEB_ROLE_ADMIN, ASKS(WEBHOOK_REMOVE, WEBHOOK_LIST),
+     .summary = "Remove a webhook, with what it was not sent yet."},
+    {WEB_POST, "/api/v1/webhooks/{webhook}/test", WEB_ROLE_ADMIN, ASKS(WEBHOOK_TEST, WEBHOOK_LIST),
+     .summary = "Send a webhook an event now, and say whether it was taken."},
     {WEB_POST, "/api/v1/blobs/missing", WEB_ROLE_SUBMIT, ASKS(BLOB_QUERY, BLOB_MISSING),
      .summary = "Which of these blobs are not on the coordinator?"},
     {WEB_GET, "/readyz", WEB_ROLE_NONE, .run = web_readyz, .summary = "Say whether the coordinator takes work."},
+    {WEB_GET, "/metrics", WEB_ROLE_VIEW, .run = web_metrics, .summary = "The farm in numbers, in Prometheus' text format."},
 
     {WEB_GET, "/api/v1/events", WEB_ROLE_VIEW, .run = events_stream, .query = "after",
      .summary = "A stream of server-sent events: what changes on the farm."},

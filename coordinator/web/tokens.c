@@ -43,6 +43,7 @@ struct web_tokens {
     } *marks;                    /* of each row */
     size_t count, capacity, mark_capacity;
     struct failures failures[TOKEN_ADDRESSES_MAX];
+    uint64_t failure_count;
 };
 
 static const char *const role_names[WEB_ROLES] = {"none", "view", "submit", "operate", "admin"};
@@ -361,6 +362,7 @@ int web_tokens_note_failure(struct web_tokens *tokens, const char *peer, uint64_
 {
     struct failures *f = failures_of(tokens, peer);
 
+    tokens->failure_count++;
     if (f->count == 0 || now_ns - f->since_ns >= TOKEN_FAILURES_S * NS_PER_SECOND) {
         f->count = 0;
         f->since_ns = now_ns;
@@ -368,6 +370,11 @@ int web_tokens_note_failure(struct web_tokens *tokens, const char *peer, uint64_
     f->last_ns = now_ns;
     f->count += f->count <= TOKEN_FAILURES_MAX;
     return f->count <= TOKEN_FAILURES_MAX;
+}
+
+uint64_t web_tokens_failures(const struct web_tokens *tokens)
+{
+    return tokens->failure_count;
 }
 
 /* ---- making and ending ------------------------------------------------------------------------ */

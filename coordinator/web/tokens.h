@@ -62,6 +62,8 @@ void web_tokens_cookie(const struct web_tokens *tokens, uint64_t token, int64_t 
  * refused for that: tokens cannot be guessed, and nobody may lock out others who share an address. */
 int web_tokens_note_failure(struct web_tokens *tokens, const char *peer, uint64_t now_ns);
 
+uint64_t web_tokens_failures(const struct web_tokens *tokens); /* wrong ones, since the start */
+
 /* Give the row number, hash and time. `secret` is the token. ERR_LIMIT, ERR_INPUT (name, owner, role, end),
  * ERR_IO, ERR_NO_MEMORY. */
 status web_token_create(struct web_tokens *tokens, struct token_row *row, int64_t now_s,

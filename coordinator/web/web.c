@@ -15,6 +15,7 @@
 #include "coordinator/web/routes.h"
 #include "coordinator/web/import.h"
 #include "coordinator/web/tokens.h"
+#include "coordinator/web/webhook_events.h"
 
 /* ---- what the page is called ----------------------------------------------------------------- */
 
@@ -73,6 +74,7 @@ static status publish(struct web *web, struct error *err)
     snprintf(web->address, sizeof web->address, strchr(name, ':') ? "%s://[%s]:%u" : "%s://%s:%u",
              web->guard.is_tls ? "https" : "http", name, web->guard.port);
     log_info("the page is at %s", web->address);
+    webhooks_set_own_ports(web->webhooks, web->guard.port, web->server->port);
     return write_url(web, 1, err);
 }
 
@@ -94,7 +96,15 @@ static status message(void *user, struct session *session, const Azulejo__Wire__
     struct web *web = user;
 
     (void)now_ns;
-    return token_message(web->tokens, session, asked, err);
+    switch (asked->body_case) {
+    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_ADD:
+    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_QUERY:
+    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_REMOVE:
+    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_TEST:
+        return webhook_message(web->webhooks, session, asked, err);
+    default:
+        return token_message(web->tokens, session, asked, err);
+    }
 }
 
 static status start(void *user, struct server *server, struct error *err)
@@ -110,6 +120,8 @@ static status start(void *user, struct server *server, struct error *err)
         s = web_calls_new(&web->calls, server, err);
     if (s == STATUS_OK)
         s = imports_open(&web->imports, server, web->options.client, err);
+    if (s == STATUS_OK)
+        s = webhooks_open(&web->webhooks, server->store, err);
     if (s != STATUS_OK)
         return s;
     s = http_start(&web->http, web, &why);
@@ -147,6 +159,11 @@ static void job_removed(void *user, uint64_t job)
         live_job_removed(web->live, job);
 }
 
+static void job_state(void *user, const struct job *job)
+{
+    webhook_job_state(user, job);
+}
+
 static void workers_changed(void *user)
 {
     const struct web *web = user;
@@ -170,6 +187,8 @@ static void tick(void *user, uint64_t now_ns)
     web_calls_tick(web->calls, now_ns);
     token_end_tick(web, now_ns);
     imports_tick(web->imports, now_ns);
+    metrics_tick(&web->metrics, now_ns);
+    webhook_tick(web, now_ns);
     if (web->http)
         http_tick(web->http, now_ns);
     if (web->live)
@@ -189,7 +208,7 @@ static void stop(void *user)
 
 struct server_guest web_guest(struct web *web)
 {
-    return (struct server_guest){.start = start, .job_changed = job_changed, .job_removed = job_removed,
+    return (struct server_guest){.start = start, .job_changed = job_changed, .job_removed = job_removed, .job_state = job_state,
                                  .workers_changed = workers_changed, .job_event = job_event, .tick = tick,
                                  .message = message, .stop = stop, .user = web};
 }
@@ -223,6 +242,7 @@ void web_free(struct web *web)
     live_free(web->live);
     imports_free(web->imports);
     web_calls_free(web->calls);
+    webhooks_close(web->webhooks);
     web_tokens_close(web->tokens);
     mem_free(web->own_cert);
     mem_free(web->own_key);

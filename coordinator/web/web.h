@@ -12,6 +12,7 @@
 #include "common/base/status.h"
 #include "coordinator/net/guest.h"
 #include "coordinator/web/guard.h"
+#include "coordinator/web/metrics.h"
 #include "coordinator/web/token_end.h"
 
 enum { WEB_URL_MAX = 512 };
@@ -31,6 +32,7 @@ struct http;
 struct live;
 struct imports;
 struct web_calls;
+struct webhooks;
 struct web_routing;
 struct web_tokens;
 
@@ -46,6 +48,9 @@ struct web {
     struct web_calls *calls;   /* call.h */
     struct token_ends token_ends;
     struct imports *imports;   /* import.h */
+    struct webhooks *webhooks; /* webhook.h */
+    int store_was_told;        /* webhooks were told that the store cannot be used */
+    struct metrics metrics;    /* metrics.h */
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
 };
 

@@ -119,7 +119,7 @@ struct store *sim_store(const char *folder)
 void sim_init(struct sim *sim, struct store *store, uint64_t seed)
 {
     struct farm_events events = {on_revoke, on_ack, on_notice, on_job_changed, on_develop,
-                                 on_redevelop, NULL, on_freeze, sim, NULL, NULL, NULL};
+                                 on_redevelop, NULL, on_freeze, sim, NULL, NULL, NULL, NULL};
     struct error err = {0};
     uint64_t now_ns = sim->now_ns;
 

@@ -1,0 +1,41 @@
+/* metrics: the farm in numbers, as Prometheus reads them (GET /metrics).
+ *
+ * Counters are of this run of the coordinator. What takes the store's room is measured by a task of the pool, when
+ * somebody asks and the last measurement is METRICS_STORE_MS old: the answer does not wait for it.
+ */
+#ifndef AZULEJO_COORDINATOR_METRICS_H
+#define AZULEJO_COORDINATOR_METRICS_H
+
+#include <stdint.h>
+
+#include "common/base/buffer.h"
+#include "common/base/histogram.h"
+#include "coordinator/store/footprint.h"
+#include "coordinator/web/request.h"
+
+enum {
+    METRICS_STORE_MS = 60000,
+    METRICS_STORE_SHARE = 20,    /* and measuring takes at most this part of the time */
+    METRICS_FRAMES_MAX = 50,     /* frames in work whose error is told, those of the first jobs */
+};
+
+struct server;
+
+/* Zeroed. */
+struct metrics {
+    struct histogram lag;        /* how late the loop's ticks were */
+    uint64_t ticked_ns;
+    struct footprint store;      /* without its jobs; as it was measured last */
+    uint64_t measured_ns;        /* monotonic; 0: not yet */
+    uint64_t next_ns;
+    int measuring;
+};
+
+/* At each tick of the server's loop. */
+void metrics_tick(struct metrics *metrics, uint64_t now_ns);
+/* Append all of them. */
+void metrics_write(struct web *web, uint64_t now_ns, struct buffer *out);
+
+void web_metrics(struct web_request *request); /* the route's handler */
+
+#endif
