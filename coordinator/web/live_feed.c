@@ -4,11 +4,15 @@
 #include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "common/film/unit.h"
+#include "coordinator/web/api_farm.h"
 #include "coordinator/web/json_wire.h"
 #include "coordinator/web/live_parts.h"
 
 enum {
-    JOB_MS = 500,                /* a job's events are at least this far apart */
+    JOB_MS = 500,                /* a job's events are at least this far apart, */
+    WORKERS_MS = 2000,           /* the workers', when one joined, left or was steered, */
+    WORKERS_EACH_MS = 20,        /* and else so much later for each: their numbers always change */
+    FARM_MS = 1000,              /* and the farm's */
     WAITING_EACH_TICK = 8,       /* active jobs whose reason to wait is looked at: it changes by what others do */
 };
 
@@ -192,6 +196,35 @@ static void make_jobs(struct live *live, uint64_t now_ns)
     }
 }
 
+/* The same for GET /workers. */
+static void make_workers(struct live *live, uint64_t now_ns)
+{
+    struct feed *feed = &live->feed;
+    uint64_t rest_ms = WORKERS_MS + (feed->workers_changed ? 0 : WORKERS_EACH_MS * live->server->farm.worker_count);
+    struct error err = {0};
+
+    if (now_ns - feed->workers_ns < rest_ms * NS_PER_MS)
+        return;
+    feed->workers_ns = now_ns;
+    feed->workers_changed = 0;
+    buffer_clear(&feed->json);
+    if (api_workers_json(live->server, &feed->json, &err) == STATUS_OK)
+        add_if_new(live, "workers", &feed->workers_hash);
+}
+
+static void make_farm(struct live *live, uint64_t now_ns)
+{
+    struct feed *feed = &live->feed;
+    struct error err = {0};
+
+    if (now_ns - feed->farm_ns < FARM_MS * NS_PER_MS)
+        return;
+    feed->farm_ns = now_ns;
+    buffer_clear(&feed->json);
+    if (api_farm_json(live->server, &feed->json, &err) == STATUS_OK)
+        add_if_new(live, "farm", &feed->farm_hash);
+}
+
 void feed_tick(struct live *live, uint64_t now_ns)
 {
     struct feed *feed = &live->feed;
@@ -202,4 +235,6 @@ void feed_tick(struct live *live, uint64_t now_ns)
     }
     make_jobs(live, now_ns);
     look_at_waiting(live, now_ns);
+    make_workers(live, now_ns);
+    make_farm(live, now_ns);
 }
