@@ -2,13 +2,10 @@
 import { h, command } from './dom.js';
 import { state } from './state.js';
 
-/* Where the farm's programs connect to (HOST:PORT). The page's own port is another one. */
+/* Where the farm's programs connect to (HOST:PORT): the host as people reach it, at the farm's own port. */
 export function address() {
-  const told = state.farm.address || state.session?.address;
-  if (told) return told;
-  const port = state.farm.port || state.farm.farm_port || 7420;
-  const host = location.hostname;
-  return `${host.includes(':') && !host.startsWith('[') ? `[${host}]` : host}:${port}`;
+  const port = (state.farm.address || '').match(/:(\d+)$/)?.[1] || 7420;
+  return `${location.hostname}:${port}`;
 }
 /* The option that names it; none where it is the default. */
 export const where = () => (address() === '127.0.0.1:7420' ? '' : ` -c ${address()}`);

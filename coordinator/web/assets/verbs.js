@@ -153,6 +153,12 @@ async function send(verb, number, body) {
   } else takeAnswer(await post(of(verb.verb, number), body));
 }
 
+/* A cancelled job still makes its pictures: what undoes that waits for it. */
+async function settled(numbers) {
+  if (numbers.some((n) => state.job(n)?.state === 'cancelling')) say('It follows when the pictures are made.');
+  for (let i = 0; i < 600 && numbers.some((n) => state.job(n)?.state === 'cancelling'); i++) await new Promise((done) => setTimeout(done, 200));
+}
+
 /* A verb, for one job or several. `body`: what it would ask for. Resolves with whether all of it was done. */
 export async function act(name, numbers, body, quiet) {
   const verb = verbs[name];
@@ -184,7 +190,8 @@ export async function act(name, numbers, body, quiet) {
   const done = before.filter((j) => !failed.some(([f]) => f.job === j.job));
   if (done.length && !quiet) {
     const back = verb.undo && verb.undo(done, body);
-    say(`${names(done)}: ${verb.done}.`, back ? () => act(back[0], done.map((j) => j.job), back[1] || {}, true) : undefined, verb.undoName);
+    const numbers = done.map((j) => j.job);
+    say(`${names(done)}: ${verb.done}.`, back ? () => settled(numbers).then(() => act(back[0], numbers, back[1] || {}, true)) : undefined, verb.undoName);
   }
   return !failed.length;
 }
