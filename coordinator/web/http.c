@@ -11,49 +11,6 @@
 
 _Static_assert(HTTP_PIECE_ROOM >= LWS_PRE, "the library's framing fits in front of a piece");
 
-void http_deadline(struct http_connection *c, unsigned ms)
-{
-    if (c->is_dead)
-        return;
-    c->deadline_ns = ms ? clock_monotonic_ns() + (uint64_t)ms * NS_PER_MS : 0;
-}
-
-void http_kill(struct http_connection *c)
-{
-    c->is_dead = 1;
-    c->deadline_ns = c->is_ending ? 0 : 1;
-}
-
-void http_end_now(struct http_connection *c)
-{
-    if (c->is_ending)
-        return;
-    c->is_ending = c->is_dead = 1;
-    c->deadline_ns = 0;
-    c->http->ending_count++;
-    lws_set_timeout(c->wsi, PENDING_TIMEOUT_USER_REASON_BASE, LWS_TO_KILL_SYNC);
-}
-
-/* The library has no more to say about it. */
-void http_connection_free(struct http_connection *c)
-{
-    struct http *http = c->http;
-
-    http_request_gone(c);
-    http_socket_gone(c);
-    if (c->prev)
-        c->prev->next = c->next;
-    else
-        http->first = c->next;
-    if (c->next)
-        c->next->prev = c->prev;
-    http->connection_count--;
-    http->ending_count -= (uint32_t)c->is_ending;
-    http_queue_release(&c->out);
-    buffer_release(&c->message);
-    mem_free(c);
-}
-
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
 {
     struct http_connection *c = wsi ? lws_get_opaque_user_data(wsi) : NULL;
@@ -75,6 +32,8 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     case LWS_CALLBACK_CLOSED: http_socket_gone(c); return 0;
     case LWS_CALLBACK_WSI_DESTROY:
         lws_set_opaque_user_data(wsi, NULL);
+        http_request_gone(c);
+        http_socket_gone(c);
         http_connection_free(c);
         return 0;
     default: return 0;

@@ -7,7 +7,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "common/base/memory.h"
 #include "coordinator/net/server.h"
 #include "coordinator/web/http_parts.h"
 
@@ -38,7 +37,7 @@ static int make_room(struct http *http)
 
 static void adopt(struct http *http, int fd, const char *peer)
 {
-    struct http_connection *c = mem_calloc(1, sizeof *c);
+    struct http_connection *c = http_connection_new(http, peer);
     lws_adopt_desc_t how = {
         .vh = http->vhost, .type = LWS_ADOPT_HTTP | LWS_ADOPT_SOCKET | LWS_ADOPT_ALLOW_SSL, .fd.sockfd = fd, .opaque = c};
 
@@ -46,13 +45,6 @@ static void adopt(struct http *http, int fd, const char *peer)
         close(fd);
         return;
     }
-    c->http = http;
-    snprintf(c->peer, sizeof c->peer, "%s", peer);
-    c->next = http->first;
-    if (c->next)
-        c->next->prev = c;
-    http->first = c;
-    http->connection_count++;
     http_deadline(c, HTTP_HEADERS_MS);
     /* On failure the library closes the socket; its last event may have freed the connection already. */
     if (!lws_adopt_descriptor_vhost_via_info(&how) && http->first == c)

@@ -46,6 +46,7 @@ struct http_connection {
     uint64_t discarded;                 /* bytes of a body that nobody wants */
     int is_head, is_old;                /* HEAD; HTTP/1.0 */
     int begun, is_chunked, no_body;     /* of the answer */
+    uint64_t length_left;               /* bytes of the announced length that were not written */
     int ended;                          /* its last byte is in the queue */
     int close_after;                    /* the connection ends with this answer, */
     int lingers;                        /* and some of what still comes is skipped first */
@@ -72,23 +73,46 @@ struct http {
 
 extern const char *const http_kept_names[HTTP_KEPT_MAX];
 
-/* ---- http.c ---- */
+/* ---- http_connection.c ---- */
+/* A new one, in the list; NULL: out of memory. */
+struct http_connection *http_connection_new(struct http *http, const char *peer);
+void http_connection_free(struct http_connection *c); /* request and socket are gone */
 void http_deadline(struct http_connection *c, unsigned ms); /* 0: none */
 /* End it in the next tick: the library frees no connection whose event is being served, and its own timers run
  * only after an event of its own. */
 void http_kill(struct http_connection *c);
 void http_end_now(struct http_connection *c); /* outside of the library's events only; it is freed soon */
-void http_connection_free(struct http_connection *c);
 /* ---- http_listen.c ---- */
 status http_listen(struct http *http, const char *host, uint16_t port, uint16_t *bound, struct error *err) MUST_CHECK;
 void http_listen_stop(struct http *http);
+/* ---- http_head.c ---- */
+/* What the checks need and nothing later does: places in `texts`, or SIZE_MAX. */
+struct http_head {
+    struct buffer texts;
+    size_t host, origin, site, mode, authorization, cookie, transfer, expect, version, connection, length;
+};
+static inline const char *http_head_text(const struct http_head *head, size_t at)
+{
+    return at == SIZE_MAX ? NULL : (const char *)head->texts.data + at;
+}
+int http_head_read(struct lws *wsi, struct http_head *head); /* 0: out of memory */
+/* Path, query and the headers that handlers may ask for. *path is a copy that may be cut. 0: out of memory, a 0 in
+ * the path, or too many values. */
+int http_take_texts(struct http_connection *c, struct http_request *request, const char *uri, size_t uri_size,
+                    char **path);
+/* ---- http_life.c ---- */
+struct http_request *http_request_new(struct http_connection *c);
+void http_request_call(struct http_request *request, void (*handler)(struct web_request *));
+void http_give_body(struct http_connection *c, const uint8_t *data, size_t size);
+void http_request_over(struct http_connection *c); /* from now on only the connection is left of it */
+void http_request_gone(struct http_connection *c); /* the same, and its handler is told */
 /* ---- http_request.c: each returns 0, or -1 to end the connection ---- */
 int http_on_request(struct http_connection *c);
 int http_on_body(struct http_connection *c, const uint8_t *data, size_t size);
 int http_on_body_end(struct http_connection *c);
-int http_on_writable(struct http_connection *c);
 int http_on_upgrade(struct http_connection *c, const char *to); /* 1: answered already */
-void http_request_gone(struct http_connection *c);
+/* ---- http_answer.c ---- */
+int http_on_writable(struct http_connection *c);
 /* ---- http_socket.c ---- */
 int http_socket_open(struct http_connection *c);
 int http_socket_receive(struct http_connection *c, const void *data, size_t size);
