@@ -176,6 +176,13 @@ void development_free(struct development *development)
     mem_free(development);
 }
 
+void development_look(struct development *d, const struct output_settings *output)
+{
+    d->output.tonemap = output->tonemap;
+    d->output.tonemap.temporal = 1;
+    d->output.picture = output->picture;
+}
+
 double development_map_max(const struct development *d)
 {
     return d->map_max;
@@ -190,7 +197,7 @@ status develop_encode(struct development *d, const struct store *store, struct b
                       struct buffer *png, struct error *err)
 {
     struct toning t;
-    status s = take_pixels(d, err);
+    status s = d->film || d->taken ? take_pixels(d, err) : develop_take_stored(d, store, err);
 
     if (s == STATUS_OK)
         s = fill_holes(d, err);

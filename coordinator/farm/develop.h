@@ -31,6 +31,9 @@ status development_new_preview(struct development **out, const struct job_frame 
 status development_new_stored(struct development **out, const struct job *job, uint32_t frame,
                               struct error *err) MUST_CHECK;
 void development_free(struct development *development);
+/* Of a preview or a stored frame: tone map it with these settings instead of the job's, for develop_encode.
+ * Which files there are stays the job's. */
+void development_look(struct development *development, const struct output_settings *output);
 
 /* Encode the frame's files, write them and its manifest, and note the frame as done. */
 status develop_frame(struct development *development, struct store *store, struct error *err)
@@ -57,7 +60,7 @@ status develop_manifest(struct development *development, const struct store *sto
 status develop_read_picture(const struct store *store, uint64_t job, uint32_t frame, struct image *out,
                             struct error *err) MUST_CHECK;
 
-/* The files' bytes, for previews and for tests; either buffer may be NULL. `store` may be NULL when
+/* The files' bytes, for previews and for tests; of a stored frame only the PNG; either buffer may be NULL. `store` may be NULL when
  * the tone mapping needs no file. A preview has no AOVs and averages no statistics, because earlier
  * frames may not be done. Its tiles without samples are filled from those around them (fill.h); its
  * header says which share has samples: azulejo:covered, 0..1. */

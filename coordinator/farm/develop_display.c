@@ -181,6 +181,14 @@ static status read_picture(const struct development *d, const struct store *stor
     return s;
 }
 
+status develop_take_stored(struct development *d, const struct store *store, struct error *err)
+{
+    status s = read_picture(d, store, d->frame, &d->image, &d->alpha, err);
+
+    d->taken = s == STATUS_OK;
+    return s;
+}
+
 /* A state in a file: the digest of the settings that it was measured with, then its bytes in this
  * machine's byte order. If the file holds anything else, the state is measured again. */
 struct stored_state {

@@ -86,6 +86,9 @@ int development_picture_is_apart(const struct development *d);
 status development_write_picture(const struct development *d, struct store *store,
                                  struct error *err);
 
+/* Take the stored picture of a frame that is done. ERR_NOT_FOUND: it was removed. */
+status develop_take_stored(struct development *d, const struct store *store, struct error *err);
+
 /* The figures of error, into d->point, and the tiles' errors if the AOV wants them. */
 status development_find_figures(struct development *d, const struct store *store,
                                 struct error *err);

@@ -4,6 +4,7 @@
 #include "common/base/file.h"
 #include "common/scene/manifest.h"
 #include "coordinator/job/wire.h"
+#include "coordinator/net/looks.h"
 #include "coordinator/net/previews.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_messages.h"
@@ -96,6 +97,45 @@ static struct transfer_preview finished_shows(const struct job *job, uint32_t nu
     return shows;
 }
 
+/* Is there anything to see of a frame that is not finished? */
+static status check_begun(const struct job *job, const struct job_frame *frame, uint32_t number, struct error *err)
+{
+    if (!frame && !job_state_is_open(job->state))
+        return error_set(err, STATUS_ERR_NOT_FOUND,
+                         "job %" PRIu64 " is %s: frames in work have previews only while it runs%s",
+                         job->id, job_state_word(job->state),
+                         job_state_ended(job->state) ? "" : " ('azulejo resume' continues it)");
+    if (!frame || film_samples(frame->film) == 0)
+        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet",
+                         job->id, number);
+    return STATUS_OK;
+}
+
+/* The frame, in work or finished, tone mapped otherwise. */
+static status send_look(struct session *session, const struct job *job, const Azulejo__Wire__OutputGet *message,
+                        uint64_t request, struct error *err)
+{
+    uint32_t number = message->frame;
+    int done = job_frame_is_done(job, number);
+    struct transfer_preview shows = {0};
+    struct job_frame *frame = done ? NULL : farm_frame_find(job, number);
+    struct output_settings output;
+    status s;
+
+    if (message->kind != AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG)
+        return error_set(err, STATUS_ERR_INPUT, "only a preview as PNG can have settings of its own");
+    s = wire_output_get(&output, message->output, err);
+    if (s == STATUS_OK)
+        s = session_check_tonemap(session, &output, err);
+    if (s == STATUS_OK && !done)
+        s = check_begun(job, frame, number, err);
+    if (s != STATUS_OK)
+        return s;
+    if (done)
+        shows = finished_shows(job, number);
+    return looks_ask(session, request, job, number, frame, &output, &shows, err);
+}
+
 /* The frame so far; its file if the frame is finished. */
 static status send_preview(struct session *session, const struct job *job,
                            const Azulejo__Wire__OutputGet *message, uint64_t request,
@@ -104,6 +144,7 @@ static status send_preview(struct session *session, const struct job *job,
     int linear = message->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR;
     uint32_t number = message->frame;
     struct job_frame *frame = farm_frame_find(job, number);
+    status s;
 
     if (job_frame_is_done(job, number)) {
         struct transfer_preview shows = finished_shows(job, number);
@@ -113,16 +154,10 @@ static status send_preview(struct session *session, const struct job *job,
                          "job %" PRIu64 ", frame %u is finished: fetch its files without --preview",
                          job->id, number);
     }
-    if (!frame && !job_state_is_open(job->state))
-        return error_set(err, STATUS_ERR_NOT_FOUND,
-                         "job %" PRIu64 " is %s: frames in work have previews only while it runs%s",
-                         job->id, job_state_word(job->state),
-                         job_state_ended(job->state) ? "" : " ('azulejo resume' continues it)");
-    if (!frame || film_samples(frame->film) == 0)
-        return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet",
-                         job->id, number);
-    previews_ask(session, request, frame, linear ? PREVIEW_EXR : PREVIEW_PNG);
-    return STATUS_OK;
+    s = check_begun(job, frame, number, err);
+    if (s == STATUS_OK)
+        previews_ask(session, request, frame, linear ? PREVIEW_EXR : PREVIEW_PNG);
+    return s;
 }
 
 static status send_output(struct session *session, const struct job *job,
@@ -135,6 +170,8 @@ static status send_output(struct session *session, const struct job *job,
     if (s != STATUS_OK)
         return s;
     session->reads_job = job->id;
+    if (message->output)
+        return send_look(session, job, message, request, err);
     switch (message->kind) {
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR:
     case AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PNG:

@@ -68,10 +68,13 @@ static void output_end(struct task *task)
     if (task->result == STATUS_OK && digest_equal(&o->have, &o->is)) {
         same.total_bytes = same.offset = o->size_bytes;
         same.unchanged = 1;
+        wire_digest_set(&same.digest, &o->is);
         session_reply(session, o->r.request, &envelope);
         return;
     }
-    if (transfer_file(&session->transfers, o->r.request, NULL, o->path, &task->error) != STATUS_OK)
+    if ((task->result == STATUS_OK
+             ? transfer_output(&session->transfers, o->r.request, &o->is, o->path, &task->error)
+             : transfer_file(&session->transfers, o->r.request, NULL, o->path, &task->error)) != STATUS_OK)
         session_fail(session, o->r.request, &task->error);
     transfers_pump(&session->transfers, session->channel);
 }

@@ -16,7 +16,7 @@
 struct transfer {
     struct transfer *next;
     uint64_t request;
-    int is_blob;
+    int is_blob, has_digest;
     struct digest digest;
     char *path;           /* of the file, or the name to send with bytes */
     int fd;               /* -1: not open yet */
@@ -82,6 +82,18 @@ status transfer_file(struct transfers *transfers, uint64_t request, const struct
     if (digest)
         t->digest = *digest;
     return STATUS_OK;
+}
+
+status transfer_output(struct transfers *transfers, uint64_t request, const struct digest *digest,
+                       const char *path, struct error *err)
+{
+    status s = transfer_file(transfers, request, NULL, path, err);
+
+    if (s == STATUS_OK) {
+        transfers->last->digest = *digest;
+        transfers->last->has_digest = 1;
+    }
+    return s;
 }
 
 status transfer_file_preview(struct transfers *transfers, uint64_t request, const char *path,
@@ -184,6 +196,8 @@ static status send_output_piece(struct transfer *t, struct channel *channel, con
     piece.data.data = (uint8_t *)data;
     piece.data.len = size;
     piece.file_name = (char *)file_basename(t->path);
+    if (t->has_digest)
+        wire_digest_set(&piece.digest, &t->digest);
     piece.preview_covered = t->shows.covered;
     piece.preview_samples = t->shows.samples;
     envelope.request = t->request;

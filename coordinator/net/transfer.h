@@ -27,6 +27,9 @@ void transfers_release(struct transfers *transfers);
  * ERR_LIMIT, ERR_NO_MEMORY. A file that cannot be read is answered with a Failure. */
 status transfer_file(struct transfers *transfers, uint64_t request, const struct digest *digest,
                      const char *path, struct error *err) MUST_CHECK;
+/* The file as OutputData, with what is known of its bytes. */
+status transfer_output(struct transfers *transfers, uint64_t request, const struct digest *digest,
+                       const char *path, struct error *err) MUST_CHECK;
 /* What a preview shows. */
 struct transfer_preview {
     double covered;  /* the share of its tiles that have samples */

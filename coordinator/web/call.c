@@ -351,7 +351,7 @@ static status take_fixed(const struct web_request *request, ProtobufCMessage *bo
 
 static status take_query(const struct web_request *request, ProtobufCMessage *body, struct error *err)
 {
-    const char *at = request->route->query;
+    const char *at = request->route->run ? NULL : request->route->query; /* a handler reads it by itself */
     char word[64];
     status s = STATUS_OK;
 

@@ -94,6 +94,13 @@ const char *web_query(const struct web_request *base, const char *name)
     return NULL;
 }
 
+const char *web_query_at(const struct web_request *base, size_t index)
+{
+    const struct http_request *request = (const struct http_request *)base;
+
+    return index < HTTP_QUERY_MAX ? request->query[index] : NULL;
+}
+
 const char *web_header(const struct web_request *base, const char *name)
 {
     const struct http_request *request = (const struct http_request *)base;

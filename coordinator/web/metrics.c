@@ -47,18 +47,18 @@ static void put_jobs(struct buffer *out, const struct farm *farm)
     metric_one(out, "azulejo_frames_open", "gauge", "Frames whose films are in memory.", farm->open_frames);
 }
 
-/* `value` of each of the first frames in work whose errors are known. */
+_Static_assert(FRAMES_OPEN_MAX <= METRICS_FRAMES_MAX, "each has a time series of its own");
+
+/* `value` of each frame in work whose error is known. */
 static void put_frames(struct buffer *out, const struct farm *farm, const char *name, const char *help,
                        double (*value)(const struct job_frame *frame))
 {
-    int count = 0;
-
     metric_begin(out, name, "gauge", help);
     for (size_t i = 0; i < farm->queue.active_count; i++)
         for (const struct job_frame *f = farm->queue.active[i]->frames; f; f = f->next) {
             char job[24], frame[16];
             const struct history_point *last = history_last(&f->history);
-            if (!last || !last->figures.known || count++ >= METRICS_FRAMES_MAX)
+            if (!last || !last->figures.known)
                 continue;
             snprintf(job, sizeof job, "%" PRIu64, f->job->id);
             snprintf(frame, sizeof frame, "%u", f->number);

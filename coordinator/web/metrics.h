@@ -16,7 +16,7 @@
 enum {
     METRICS_STORE_MS = 60000,
     METRICS_STORE_SHARE = 20,    /* and measuring takes at most this part of the time */
-    METRICS_FRAMES_MAX = 50,     /* frames in work whose error is told, those of the first jobs */
+    METRICS_FRAMES_MAX = 50,     /* frames in work, which have labels of their own */
 };
 
 struct server;

@@ -62,6 +62,8 @@ struct web_request {
 
 /* A value of the query, percent-decoded; NULL: not given. Valid until the request ends. */
 const char *web_query(const struct web_request *request, const char *name);
+/* The query's values one after the other, as "name=value"; NULL: there are no more. */
+const char *web_query_at(const struct web_request *request, size_t index);
 /* A header of the request by its lower-case name ("if-none-match", "last-event-id"); NULL: not given or
  * not one that http.c keeps. */
 const char *web_header(const struct web_request *request, const char *name);

@@ -1,11 +1,13 @@
 #include "coordinator/web/routes.h"
 
 #include <inttypes.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "coordinator/net/server.h"
 #include "coordinator/web/api_farm.h"
+#include "coordinator/web/api_files.h"
 #include "coordinator/web/assets.h"
 #include "coordinator/web/call.h"
 #include "coordinator/web/health.h"
@@ -30,6 +32,10 @@
 
 static web_handler events_stream;
 static void live_open(struct web_socket *socket);
+
+#define PICTURE(file, what, says)                                                                               \
+    {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/" file, WEB_ROLE_VIEW, ASKS(OUTPUT_GET, OUTPUT_DATA),        \
+     .run = api_picture, .fixed = "kind=" what, .summary = says}
 
 static const struct web_route routes[] = {
     {WEB_GET, "/", WEB_ROLE_NONE, .run = web_asset_index, .summary = "The page."},
@@ -70,6 +76,15 @@ static const struct web_route routes[] = {
      .summary = "How a frame's error decreased."},
     {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/tiles", WEB_ROLE_VIEW, ASKS(FRAME_TILES_GET, FRAME_TILES),
      .summary = "What a frame's tiles have: samples, error, time, and who rendered them."},
+    PICTURE("exr", "exr", "A finished frame as OpenEXR, linear."),
+    PICTURE("png", "png", "A finished frame as PNG."),
+    PICTURE("jpg", "jpeg", "A finished frame as JPEG."),
+    PICTURE("effects.json", "effects_json", "A finished frame's manifest: effects, causes, times."),
+    PICTURE("preview.exr", "preview_exr", "A frame as it is now, as OpenEXR, linear."),
+    {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/preview.png", WEB_ROLE_VIEW, ASKS(OUTPUT_GET, OUTPUT_DATA),
+     .run = api_picture, .fixed = "kind=preview_png",
+     .query = "tonemap exposure metering metering_percentile white_kelvin no_dither param.*",
+     .summary = "A frame as it is now, as PNG, perhaps tone mapped otherwise than the job's pictures."},
 
     {WEB_GET, "/api/v1/workers", WEB_ROLE_VIEW, ASKS(WORKER_QUERY, WORKER_LIST), .query = "name gone job",
      .summary = "List the workers that are connected, with `gone` also those that left."},
@@ -145,11 +160,44 @@ static int is_own(struct web_request *request)
     return 0;
 }
 
+/* Does a list of words name it? "param.*" names all that begin so. */
+static int is_named(const char *words, const char *name, size_t length)
+{
+    while (words && *words) {
+        size_t word = strcspn(words, " ");
+        if (word == length ? strncmp(words, name, length) == 0
+                           : word > 0 && words[word - 1] == '*' && length >= word && strncmp(words, name, word - 1) == 0)
+            return 1;
+        words += word + (words[word] == ' ');
+    }
+    return 0;
+}
+
+/* Does the route know all values of the query? The answer is given if not. */
+static int check_query(struct web_request *request)
+{
+    const char *known = request->route->query, *value;
+    char text[320];
+
+    for (size_t i = 0; (value = web_query_at(request, i)); i++) {
+        size_t length = strcspn(value, "=");
+        if (is_named(known, value, length))
+            continue;
+        snprintf(text, sizeof text, "this path's query has no value '%.*s'%s%s", length < 64 ? (int)length : 64, value,
+                 known ? "; it knows: " : "", known ? known : "");
+        problem_answer(request, PROBLEM_INPUT, text);
+        return 0;
+    }
+    return 1;
+}
+
 /* Run the request's handler, or send its message to the farm. */
 static void run(struct web_request *request)
 {
     const struct web_route *route = request->route;
 
+    if (strncmp(route->path, "/api/", 5) == 0 && !check_query(request))
+        return;
     if (route->own_jobs_suffice && request->caller.role < route->role && !is_own(request))
         return;
     if (route->run)

@@ -114,5 +114,348 @@ def operators_are_the_farms():
         expect(not wrong, "\n".join(wrong))
 
 
+INFO = {"job": 1, "name": "helmet", "state": "done", "owner": "maria@ana", "samples_done": 100, "cores": 10.0,
+        "output": {"tonemap": "linear", "parameters": {}, "exposure_ev": 0.0, "metering": "", "metering_percentile": 0.0,
+                   "white_kelvin": 0.0, "camera_ev": 0.0, "formats": ["png"]},
+        "stop": {"measure": 1, "target": 4.0}, "now_frame": 1, "stats": {"accounts": [60, 30, 0, 10]}}
+FIGURES = ((1, 20, 18, 23), (2, 13, 12, 14.5), (4, 9.5, 9, 10.1), (9, 6.1, 0, 0), (16, 4.9, 4.7, 5.1))
+POINTS = [{"core_seconds": c, "samples": 100 * c, "figures": {"display": e, "display_low": lo, "display_high": hi,
+                                                            "psnr_db": 30 + c, "psnr_low": 29 + c, "psnr_high": 31 + c}}
+          for c, e, lo, hi in FIGURES]
+
+
+def soft_light(width, height):
+    return Light(width, height, lambda x, y: (x / width, y / height, 0.25 + 0.5 * ((x // 7 + y // 5) % 2), 0.01))
+
+
+def answers(width=67, height=45):
+    tiles = ((width + 15) // 16) * ((height + 15) // 16)
+    operators = json.loads(subprocess.run([os.path.join(BIN, "azulejo"), "tonemap", "--list", "--json"], check=True,
+                                          stdout=subprocess.PIPE).stdout)
+    return {"/operators": operators, "/effects": {"effects": ["diffuse", "glossy", "mirror"]},
+            "/jobs/1/frames/1/history": {"points": POINTS},
+            "/jobs/1/frames/1/tiles": {
+                "width": width, "height": height, "workers": [{"name": "ana"}, {"name": "<img src=x onerror=alert(1)>"}],
+                "tiles": [{"samples": 16, "error": 1.5 + i, "cpu_ns": (i + 1) * 100000000, "units": 3, "worker": 1 + i % 2,
+                           "thread": 1 + i % 4} for i in range(tiles)]}}
+
+
+def begin(page, light, info=None, layers=("color",), tiles=None, more=None):
+    page.js(context(info or INFO, dict(answers(light.width, light.height), **(more or {}))))
+    show(page, light, layers, tiles)
+    page.wait("stage.picture.controls.ready")
+    page.frames()
+
+
+def show(page, light, layers=("color",), tiles=None, **more):
+    page.js("stage.begin(%s)" % json.dumps(dict({"job": 1, "frame": 1, "width": light.width, "height": light.height,
+                                                 "layers": list(layers), "complete": False}, **more)))
+    send(page, light, tiles)
+
+
+def send(page, light, tiles=None):
+    page.js("stage.send('%s')" % base64.b64encode(light.tiles(wanted=tiles)).decode())
+    page.frames()
+
+
+def seen(page):
+    """The picture as it is on the screen at 1:1: rows of (r, g, b)."""
+    left, top, width, height = page.js("(r => [r.x, r.y, r.width, r.height])(document.querySelector('canvas.picture').getBoundingClientRect())")
+    x, y, pixels, across, down = page.js("(({view: v, canvas: c}) => [v.x, v.y, c.width, ...v.size])(stage.picture)")
+    png = Png(page.screenshot((left, top, width, height)))
+    expect(png.width == pixels, "the canvas has %d pixels across and the screen %d" % (pixels, png.width))
+    return [[row[png.channels * i:png.channels * i + 3] for i in range(x, x + across)] for row in png.codes[y:y + down]]
+
+
+def srgb(light):
+    light = min(max(light, 0), 1)
+    return 255 * (12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055)
+
+
+@tests.add
+def pixels_are_pixels_of_the_screen():
+    """at 1:1 each pixel of the picture is one of the screen, on ordinary and on dense screens, and later tiles replace earlier ones"""
+    light, later = soft_light(67, 45), wild_light(67, 45, 5)
+    for scale in (1, 2):
+        with Stage() as site, Browser() as browser:
+            page = browser.page(site.url(), width=1300, height=800, scale=scale)
+            begin(page, light, tiles=range(0, 14))
+            page.click("=Pixel by pixel (1)")
+            page.frames()
+            rows = seen(page)
+            for x, y in ((0, 0), (15, 15), (16, 0), (40, 31), (66, 20)):
+                want = [srgb(v) for v in light.rows[y][x][:3]]
+                expect(all(abs(a - b) <= 1 for a, b in zip(want, rows[y][x])), (scale, x, y, want, rows[y][x]))
+            expect(len({p for row in rows[32:] for p in row[64:]}) == 1, "tiles that are not there are of one grey")
+            send(page, light)
+            send(page, later, tiles=[3])
+            rows = seen(page)
+            want = [srgb(v) for v in later.rows[9][52][:3]]
+            expect(all(abs(a - b) <= 1 for a, b in zip(want, rows[9][52])), (want, rows[9][52]))
+            want = [srgb(v) for v in light.rows[44][66][:3]]
+            expect(all(abs(a - b) <= 1 for a, b in zip(want, rows[44][66])), (want, rows[44][66]))
+
+
+@tests.add
+def measures_follow_the_tiles():
+    """what operators measure is the same whether tiles came once or were replaced"""
+    first, then = wild_light(67, 45, 2), wild_light(67, 45, 3)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url())
+        begin(page, first)
+        measure = """(async () => { const {Pixels, eachTile} = await import('/assets/pixels.js');
+          const fresh = new Pixels(67, 45), old = stage.picture.pixels;
+          eachTile(Uint8Array.from(atob('%s'), c => c.charCodeAt(0)).buffer, t => fresh.take(t));
+          return [old, fresh].map(p => [p.measured(), p.percentile(99, false), p.percentile(50, true), p.percentile(100, true)]); })()"""
+        page.js("stage.picture.pixels.percentile(50, true)")
+        send(page, then, tiles=[0, 3, 14])
+        send(page, then)
+        old, fresh = page.js(measure % base64.b64encode(then.tiles()).decode())
+        expect(old == fresh, (old, fresh))
+        lit = sorted(max(p[:3]) for row in then.rows for p in row if max(p[:3]) > 0)
+        expect(fresh[3] == lit[-1] and abs(fresh[2] / lit[int(0.5 * (len(lit) - 1) + 0.5)] - 1) < 1e-6, (fresh, lit[-1]))
+
+
+@tests.add
+def broken_messages_are_refused():
+    """a message that is cut short or has impossible tiles is reported, and the picture stays"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url())
+        begin(page, light)
+        whole = light.tiles(wanted=[0])
+        for data in (whole[:60], whole[:12] + b"\x00\x00\x00\x00" + b"\x40\x00\x40\x00" + whole[20:],
+                     whole[:12] + b"\xff\xff\xff\xff" + whole[16:]):
+            page.js("stage.send('%s')" % base64.b64encode(data).decode())
+        page.frames()
+        expect(len(page.js("stage.said")) == 2, page.js("stage.said"))
+        expect(page.js("stage.picture.pixels.arrived") == 15, "all tiles are there still")
+
+
+@tests.add
+def a_pixel_is_read():
+    """hovering and arrow keys tell a pixel's value, error, tile, worker, thread and time; the canvas has words, too"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        label = page.js("document.querySelector('canvas.picture').getAttribute('aria-label')")
+        expect("helmet" in label and "frame 1" in label and "67 by 45" in label, label)
+        page.click("=Pixel by pixel (1)")
+        page.frames()
+        at = page.place("canvas.picture")
+        x, y = page.js("[stage.picture.view.x, stage.picture.view.y]")
+        page.mouse("mouseMoved", at["left"] + x + 40.5, at["top"] + y + 20.5)
+        page.wait_text("onerror=alert.1.>, thread 4", "output.reading")
+        words, value = page.text("output.reading"), light.rows[20][40]
+        expect(words.startswith("40, 20 ") and "tile 7" in words and "300 ms" not in words and "800 ms" in words, words)
+        expect("display %d %d %d" % tuple(round(srgb(v)) for v in value[:3]) in words, (words, [srgb(v) for v in value[:3]]))
+        expect("16 samples" in words and "3 passes" in words and "8.5/255" in words, words)
+        light_of = sum(w * v for w, v in zip((0.212656, 0.715158, 0.072186), value))
+        more = max(srgb(v * (1 + value[3] / light_of)) - srgb(v) for v in value[:3])
+        told = float(words.split("\u00b1 ")[1].split("/")[0])
+        expect(abs(told - more) < 0.05 * more + 0.05, (told, more))
+        page.js("document.querySelector('canvas.picture').focus()")
+        page.press("ArrowRight", "ArrowRight", "Shift+ArrowDown")
+        page.wait_text("34, 38 ", "output.reading")
+        expect(page.js("document.querySelector('output.reading').getAttribute('aria-live')") == "polite", "it is spoken")
+        expect(page.find(".crosshair"), "a cross hair")
+
+
+@tests.add
+def overlays_have_a_legend():
+    """each overlay colours tiles and explains itself; names are text"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.click("=Pixel by pixel (1)")
+        page.js("stage.picture.opacity = 1")
+        for name, word in (("workers", "<img src=x onerror=alert(1)> 7"), ("error", "1.5/255"), ("time", "1.5 s"), ("samples", "16"),
+                           ("pixels", "32/255")):
+            page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = '%s'; overlay.dispatchEvent(new Event('change')); })()" % name)
+            page.wait("document.querySelector('.legend').textContent.includes(%s)" % json.dumps(word), "%s in the legend" % word)
+            page.frames(3)
+            rows = seen(page)
+            colors = {rows[y + 2][x + 2] for y in range(0, 45, 16) for x in range(0, 67, 16)}
+            expect(len(colors) == {"workers": 4, "error": 15, "time": 15, "samples": 1}.get(name, len(colors)), (name, len(colors)))
+        asked = [p for p in page.js("stage.asked") if p.endswith("/tiles")]
+        expect(1 <= len(asked) <= 3, asked)
+        page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = 'none'; overlay.dispatchEvent(new Event('change')); })()")
+        page.frames(3)
+        expect(len({p for row in seen(page) for p in row}) > 500, "the picture is back")
+
+
+@tests.add
+def layers_are_shown_as_what_they_are():
+    """a layer is watched, and normals and depths are made visible"""
+    light, normals = soft_light(67, 45), Light(67, 45, lambda x, y: (0, 0, -1.0, 0))
+    depth = Light(67, 45, lambda x, y: ((1.0, 1.0, 1.0, 0) if x < 20 else (8.0, 8.0, 8.0, 0)))
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light, layers=("color", "normal", "depth"))
+        page.click("=Pixel by pixel (1)")
+        for name, picture, want in (("normal", normals, {(128, 128, 0)}), ("depth", depth, {(255, 255, 255), (26, 26, 26)})):
+            page.js("(() => { const {layer} = stage.picture.controls; layer.value = '%s'; layer.dispatchEvent(new Event('change')); })()" % name)
+            expect(page.js("stage.watches.at(-1).want.layer") == name and page.js("stage.watches.length") == 1, "the layer is asked for")
+            show(page, picture, ("color", "normal", "depth"))
+            page.frames(3)
+            colors = {p for row in seen(page) for p in row}
+            near = all(any(max(abs(a - b) for a, b in zip(c, w)) <= 1 for w in want) for c in colors)
+            expect(near and len(colors) == len(want), (name, colors))
+
+
+@tests.add
+def the_farm_develops_what_the_page_cannot():
+    """an operator that needs the whole picture is asked of the coordinator once, shown exactly, and said to be so"""
+    light = soft_light(67, 45)
+    with tempfile.TemporaryDirectory() as folder, Stage() as site, Browser() as browser:
+        exr, png = os.path.join(folder, "in.exr"), os.path.join(folder, "out.png")
+        with open(exr, "wb") as file:
+            file.write(light.exr())
+        subprocess.run([os.path.join(BIN, "azulejo"), "tonemap", exr, "-o", png, "-t", "mantiuk06"], check=True, stdout=subprocess.DEVNULL)
+        with open(png, "rb") as file:
+            data = file.read()
+        site.answers["/api/v1/jobs/1/frames/1/preview.png"] = ("image/png", data)
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.click("=Pixel by pixel (1)")
+        page.js("stage.picture.controls.choose('mantiuk06'); stage.picture.controls.setExposure(1)")
+        page.wait_text("developed by the coordinator", ".picture-note")
+        page.frames()
+        expect([list(sum((list(p) for p in row), [])) for row in seen(page)] == [list(row) for row in Png(data).codes], "the coordinator's codes")
+        asked = [p for p in page.js("stage.asked") if "preview" in p]
+        expect(len(asked) == 1 and "tonemap=mantiuk06" in asked[0] and "exposure=1" in asked[0] and "param.saturation" in asked[0], asked)
+        page.click("=Refresh")
+        page.wait("stage.asked.filter(p => p.includes('preview')).length === 2")
+        page.js("stage.picture.controls.choose('aces')")
+        page.frames(3)
+        expect("coordinator" not in page.text("body"), "no note where none is due")
+
+
+@tests.add
+def a_look_is_applied_and_taken_back():
+    """exposure, white balance and operator change the picture at once; a wipe shows two; apply and reset do that"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.click("=Pixel by pixel (1)")
+        page.frames()
+        before = seen(page)
+        page.js("(() => { const {exposure} = stage.picture.controls; exposure.value = 1; exposure.dispatchEvent(new Event('input')); })()")
+        page.frames()
+        want = [srgb(2 * v) for v in light.rows[10][20][:3]]
+        expect(all(abs(a - b) <= 1 for a, b in zip(want, seen(page)[10][20])), "one stop brighter")
+        page.click("=A|B")
+        page.js("stage.picture.setSplit(0.5)")
+        page.frames()
+        rows = seen(page)
+        expect(rows[10][20] != before[10][20] and page.find(".wipe"), "two operators")
+        page.js("document.querySelector('.wipe').focus()")
+        page.press("Home")
+        page.frames()
+        aces = seen(page)
+        expect(aces[10][20] != rows[10][20] and aces[10][60] == rows[10][60], "the border was moved by keys")
+        page.press("End")
+        page.frames()
+        page.click("=A|B")
+        page.click("=Apply to the job")
+        page.wait("stage.acted.length === 1")
+        verb, jobs, body = page.js("stage.acted[0]")
+        expect((verb, jobs, body["output"]["exposure_ev"], body["output"]["tonemap"], body["output"]["formats"]) ==
+               ("develop", [1], 1, "linear", ["png"]), (verb, jobs, body))
+        page.click("=Reset")
+        page.frames()
+        expect(seen(page) == before, "as the job has it")
+        page.wheel(450, 150, -300)
+        page.frames()
+        expect(page.js("stage.picture.view.scale") > 1.5, "the wheel zooms")
+        page.click("=Fit (0)")
+        expect(page.js("stage.picture.view.fitted"), "fitted")
+
+
+@tests.add
+def a_lost_context_comes_back():
+    """a graphics card that was taken away and given back shows the same picture"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        page.allow("CONTEXT_LOST|context lost")
+        begin(page, light)
+        page.click("=Pixel by pixel (1)")
+        page.frames()
+        before = seen(page)
+        page.js("window.lose = stage.picture.screen.gl.getExtension('WEBGL_lose_context'); lose.loseContext()")
+        page.frames(3)
+        page.js("new Promise(done => { stage.picture.canvas.addEventListener('webglcontextrestored', done); lose.restoreContext(); })")
+        page.frames(3)
+        expect(seen(page) == before, "the same pixels")
+
+
+@tests.add
+def without_webgl_there_is_a_preview():
+    """a browser without WebGL 2 shows the coordinator's preview, with words"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser(["--disable-3d-apis"]) as browser:
+        site.answers["/api/v1/jobs/1/frames/1/preview.png"] = ("image/svg+xml", b"<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'/>")
+        page = browser.page(site.url())
+        page.allow("WebGL")
+        page.js(context(INFO, answers()))
+        page.wait("document.querySelector('img.picture')?.complete && document.querySelector('img.picture').naturalWidth === 9")
+        expect("helmet, frame 1" in page.js("document.querySelector('img.picture').alt"), "it has a text")
+        expect("preview" in page.text(".picture-note") and "WebGL" in page.text(".picture-note"), page.text(".picture-note"))
+        page.js("stage.picture.controls.choose('aces')")
+        page.wait("document.querySelector('img.picture').src.includes('tonemap=aces')")
+        expect(light.width, "")
+
+
+@tests.add
+def the_cost_is_the_farms():
+    """the cost curve gives the numbers of common/accuracy/curve.c"""
+    points = json.dumps([{"cost": c, "error": e, "lo": lo, "hi": hi} for c, e, lo, hi in FIGURES])
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url())
+        got = page.js("""import('/assets/cost.js').then(({fit, errorAt, costOf}) => { const c = fit(%s);
+          return [errorAt(c, 100), costOf(c, 2), costOf(c, 4.5), costOf(c, 12)].map(e => [e.value, e.lo, e.hi]); })""" % points)
+        want = [[2.22257835, 1.28655172, 3.8396082], [127.779212, 37.4196554, 537.435557], [19.4227319, 16.630958, 23.2885684],
+                [1.98952217, 0.487805572, 8.1142953]]  # of accuracy_curve_error and accuracy_curve_cost
+        expect(all(abs(a / b - 1) < 1e-8 for g, w in zip(got, want) for a, b in zip(g, w)), got)
+
+
+@tests.add
+def the_price_is_read_first():
+    """the target line is moved by keys and by hand, the price is told in words, and the verb is what the job allows"""
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, soft_light(67, 45))
+        page.wait_text("4/255 in 0:0[0-9], [0-9.]+ core-seconds more \\(", ".price")
+        page.js("document.querySelector('.target').focus()")
+        page.press("PageDown")
+        page.wait_text("2.9/255 in 0:0[0-9]", ".price")
+        expect(page.js("document.querySelector('.target').getAttribute('aria-valuetext')").startswith("2.9/255"), "spoken")
+        page.click("=Extend to 2.9/255")
+        page.wait("stage.acted.length === 1")
+        expect(page.js("stage.acted[0]") == ["extend", [1], {"spp": 0, "stop": {"measure": 1, "target": 2.9, "adaptive": True}}],
+               page.js("stage.acted"))
+        chart = page.place(".cost-chart")
+        page.drag((chart["x"], chart["y"]), (chart["x"], chart["top"] + chart["height"] * 0.15))
+        page.wait_text("is reached", ".price")
+        expect(not page.find("~Extend"), "nothing to extend to")
+        page.js("stage.info = {...stage.info, state: 'running'}; stage.emit('job')")
+        page.wait("document.querySelector('.cost-part button').textContent === 'Finish now'")
+        page.choose(".cost-part select", "2")
+        page.wait_text("dB", ".price")
+
+
+@tests.add
+def effects_are_shares():
+    """an effect's share is its part of the samples of the threads"""
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, soft_light(67, 45))
+        page.wait_text("tracing rays, geometry\\s+60 %\\s+diffuse\\s+30 %\\s+mirror\\s+10 %", "#effects")
+
+
 if __name__ == "__main__":
     tests.run()

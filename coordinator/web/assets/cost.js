@@ -83,6 +83,9 @@ export function priceWords(curve, error, spent, cores, shown) {
   return `${shown} ${cores > 0 ? `in ${clock(more / cores)}, ` : 'for '}${work(more)} more (${range.join(' to ')})`;
 }
 
+/* What is asked first where a job has no target: 8, 4, 2, 1, ... below the error, about half of it. */
+const halfOf = (error) => 2 ** Math.round(Math.log2(error / 2));
+
 const W = 320, H = 200, LEFT = 44, RIGHT = 10, TOP = 10, BOTTOM = 30;
 
 function s(tag, attributes, ...children) {
@@ -150,7 +153,7 @@ class Cost {
 
   draw() {
     const info = this.context.info(), { frame } = this, stop = info?.stop || {};
-    if (!this.measure) { this.measure = stop.measure || 1; this.choice.value = this.measure; }
+    if (!this.measure) { this.measure = MEASURES[stop.measure] ? stop.measure : 1; this.choice.value = this.measure; }
     const history = [...this.history], now = info?.now;
     if (now?.figures && info.now_frame === frame && now.core_seconds > (history.at(-1)?.core_seconds || 0)) history.push(now);
     this.points = pointsOf(history, this.measure);
@@ -161,7 +164,7 @@ class Cost {
     const own = stop.measure === this.measure && stop.target > 0 ? MEASURES[this.measure].to(stop.target) : 0;
     this.own = own;
     this.spent = this.points.at(-1).cost;
-    this.target = this.dragged || own || this.points.at(-1).error;
+    this.target = this.dragged || own || halfOf(this.points.at(-1).error);
     this.scale();
     this.paint();
     this.tell(info);
@@ -210,7 +213,7 @@ class Cost {
       this.chart.append(this.line);
     }
     this.line.replaceChildren(s('line', { class: 'hold', x1: LEFT, x2: W - RIGHT, y1: ty, y2: ty }), s('line', { x1: LEFT, x2: W - RIGHT, y1: ty, y2: ty }),
-      s('text', { x: LEFT + 4, y: ty - 4 }, `target ${m.show(m.back(this.target))}`));
+      s('text', { x: LEFT + 4, y: ty - 4 }, `${this.own === this.target ? 'target ' : ''}${m.show(m.back(this.target))}${this.own || this.dragged ? '' : '? drag to ask'}`));
     for (const node of [...this.chart.children]) if (node !== this.line) node.remove();
     this.chart.prepend(...parts);
   }
@@ -227,7 +230,7 @@ class Cost {
     text(this.button, this.verb === 'extend' ? `Extend to ${words}` : this.verb === 'finish' ? 'Finish now' : '');
     show(this.button, this.verb);
     show(this.back, moved);
-    text(this.why, !moved || this.verb || !may ? `Spent on this frame: ${coreTime(this.spent)}.`
+    text(this.why, !moved || this.verb || !may ? `Spent on this frame so far: ${coreTime(this.spent)}.`
       : reached ? 'The picture is better than that already.'
         : is('queued', 'running', 'paused') ? 'A job keeps its rules while it runs: when it has ended, it can be extended to this.' : `A job that is ${info.state} cannot be extended: retry it first.`);
   }

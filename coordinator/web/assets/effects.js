@@ -45,6 +45,8 @@ export function mountEffects(element, context) {
   element.replaceChildren(h('h3', null, 'Effects, by time'), list, empty, more);
   context.on('select', draw);
   context.on('job', () => context.frameLoop(draw));
-  context.api.get('/effects').then((answer) => { names = answer.effects || []; draw(); }, context.trouble);
+  const load = () => names.length || context.api.get('/effects').then((answer) => { names = answer.effects || []; draw(); }, context.trouble);
+  context.on('connection', (how) => how === 'open' && load());
+  load();
   draw();
 }

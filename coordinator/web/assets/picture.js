@@ -41,15 +41,19 @@ class Picture {
     context.on('select', () => this.select());
     context.on('job', () => this.jobChanged());
     context.on('theme', () => this.takeTheme());
+    context.on('connection', (how) => how === 'open' && this.loadOperators());
     this.loadOperators();
     this.select();
   }
 
   async loadOperators() {
+    if (this.controls.ready || this.loading) return;
+    this.loading = true;
     try {
       this.controls.setOperators(await this.context.api.get('/operators'));
       this.jobChanged(true);
     } catch (why) { this.context.trouble(why); }
+    this.loading = false;
   }
 
   prepareScreen() {
@@ -288,7 +292,6 @@ class Picture {
 
   setOverlay(name) {
     this.overlay = name;
-    this.mapAsked = 0;
     this.paintOverlay();
     this.redraw();
   }

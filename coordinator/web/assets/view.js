@@ -18,14 +18,16 @@ export class View {
     canvas.addEventListener('pointerleave', () => this.fingers.size || this.point(null));
     canvas.addEventListener('dblclick', (event) => { if (this.fitted) this.zoomTo(1, this.place(event)); else this.fit(); });
     canvas.addEventListener('keydown', (event) => this.key(event));
-    new ResizeObserver((entries) => this.resized(entries.at(-1))).observe(canvas);
+    const observer = new ResizeObserver((entries) => this.resized(entries.at(-1)));
+    try { observer.observe(canvas, { box: 'device-pixel-content-box' }); } catch { observer.observe(canvas); }
   }
 
   /* The canvas has as many pixels as the screen has under it. */
   resized({ devicePixelContentBoxSize: exact, contentRect }) {
     const ratio = window.devicePixelRatio || 1;
-    const width = exact ? exact[0].inlineSize : Math.round(contentRect.width * ratio);
-    const height = exact ? exact[0].blockSize : Math.round(contentRect.height * ratio);
+    /* The browser's own number where it has one: a rounded one may be off by a pixel, which blurs all. */
+    const pixels = (own, css) => Math.abs(own - css * ratio) < 1.01 ? own : Math.round(css * ratio);
+    const width = pixels(exact?.[0].inlineSize, contentRect.width), height = pixels(exact?.[0].blockSize, contentRect.height);
     if (!width || !height) return;
     const before = [this.canvas.width, this.canvas.height];
     this.canvas.width = width;

@@ -1,0 +1,11 @@
+/* api_files: a frame's files, sent as they are taken. */
+#ifndef AZULEJO_COORDINATOR_WEB_API_FILES_H
+#define AZULEJO_COORDINATOR_WEB_API_FILES_H
+
+#include "coordinator/web/request.h"
+
+/* GET /jobs/{job}/frames/{frame}/FILE: the route's message is an OutputGet of the kind. Files have an ETag, the
+ * SHA-256 of their bytes; previews change, and have none. */
+void api_picture(struct web_request *request);
+
+#endif
