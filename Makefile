@@ -141,7 +141,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale studio-day layers circles words numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale studio-day layers circles words openapi numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -158,9 +158,10 @@ $(GEN)/%.pb-c.c $(GEN)/%.pb-c.h: %.proto
 	@mkdir -p $(GEN)
 	$(call show,PROTOC)$(PROTOC_C) --c_out=$(GEN) $<
 
-$(GEN)/web_assets.c: $(WEB_ASSETS) coordinator/web/assets/. scripts/embed.py
+# Besides the page's files: what /api/v1/openapi.yaml answers.
+$(GEN)/web_assets.c: $(WEB_ASSETS) coordinator/web/assets/. docs/openapi.yaml scripts/embed.py
 	@mkdir -p $(GEN)
-	$(call show,EMBED)scripts/embed.py $@ coordinator/web/assets
+	$(call show,EMBED)scripts/embed.py $@ coordinator/web/assets docs/openapi.yaml
 
 $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 	@mkdir -p $(@D)
@@ -279,7 +280,7 @@ else
 tests: all $(TESTS) $(ROW_TEST) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 endif
 
-test: tests layers circles words ## every test; the end says "N passed, N failed"
+test: tests layers circles words openapi ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
 
 test-web: tests ## the page in a real Chromium; axe-core is fetched from npm (docs/WEB.md)
@@ -296,6 +297,9 @@ circles: all ## prove that no folders, and no more than three files, call each o
 
 words: ## prove that the glossary of docs/ARCHITECTURE.md is true
 	@scripts/check-words.py
+
+openapi: ## prove that docs/openapi.yaml is what scripts/openapi.py makes
+	@scripts/openapi.py --check
 
 layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 	@scripts/check-layers.sh

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write a C file that holds the page's files: embed.py OUT.c FOLDER
+"""Write a C file that holds the page's files: embed.py OUT.c FOLDER [MORE FILES]
 
 Each gets its type by its name, and an ETag by its content; it is there as it is and packed by gzip.
 """
@@ -15,8 +15,9 @@ TYPES = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8",
          ".glsl": "text/plain; charset=utf-8"}
 
 
-def main(out, folder):
+def main(out, folder, *more):
     files = sorted(p for p in pathlib.Path(folder).iterdir() if p.is_file() and not p.name.startswith("."))
+    files += [pathlib.Path(p) for p in more]
     lines = ["/* Made by scripts/embed.py. */", '#include "coordinator/web/assets.h"', ""]
     rows = []
     for number, path in enumerate(files):

@@ -77,7 +77,7 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
     result_init(out);
     builder_init(&builder, out, options, &inner);
     out->source = mem_strdup(name);
-    result = input_files_init(&out->files, folder, &options->outside, &inner);
+    result = input_files_init(&out->files, folder, options->only_below, &options->outside, &inner);
     if (result == STATUS_OK)
         result = input_files_add(&out->files, name, size_bytes, &inner);
     if (result != STATUS_OK)

@@ -36,6 +36,7 @@ struct import_options {
     const char *animation;  /* by name or number from 0, "none"; NULL: all of the file's */
     const char *light_units;        /* of glTF's lights: a word of LIGHT_UNITS_WORDS */
     struct option_list outside;     /* folders beside the scene's own that it may read from */
+    const char *only_below;         /* in place of the scene's own, and nothing is told of others; NULL: no */
     int64_t image_megapixels;       /* one image has at most this many 10^6 pixels */
     uint64_t images_bytes;          /* all images have at most this many bytes once decoded */
 };
@@ -126,6 +127,9 @@ void import_result_release(struct import_result *result);
     {"allow-outside", 0, OPTION_LIST, &(o).outside, "DIR",                                      \
      "let the scene read files below this folder, too (default: below its own folder only)", 0, \
      0, NULL},                                                                                  \
+    {"only-below", 0, OPTION_STRING, &(o).only_below, "DIR",                                    \
+     "let the scene read files below this folder only, and learn of no others: for scenes of "  \
+     "strangers", 0, 0, NULL},                                                                  \
     {"max-image", 0, OPTION_INT, &(o).image_megapixels, "MEGAPIXELS",                           \
      "refuse larger images (default 270, which 16384x16384 fits)", 1,                           \
      IMPORT_IMAGE_MEGAPIXELS_MAX, NULL},                                                        \

@@ -75,3 +75,8 @@ void web_asset(struct web_request *request)
 {
     send(request, request->parameters[0]);
 }
+
+void web_asset_openapi(struct web_request *request)
+{
+    send(request, "openapi.yaml");
+}

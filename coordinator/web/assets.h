@@ -24,6 +24,7 @@ int web_accepts_gzip(const char *accept_encoding);
 int web_etag_matches(const char *if_none_match, const char *etag);
 
 void web_asset_index(struct web_request *request);
+void web_asset_openapi(struct web_request *request);
 void web_asset(struct web_request *request);
 
 #endif

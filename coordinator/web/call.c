@@ -415,6 +415,14 @@ static void answer_json(struct web_request *request, const Azulejo__Wire__Envelo
         problem_answer(request, PROBLEM_INTERNAL, "the farm gave another answer than expected");
 }
 
+void web_call_go(struct web_request *request, Azulejo__Wire__Envelope *envelope)
+{
+    struct error err = {0};
+
+    if (web_call_send(request, envelope, WEB_CALL_SHARED, answer_json, &err) != STATUS_OK)
+        problem_answer(request, problem_of_request(err.code, 1), err.text);
+}
+
 void web_call(struct web_request *request)
 {
     Azulejo__Wire__Envelope envelope;
@@ -425,7 +433,6 @@ void web_call(struct web_request *request)
         problem_answer(request, problem_of_request(err.code, 1), err.text);
         return;
     }
-    if (web_call_send(request, &envelope, WEB_CALL_SHARED, answer_json, &err) != STATUS_OK)
-        problem_answer(request, problem_of_request(err.code, 1), err.text);
+    web_call_go(request, &envelope);
     json_wire_free(body);
 }

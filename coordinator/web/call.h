@@ -56,6 +56,8 @@ void web_call(struct web_request *request);
 /* The same in parts. The message's body, to be freed with json_wire_free; *envelope points at it. */
 status web_call_message(const struct web_request *request, Azulejo__Wire__Envelope *envelope,
                         ProtobufCMessage **body, struct error *err) MUST_CHECK;
+/* Send it, and answer with the answer's body. */
+void web_call_go(struct web_request *request, Azulejo__Wire__Envelope *envelope);
 /* The message in an envelope; NULL: none. */
 const ProtobufCMessage *web_call_body(const Azulejo__Wire__Envelope *envelope);
 /* Answer with a message as JSON. */

@@ -206,18 +206,17 @@ static void strip(struct buffer *out, const char *text, size_t length, const cha
     }
 }
 
-/* Where the text says that a file could not be had; NULL: it does not. A file that was not uploaded is told of in
- * the same words whether the coordinator's machine has it or not. */
+/* Where the text says that a file is not there; NULL: it does not. The importer says the same of files elsewhere on
+ * the coordinator's machine (--only-below). */
 static const char *find_missing(const char *text)
 {
-    static const char *const marks[] = {": lies outside the scene's folder", ": cannot be opened: ",
-                                        ": is not a regular file"};
+    static const char *const marks[] = {": cannot be opened: ", "\" does not exist"};
     const char *first = NULL;
 
     for (size_t i = 0; i < sizeof marks / sizeof *marks; i++) {
         const char *at = strstr(text, marks[i]);
         if (at && (!first || at < first))
-            first = at;
+            first = at + (*at == '"');
     }
     return first;
 }

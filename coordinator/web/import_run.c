@@ -221,7 +221,7 @@ static status start(struct import *import, struct error *err)
     struct imports *all = import->all;
     char address[ADDRESS_SIZE], token[ADDRESS_SIZE];
     const char *words[OWN_WORDS + IMPORT_OPTIONS_MAX] = {
-        "azulejo", "submit", import->scene, "--json", "--reconnect=0", "--allow-outside=.", "--coordinator", address,
+        "azulejo", "submit", import->scene, "--json", "--reconnect=0", "--only-below=.", "--coordinator", address,
         "--token", token, "--owner", import->who};
     size_t count = 0;
     char *folder = file_join(import->folder, "files");

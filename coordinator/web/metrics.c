@@ -47,7 +47,7 @@ static void put_jobs(struct buffer *out, const struct farm *farm)
     metric_one(out, "azulejo_frames_open", "gauge", "Frames whose films are in memory.", farm->open_frames);
 }
 
-_Static_assert(FRAMES_OPEN_MAX <= METRICS_FRAMES_MAX, "each has a time series of its own");
+_Static_assert((int)FRAMES_OPEN_MAX <= (int)METRICS_FRAMES_MAX, "each has a time series of its own");
 
 /* `value` of each frame in work whose error is known. */
 static void put_frames(struct buffer *out, const struct farm *farm, const char *name, const char *help,

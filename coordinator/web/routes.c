@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "coordinator/net/server.h"
+#include "coordinator/web/api_blobs.h"
 #include "coordinator/web/api_farm.h"
 #include "coordinator/web/api_files.h"
 #include "coordinator/web/assets.h"
@@ -14,6 +15,7 @@
 #include "coordinator/web/metrics.h"
 #include "coordinator/web/live.h"
 #include "coordinator/web/import.h"
+#include "coordinator/web/json_wire.h"
 #include "coordinator/web/problem.h"
 #include "coordinator/web/sign_in.h"
 #include "coordinator/web/tokens.h"
@@ -37,6 +39,8 @@ static void live_open(struct web_socket *socket);
     {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/" file, WEB_ROLE_VIEW, ASKS(OUTPUT_GET, OUTPUT_DATA),        \
      .run = api_picture, .fixed = "kind=" what, .summary = says}
 
+static web_handler api_submit;
+
 static const struct web_route routes[] = {
     {WEB_GET, "/", WEB_ROLE_NONE, .run = web_asset_index, .summary = "The page."},
     {WEB_GET, "/assets/{file}", WEB_ROLE_NONE, .run = web_asset, .summary = "A file of the page."},
@@ -46,6 +50,8 @@ static const struct web_route routes[] = {
     {WEB_DELETE, "/api/v1/session", WEB_ROLE_NONE, .run = web_session_delete, .summary = "Sign out: forget the cookie."},
     {WEB_GET, "/healthz", WEB_ROLE_NONE, .run = web_healthz, .summary = "Say that the coordinator is alive."},
 
+    {WEB_GET, "/api/v1/openapi.yaml", WEB_ROLE_VIEW, .run = web_asset_openapi,
+     .summary = "This description of the API."},
     {WEB_GET, "/api/v1/farm", WEB_ROLE_VIEW, .run = api_farm, .summary = "Describe the farm: its jobs' states, workers, store."},
     {WEB_GET, "/api/v1/operators", WEB_ROLE_VIEW, .run = api_operators,
      .summary = "List the tone mappers with their parameters."},
@@ -54,7 +60,7 @@ static const struct web_route routes[] = {
 
     {WEB_GET, "/api/v1/jobs", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .query = "filter before first",
      .summary = "List jobs: the newest that match the filter, or with `first` those that are served next."},
-    {WEB_POST, "/api/v1/jobs", WEB_ROLE_SUBMIT, ASKS(JOB_SUBMIT, JOB_ACCEPTED),
+    {WEB_POST, "/api/v1/jobs", WEB_ROLE_SUBMIT, ASKS(JOB_SUBMIT, JOB_ACCEPTED), .run = api_submit,
      .summary = "Submit a job whose scene and blobs were sent."},
     {WEB_GET, "/api/v1/jobs/{job}", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .summary = "Describe a job."},
     {WEB_DELETE, "/api/v1/jobs/{job}", WEB_ROLE_OPERATE, ASKS(JOB_REMOVE, JOB_LIST), .own_jobs_suffice = 1,
@@ -114,6 +120,8 @@ static const struct web_route routes[] = {
      .summary = "Send a webhook an event now, and say whether it was taken."},
     {WEB_POST, "/api/v1/blobs/missing", WEB_ROLE_SUBMIT, ASKS(BLOB_QUERY, BLOB_MISSING),
      .summary = "Which of these blobs are not on the coordinator?"},
+    {WEB_PUT, "/api/v1/blobs/{digest}", WEB_ROLE_SUBMIT, .run = api_blob_put, .streams_body = 1,
+     .summary = "Send a blob: the body is its bytes, the path names their SHA-256."},
     {WEB_GET, "/readyz", WEB_ROLE_NONE, .run = web_readyz, .summary = "Say whether the coordinator takes work."},
     {WEB_GET, "/metrics", WEB_ROLE_VIEW, .run = web_metrics, .summary = "The farm in numbers, in Prometheus' text format."},
 
@@ -158,6 +166,29 @@ static int is_own(struct web_request *request)
         error_set(&why, STATUS_ERR_NOT_FOUND, "there is no job %.20s", text);
     problem_answer(request, problem_of_request(why.code, 1), why.text);
     return 0;
+}
+
+/* A job belongs to the token's owner; only operators submit for somebody else. */
+static void api_submit(struct web_request *request)
+{
+    Azulejo__Wire__Envelope envelope;
+    struct error err = {0};
+    ProtobufCMessage *body;
+    const char *owner;
+
+    if (web_call_message(request, &envelope, &body, &err) != STATUS_OK) {
+        problem_answer(request, problem_of_request(err.code, 1), err.text);
+        return;
+    }
+    owner = envelope.job_submit->owner;
+    if (owner[0] && request->caller.role < WEB_ROLE_OPERATE && strcmp(owner, request->caller.who) != 0) {
+        error_set(&err, STATUS_ERR_REFUSED, "owner: a token of the role submit submits for %s only",
+                  request->caller.who);
+        problem_answer(request, problem_of_request(err.code, 1), err.text);
+    } else {
+        web_call_go(request, &envelope);
+    }
+    json_wire_free(body);
 }
 
 /* Does a list of words name it? "param.*" names all that begin so. */

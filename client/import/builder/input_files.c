@@ -39,13 +39,16 @@ static status folder_add(struct input_files *f, const char *path, status otherwi
     return STATUS_OK;
 }
 
-status input_files_init(struct input_files *f, const char *folder,
+status input_files_init(struct input_files *f, const char *folder, const char *only_below,
                         const struct option_list *outside, struct error *err)
 {
     status result = STATUS_OK;
 
     memset(f, 0, sizeof *f);
-    if (folder)
+    f->is_confined = only_below != NULL;
+    if (only_below)
+        result = folder_add(f, only_below, STATUS_ERR_USAGE, "--only-below ", err);
+    else if (folder)
         result = folder_add(f, folder, STATUS_ERR_INPUT, "", err);
     for (size_t i = 0; i < outside->count && result == STATUS_OK; i++)
         result = folder_add(f, outside->items[i], STATUS_ERR_USAGE, "--allow-outside ", err);
@@ -88,6 +91,11 @@ int input_files_contain(const struct input_files *f, const char *path)
 
     free(whole);
     return result;
+}
+
+int input_files_exist(const struct input_files *f, const char *path)
+{
+    return f->is_confined ? input_files_contain(f, path) : file_exists(path);
 }
 
 /* ---- reading ------------------------------------------------------------------------------ */
@@ -162,8 +170,13 @@ status input_files_read(struct input_files *f, const char *path, size_t limit_by
     int place = open(path, O_PATH | O_CLOEXEC);
     status result;
 
+    if (place >= 0 && f->is_confined && !input_files_contain(f, path)) {
+        close(place);
+        place = -1;
+    }
     if (place < 0)
-        return error_set(err, STATUS_ERR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
+        return error_set(err, STATUS_ERR_INPUT, "%s: cannot be opened: %s", path,
+                         f->is_confined ? "it is not below the folder of --only-below" : strerror(errno));
     result = check_place(f, path, place, link, err);
     if (result == STATUS_OK)
         result = file_read_as(link, path, limit_bytes, out, err);

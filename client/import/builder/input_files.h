@@ -25,19 +25,23 @@ struct input_file {
 struct input_files {
     char **folders;         /* canonical; the first is the scene's own */
     size_t folder_count, folder_capacity;
+    int is_confined;        /* files elsewhere are not there, as far as anyone is told */
     struct input_file *files;
     size_t count, capacity;
 };
 
-/* Allow files below `folder` (NULL: there is none) and below each of `outside`. ERR_USAGE if one of
- * these is not a folder, ERR_INPUT for `folder`. Release after a failure, too. */
-status input_files_init(struct input_files *f, const char *folder,
+/* Allow files below `folder` (NULL: there is none) and below each of `outside`; with `only_below` (NULL: not
+ * given) below that instead of `folder`. ERR_USAGE if one of these is not a folder, ERR_INPUT for `folder`.
+ * Release after a failure, too. */
+status input_files_init(struct input_files *f, const char *folder, const char *only_below,
                         const struct option_list *outside, struct error *err) MUST_CHECK;
 void input_files_release(struct input_files *f);
 
 /* Does the file at `path` exist below one of the folders? For choosing among names; reading checks
  * again. */
 int input_files_contain(const struct input_files *f, const char *path);
+/* Is there a file at `path`, as far as the scene may know? */
+int input_files_exist(const struct input_files *f, const char *path);
 
 /* Append the bytes of a file that the scene names, and list it. ERR_FORBIDDEN, with the option that
  * would allow it, if it is elsewhere; ERR_INPUT when it is not a regular file or cannot be read,

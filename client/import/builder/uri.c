@@ -6,6 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "client/import/builder/input_files.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
 
@@ -113,7 +114,8 @@ static char *path_below(const char *folder, const char *path)
     return *path == '/' ? mem_strdup(path) : file_join(folder, path);
 }
 
-status uri_to_path(const char *uri, const char *folder, char **path, struct error *err)
+status uri_to_path(const char *uri, const char *folder, const struct input_files *files, char **path,
+                   struct error *err)
 {
     struct buffer decoded = BUFFER_INIT;
     char *other;
@@ -138,7 +140,7 @@ status uri_to_path(const char *uri, const char *folder, char **path, struct erro
         result = error_no_memory(err, "a path");
         goto done;
     }
-    if (file_exists(*path))
+    if (input_files_exist(files, *path))
         goto done;
     /* Names that were never encoded, and names written with the other slash. */
     for (int attempt = 0; attempt < 2; attempt++) {
@@ -154,7 +156,7 @@ status uri_to_path(const char *uri, const char *folder, char **path, struct erro
             check_name(uri, buffer_text(&decoded), decoded.size, NULL) != STATUS_OK)
             break;
         other = path_below(folder, buffer_text(&decoded));
-        if (other && file_exists(other)) {
+        if (other && input_files_exist(files, other)) {
             mem_free(*path);
             *path = other;
             break;

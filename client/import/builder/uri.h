@@ -8,6 +8,8 @@
 #include "common/base/buffer.h"
 #include "common/base/status.h"
 
+struct input_files;
+
 int uri_is_data(const char *uri);
 
 /* Append the bytes of a data URI (base64 or percent-encoded). ERR_INPUT. */
@@ -17,6 +19,7 @@ status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out,
 /* The path of a URI without a scheme in `folder`, mem_alloc'd. Schemes and NUL bytes are refused;
  * input_files_read checks where the path leads. The file need not exist; if the decoded name does
  * not exist but the name as written or with '/' for '\' does, that one is used. */
-status uri_to_path(const char *uri, const char *folder, char **path, struct error *err) MUST_CHECK;
+status uri_to_path(const char *uri, const char *folder, const struct input_files *files, char **path,
+                   struct error *err) MUST_CHECK;
 
 #endif

@@ -15,7 +15,7 @@ status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *a
         result = error_set(&inner, STATUS_ERR_INPUT,
                            "names another file, which cannot be read here");
     } else {
-        result = uri_to_path(uri, g->folder, &path, &inner);
+        result = uri_to_path(uri, g->folder, g->b->files, &path, &inner);
         if (result == STATUS_OK)
             result = input_files_read(g->b->files, path, IMPORT_FILE_BYTES_MAX, out, &inner);
     }

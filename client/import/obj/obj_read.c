@@ -192,7 +192,7 @@ static status find_file(struct obj *o, const char *file, char **path, struct err
             buffer_puts(&name, "%25");
         else
             buffer_append(&name, *p == '\\' ? "/" : p, 1);
-    result = buffer_ok(&name) ? uri_to_path(buffer_text(&name), o->folder, path, err)
+    result = buffer_ok(&name) ? uri_to_path(buffer_text(&name), o->folder, o->b->files, path, err)
                               : error_no_memory(err, "a file name");
     buffer_release(&name);
     return result;

@@ -30,7 +30,7 @@ status pbrt_error_(struct error *err, status code, const struct pbrt_place *at, 
 
 /* ---- files -------------------------------------------------------------------------------- */
 
-static status try_folder(const char *folder, const char *name, char **path, struct error *err)
+static status try_folder(const struct input_files *files, const char *folder, const char *name, char **path, struct error *err)
 {
     *path = NULL;
     if (!folder)
@@ -38,7 +38,7 @@ static status try_folder(const char *folder, const char *name, char **path, stru
     *path = *name == '/' ? mem_strdup(name) : file_join(folder, name);
     if (!*path)
         return error_no_memory(err, "a path");
-    if (!file_exists(*path)) {
+    if (!input_files_exist(files, *path)) {
         mem_free(*path);
         *path = NULL;
     }
@@ -64,11 +64,11 @@ status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct 
     for (char *p = slashed; *p; p++)
         if (*p == '\\')
             *p = '/';
-    result = try_folder(r->folder, name, path, err);
+    result = try_folder(r->files, r->folder, name, path, err);
     if (result == STATUS_OK && !*path)
-        result = try_folder(beside, name, path, err);
+        result = try_folder(r->files, beside, name, path, err);
     if (result == STATUS_OK && !*path)
-        result = try_folder(r->folder, slashed, path, err);
+        result = try_folder(r->files, r->folder, slashed, path, err);
     mem_free(slashed);
     if (result == STATUS_OK && !*path)
         return pbrt_error(err, STATUS_ERR_INPUT, at, "the file \"%.*s\" does not exist", NAME_SHOWN,

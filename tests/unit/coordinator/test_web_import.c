@@ -130,16 +130,13 @@ static void errors_name_no_folder_of_the_server(void **state)
     expect_sentence("Segmentation fault\n", "");
 }
 
-static void files_elsewhere_are_told_of_alike_whether_there_or_not(void **state)
+static void missing_files_are_to_be_uploaded(void **state)
 {
-    static const char alike[] =
-        "a.gltf: image 0: /etc/shadow: is not among the uploaded files: upload it, too, where the scene looks for it";
-
     (void)state;
-    expect_sentence("azulejo submit: ./a.gltf: image 0: /etc/shadow: cannot be opened: No such file or directory\n", alike);
-    expect_sentence("azulejo submit: ./a.gltf: image 0: /etc/shadow: lies outside the scene's folder, at /etc/shadow, and "
-                    "is not read: to allow it, add --allow-outside /etc\n", alike);
-    expect_sentence("azulejo submit: ./a.gltf: image 0: /etc/shadow: is not a regular file\n", alike);
+    expect_sentence("azulejo submit: ./a.gltf: image 0: /etc/shadow: cannot be opened: it is not below the folder of --only-below\n",
+                    "a.gltf: image 0: /etc/shadow: is not among the uploaded files: upload it, too, where the scene looks for it");
+    expect_sentence("azulejo submit: ./a.pbrt:1: the file \"b.pbrt\" does not exist\n",
+                    "a.pbrt:1: the file \"b.pbrt\": is not among the uploaded files: upload it, too, where the scene looks for it");
 }
 
 static void warnings_are_listed(void **state)
@@ -363,7 +360,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(options_become_single_words),
         cmocka_unit_test(other_options_are_refused_by_name),
         cmocka_unit_test(errors_name_no_folder_of_the_server),
-        cmocka_unit_test(files_elsewhere_are_told_of_alike_whether_there_or_not),
+        cmocka_unit_test(missing_files_are_to_be_uploaded),
         cmocka_unit_test(warnings_are_listed),
         cmocka_unit_test(a_program_gives_its_output_and_status),
         cmocka_unit_test(a_program_that_is_not_there_says_so),
