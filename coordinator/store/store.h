@@ -4,8 +4,10 @@
  * STORE/hold              held (flock) while a backup is made, or something is removed (store_hold.h)
  * STORE/reserve           space kept back for queue.sqlite (reserve.h)
  * STORE/queue.sqlite      jobs, frames that are done or cut short, the history of their errors, the
- *                         workers that delivered results or left, owners' shares, the lease epoch (WAL, full sync)
+ *                         workers that delivered results or left, owners' shares, the lease epoch, tokens, webhooks
+ *                         (WAL, full sync)
  * STORE/audit.log, .1 ... who did what (audit.h)
+ * STORE/web.token         the page's own token (coordinator/web/tokens.h)
  * STORE/blobs/ab/HEX      blobs by SHA-256 (blobs.h)
  * STORE/blobs/tmp/        unfinished uploads; emptied at the start
  * STORE/films/JOB/frame-NNNN.film   films in work (store_film.h)

@@ -11,7 +11,7 @@
  * - survives a restart, without a list of sessions that could grow or be lost;
  * - ends with its token, with the renewal of the coordinator's own one (which signs everybody out), and by itself
  *   after COOKIE_LIFE_S: cookies do not know ports, so another service of the same host gets to see it;
- * - is no bearer token, and cannot be made from what the store keeps.
+ * - does not work as a token, and cannot be made from what the store keeps.
  *
  * Nothing here blocks but making, renewing and revoking, which wait for the disk as people's other verbs do.
  */

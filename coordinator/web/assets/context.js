@@ -33,7 +33,9 @@ import { may, act } from './verbs.js';
 const listeners = new Map();
 
 export function emit(event, data) {
-  for (const fn of listeners.get(event) || []) fn(data);
+  /* A part that fails must not keep the others from what happened. */
+  for (const fn of [...(listeners.get(event) || [])])
+    try { fn(data); } catch (why) { reportError(why); }
 }
 
 const waiting = new Set();

@@ -157,7 +157,7 @@ class Cost {
     const history = [...this.history], now = info?.now;
     if (now?.figures && info.now_frame === frame && now.core_seconds > (history.at(-1)?.core_seconds || 0)) history.push(now);
     this.points = pointsOf(history, this.measure);
-    this.curve = fit(this.points);
+    this.curve = info && fit(this.points);
     show(this.empty, !this.curve);
     show(this.body, this.curve);
     if (!this.curve) return;

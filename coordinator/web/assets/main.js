@@ -188,6 +188,7 @@ function changed(now) {
   if (now.workers) emit('workers');
   if (now.log.length) emit('log', now.log);
   if (now.jobs.has(context.job()) || now.removed.has(context.job()) || now.loaded || now.session) emit('job');
+  if (now.removedHere && now.removed.has(context.job())) go('#/', true);
   for (const [number, before] of now.jobs) {
     const job = state.job(number);
     if (!job || !state.loaded || now.loaded || before === undefined || before === job.state) continue;
@@ -198,7 +199,7 @@ function changed(now) {
   if (now.loaded) {
     if (context.job() && !state.job(context.job())) loadJob(context.job()).catch(() => emit('job'));
     chooseOne();
-  } else if (now.jobs.size) chooseOne();
+  } else if (now.jobs.size || now.removed.size) chooseOne();
   if (now.loaded || now.jobs.size || now.removed.size) nothing();
 }
 

@@ -70,7 +70,8 @@ function counts() {
   const all = [...state.jobs.values()];
   for (const [name, chip] of chips) {
     attr(chip, 'aria-pressed', String(filter === name));
-    text(chip.lastChild, state.loaded ? all.filter(FILTERS[name]).length + (state.older && (name === 'all' || name === 'done') ? '+' : '') : '');
+    const n = all.filter(FILTERS[name]).length;
+    text(chip.lastChild, n ? n + (state.older && /all|done|mine/.test(name) ? '+' : '') : '');
   }
 }
 function order() {

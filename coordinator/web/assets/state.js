@@ -56,9 +56,11 @@ export function takeJob(info) {
   const all = change().jobs;
   if (!all.has(info.job)) all.set(info.job, before && before.state);
 }
-export function takeRemoved(number) {
+/* `here`: by a person at this page. */
+export function takeRemoved(number, here) {
   if (touched) touched.add(number);
   if (jobs.delete(number)) change().removed.add(number);
+  if (here) change().removedHere = true;
 }
 /* A verb's answer. */
 export function takeAnswer(answer) {

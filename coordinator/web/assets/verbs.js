@@ -149,7 +149,7 @@ export function offered(jobs) {
 async function send(verb, number, body) {
   if (verb.send) {
     await verb.send(number);
-    takeRemoved(number);
+    takeRemoved(number, true);
   } else takeAnswer(await post(of(verb.verb, number), body));
 }
 
@@ -222,7 +222,10 @@ export function prioritiesFor(list, moved, place) {
 }
 export async function reorder(list, moved, place) {
   const changed = prioritiesFor(list, moved, place);
-  if (!changed.length) return;
+  if (!changed.length) {
+    say(`${moved.name} has that place already; jobs that are paused are listed after those that wait.`);
+    return;
+  }
   const others = changed.find(([j]) => !may('operate', j));
   if (others) {
     trouble(new Error(`${others[0].name} is not yours: your token may only move your own jobs.`));
