@@ -282,7 +282,7 @@ static void put_web(struct buffer *out, const struct web *web)
 {
     struct http_counts counts = http_counts(web->http);
     struct webhook_counts hooks = webhooks_counts(web->webhooks);
-    char code[8];
+    char code[16];
 
     metric_begin(out, "azulejo_web_requests_total", "counter", "Answered requests of the page and the API, by code.");
     for (int i = 1; i < 6; i++) {
