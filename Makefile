@@ -124,7 +124,11 @@ SCENE_TOOLS := $(patsubst scenes/%.c,$(BIN)/scenes/%,$(filter-out $(SCENE_SHARED
 
 # This one is compiled with another table of material fields (below).
 ROW_TEST_SRC := tests/unit/scene/test_material_row.c
-TEST_SRC := $(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null))
+# Tests of the page's room, which a build without it skips by name.
+ifneq ($(WEB),1)
+WEB_TEST_SRC := $(shell grep -rl '"coordinator/web/' tests --include='*.c' 2>/dev/null)
+endif
+TEST_SRC := $(filter-out $(WEB_TEST_SRC),$(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null)))
 # And this one with a path tracer that goes wrong on purpose.
 FAULT_TEST_SRC := tests/unit/render/test_health.c
 TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(filter-out $(ROW_TEST_SRC) $(FAULT_TEST_SRC),$(TEST_SRC))))
@@ -136,7 +140,7 @@ TOOL_SRC := $(sort $(shell find tests/farm tests/bench tests/accuracy tests/fuzz
 # Preloaded into a coordinator under test.
 ODD_DISK := $(BUILD)/tests/farm/odd_disk.so
 TOOLS := $(patsubst %.c,$(BUILD)/%,$(TOOL_SRC))
-FUZZ_SRC := $(sort $(shell find tests/fuzz -name 'fuzz_*.c' 2>/dev/null))
+FUZZ_SRC := $(sort $(filter-out $(WEB_TEST_SRC),$(shell find tests/fuzz -name 'fuzz_*.c' 2>/dev/null)))
 FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
@@ -281,11 +285,11 @@ tests: all $(TESTS) $(ROW_TEST) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_D
 endif
 
 test: tests layers circles words openapi ## every test; the end says "N passed, N failed"
-	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh
+	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh
 
 test-web: tests ## the page in a real Chromium; axe-core is fetched from npm (docs/WEB.md)
 	@scripts/fetch-axe.sh || true
-	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) tests/run.sh tests/web/
+	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh tests/web/
 
 check-asan: ## the tests under AddressSanitizer and UndefinedBehaviorSanitizer
 	$(MAKE) SANITIZE=address,undefined test

@@ -17,6 +17,14 @@ passed=0 failed=0 skipped=0
 logs=$BUILD/test-logs
 mkdir -p "$logs"
 
+# A build without the page (make WEB=0) skips its tests, by name.
+skip_web() {
+    [ "${WEB:-1}" = 0 ] || return 1
+    [[ $1 =~ ^tests/web/|test_web_[a-z_]*\.py$ ]] || { [[ $1 =~ \.c$ ]] && grep -q '"coordinator/web/' "$1"; } || return 1
+    echo "skip $1 (this build has no page: WEB=0)"
+    skipped=$((skipped + 1))
+}
+
 run_one() {
     local name=$1 log ok bad skip rc
     shift
@@ -39,15 +47,18 @@ run_one() {
 
 for test in $(find tests/unit tests/statistics tests/numerics -name 'test_*.c' 2>/dev/null | sort); do
     [[ $test =~ $pattern ]] || continue
+    skip_web "$test" && continue
     run_one "${test%.c}" "$BUILD/${test%.c}"
 done
 for target in $(find tests/fuzz -name 'fuzz_*.c' 2>/dev/null | sort); do
     [[ $target =~ $pattern ]] || continue
+    skip_web "$target" && continue
     base=$(basename "$target" .c)
     run_one "tests/fuzz/$base" "$BUILD/tests/fuzz/${base}_replay" "tests/fuzz/corpus/${base#fuzz_}"
 done
 for test in $(find tests/farm tests/fault tests/web -name 'test_*.py' 2>/dev/null | sort); do
     [[ $test =~ $pattern ]] || continue
+    skip_web "$test" && continue
     run_one "$test" python3 "$test"
 done
 echo
