@@ -17,7 +17,8 @@ struct job;
 struct job_event;
 
 struct server_guest {
-    /* Once, when the server listens. An error ends the server. */
+    /* Once, when the server listens. ERR_UNREACHABLE: the server goes on without its guest, which has closed its
+     * handles. Another error ends the server. */
     status (*start)(void *user, struct server *server, struct error *err);
     /* What follows is called on the loop's thread, and must not block it. */
     void (*job_changed)(void *user, const struct job *job);   /* its state or its samples */

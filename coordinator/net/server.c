@@ -283,6 +283,11 @@ static status announce(struct server *server, const struct server_options *optio
         server->guest = options->guest;
         s = server->guest.start(server->guest.user, server, err);
         server->guest_runs = s == STATUS_OK;
+        if (s == STATUS_ERR_UNREACHABLE) {
+            log_warn("no page: %s", err ? err->text : "");
+            server->guest = (struct server_guest){0};
+            s = STATUS_OK;
+        }
     }
     if (s != STATUS_OK || !ready_file)
         return s;

@@ -67,15 +67,17 @@ static status write_url(const struct web *web, int prints, struct error *err)
     return s;
 }
 
-static status publish(struct web *web, struct error *err)
+static void publish(struct web *web)
 {
     const char *name = public_name(web);
+    struct error err = {0};
 
     snprintf(web->address, sizeof web->address, strchr(name, ':') ? "%s://[%s]:%u" : "%s://%s:%u",
              web->guard.is_tls ? "https" : "http", name, web->guard.port);
     log_info("the page is at %s", web->address);
     webhooks_set_own_ports(web->webhooks, web->guard.port, web->server->port);
-    return write_url(web, 1, err);
+    if (write_url(web, 1, &err) != STATUS_OK)
+        log_warn("the page's address, for other programs: %s", err.text);
 }
 
 /* ---- the guest ------------------------------------------------------------------------------- */
@@ -107,13 +109,10 @@ static status message(void *user, struct session *session, const Azulejo__Wire__
     }
 }
 
-static status start(void *user, struct server *server, struct error *err)
+static status start_parts(struct web *web, struct server *server, struct error *err)
 {
-    struct web *web = user;
-    struct error why = {0};
     status s = web_tokens_open(&web->tokens, server->store, on_token_ended, web, err);
 
-    web->server = server;
     if (s == STATUS_OK)
         s = certify(web, err);
     if (s == STATUS_OK)
@@ -122,25 +121,37 @@ static status start(void *user, struct server *server, struct error *err)
         s = imports_open(&web->imports, server, web->options.client, err);
     if (s == STATUS_OK)
         s = webhooks_open(&web->webhooks, server->store, err);
-    if (s != STATUS_OK)
-        return s;
-    s = http_start(&web->http, web, &why);
-    if (s == STATUS_ERR_UNREACHABLE && !web->options.was_asked_for) {
-        log_warn("no page: %s", why.text);
-        http_stop(web->http);
-        return STATUS_OK;
-    }
-    if (s != STATUS_OK && err)
-        *err = why;
     if (s == STATUS_OK)
         s = live_new(&web->live, server, err);
-    if (s == STATUS_OK)
-        s = publish(web, err);
-    if (s != STATUS_OK) {
-        http_stop(web->http);
-        live_stop(web->live);
-    }
     return s;
+}
+
+/* A farm whose page was not asked for goes on without it: tokens can be made, but nobody is served. */
+static status start(void *user, struct server *server, struct error *err)
+{
+    struct web *web = user;
+    struct error why = {0};
+    status s;
+
+    web->server = server;
+    s = start_parts(web, server, err);
+    if (s != STATUS_OK) {
+        live_stop(web->live);
+        return status_is_environment(s) && !web->options.was_asked_for ? STATUS_ERR_UNREACHABLE : s;
+    }
+    s = http_start(&web->http, web, &why);
+    if (s == STATUS_OK) {
+        publish(web);
+        return STATUS_OK;
+    }
+    if (web->http)
+        http_stop(web->http);
+    if (s == STATUS_ERR_UNREACHABLE && !web->options.was_asked_for) {
+        log_warn("no page: %s", why.text);
+        return STATUS_OK;
+    }
+    live_stop(web->live);
+    return error_set(err, s == STATUS_ERR_UNREACHABLE ? STATUS_ERR_IO : s, "%s", why.text);
 }
 
 static void job_changed(void *user, const struct job *job)

@@ -14,7 +14,8 @@ import threading
 import time
 import warnings
 
-from farm import Failure, Farm, PATIENCE, Tests, wait_for
+from disk import SmallDisk
+from farm import Failure, Farm, PATIENCE, Skip, Tests, wait_for
 from jobs import expect
 from page import Page, need_page
 from strangers import descriptors_of, need_descriptors, resident_bytes
@@ -394,6 +395,30 @@ def ports():
         farm.cli("list", expect=0)
         farm.coordinator.stop()
         expect("page" not in farm.coordinator.rest.decode(), farm.coordinator.rest)
+
+
+@tests.add
+def bad_disk():
+    """started on a disk that cannot be written, the coordinator has its page, with its token if there is one"""
+    with Farm() as farm, SmallDisk(farm, 24 << 20) as folder:
+        need_page()
+        if not folder:
+            raise Skip("mounting is not permitted")
+        farm.store = os.path.join(folder, "store")
+        token = started(farm).token
+        farm.coordinator.stop()
+        os.rename(farm.store + "/web.token", farm.store + "/token")
+        for there in (False, True):
+            if there:
+                os.rename(farm.store + "/token", farm.store + "/web.token")
+            disk = SmallDisk(farm, 0)
+            disk.remount("ro")
+            farm.start_coordinator()
+            farm.cli("list", expect=0)
+            page = Page(farm.coordinator)
+            expect((page.token == token) == there and page.get("/api/v1/jobs").status == 200, "the page")
+            farm.coordinator.stop()
+            disk.remount("rw")
 
 
 @tests.add
