@@ -87,7 +87,7 @@ class Controls {
     this.element = h('div', { class: 'picture-controls' },
       h('div', { class: 'row' }, labelled('show', this.overlay, this.opacity), this.layerField,
         picture.screen && h('span', { class: 'zoom' }, this.scale, button('\u2212', 'Zoom out (-)', view((v) => v.zoom(Math.SQRT1_2))),
-          button('+', 'Zoom in (+)', view((v) => v.zoom(Math.SQRT2))), button('1:1', 'Pixel by pixel (1)', view((v) => v.zoomTo(1))),
+          button('+', 'Zoom in (+)', view((v) => v.zoom(Math.SQRT2))), button('1:1', 'Pixel by pixel, 1:1 (1)', view((v) => v.zoomTo(1))),
           button('fit', 'Fit (0)', view((v) => v.fit())), button('\u2922', 'Full screen (F)', () => picture.fullScreen()))),
       h('div', { class: 'row' }, labelled('operator', this.operator), picture.screen && this.wipe, this.other,
         labelled('exposure', this.exposure, this.exposureOut), labelled('white', this.white, this.whiteOut), this.reset, this.apply),
