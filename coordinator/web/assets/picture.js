@@ -27,7 +27,6 @@ class Picture {
       'aria-valuemin': 0, 'aria-valuemax': 100, hidden: true });
     this.note = h('p', { class: 'picture-note', role: 'status' });
     this.stage = h('div', { class: 'stage' }, this.canvas, this.crosshair, this.handle, this.note);
-    this.legend = h('div', { class: 'legend' });
     this.reading = h('output', { class: 'reading', 'aria-live': 'off' });
     try {
       this.screen = new Screen(this.canvas);
@@ -36,7 +35,8 @@ class Picture {
     }
     this.controls = makeControls(this);
     element.classList.add('picture-part');
-    element.replaceChildren(this.stage, h('div', { class: 'picture-foot' }, this.legend, this.reading), this.controls.element);
+    this.stage.append(this.controls.changed);
+    element.replaceChildren(this.stage, this.reading, this.controls.element);
     if (this.screen) this.prepareScreen();
     context.on('select', () => this.select());
     context.on('job', () => this.jobChanged());
@@ -201,7 +201,7 @@ class Picture {
       Object.assign(this.crosshair.style, { left: `${x}px`, top: `${y}px`, width: `${size}px`, height: `${size}px` });
     }
     if (overlay.needsMap || this.at) this.readAt();
-    this.controls.setScale(view.scale, view.fitted);
+    this.controls.setScale(view.scale);
     this.describe();
   }
 
@@ -303,7 +303,7 @@ class Picture {
     if (!this.orders.has(job)) this.orders.set(job, []);
     const painted = paint(this.overlay, { pixels: this.pixels, map: this.map }, this.orders.get(job));
     this.screen.setTints(painted.tiles);
-    legend(this.legend, this.overlay, painted, this.mapTrouble);
+    legend(this.controls.legend, this.overlay, painted, this.mapTrouble);
   }
 
   /* Large answers are asked for less often. */
@@ -349,7 +349,9 @@ class Picture {
       if (more) words.push(`\u00b1 ${codesText(Math.max(...more.map((c, i) => Math.abs(c - codes[i]))))}`);
     }
     words.push(`tile ${tile}`, ...this.tileWords(tile));
-    text(this.reading, words.join(' \u00b7 '));
+    const all = words.join(' \u00b7 ');
+    text(this.reading, all);
+    this.reading.title = all;
   }
 
   tileWords(tile) {
