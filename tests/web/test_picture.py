@@ -327,7 +327,8 @@ def the_farm_develops_what_the_page_cannot():
         page.frames()
         expect([list(sum((list(p) for p in row), [])) for row in seen(page)] == [list(row) for row in Png(data).codes], "the coordinator's codes")
         asked = [p for p in page.js("stage.asked") if "preview" in p]
-        expect(len(asked) == 1 and "tonemap=mantiuk06" in asked[0] and "exposure=1" in asked[0] and "param.saturation" in asked[0], asked)
+        expect(len(asked) == 1 and "tonemap=mantiuk06" in asked[0] and "exposure=1" in asked[0] and "param.saturation=0.8" in asked[0] and
+               "param.mode=mapping" in asked[0], asked)
         page.click("=Refresh")
         page.wait("stage.asked.filter(p => p.includes('preview')).length === 2")
         page.js("stage.picture.controls.choose('aces')")

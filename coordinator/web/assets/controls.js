@@ -59,7 +59,7 @@ class Controls {
     const changed = () => picture.redraw();
     const range = (min, max, step, value, label, run) => h('input', { type: 'range', min, max, step, value, 'aria-label': label, oninput: run });
     const button = (words, title, run) => h('button', { type: 'button', title, 'aria-label': title, onclick: run }, words);
-    this.overlay = h('select', { onchange: () => { show(this.opacity, this.overlay.value !== 'none'); picture.setOverlay(this.overlay.value); } });
+    this.overlay = h('select', { 'aria-label': 'Shown over the picture', onchange: () => { show(this.opacity, this.overlay.value !== 'none'); picture.setOverlay(this.overlay.value); } });
     options(this.overlay, Object.entries(OVERLAYS).map(([name, { text: words }]) => [name, words]));
     this.opacity = range(0, 1, 0.05, picture.opacity, 'Opacity of the overlay', () => { picture.opacity = Number(this.opacity.value); changed(); });
     this.opacity.hidden = true;
@@ -67,7 +67,7 @@ class Controls {
     this.layerField = labelled('layer', this.layer);
     this.layerField.hidden = true;
     this.scale = h('output', { class: 'scale' });
-    this.operator = h('select', { onchange: () => this.choose(this.operator.value) });
+    this.operator = h('select', { 'aria-label': 'Operator', onchange: () => this.choose(this.operator.value) });
     this.other = h('select', { 'aria-label': 'Second operator', hidden: true, onchange: () => { this.secondOperator = this.other.value; changed(); } });
     this.wipe = h('button', { type: 'button', 'aria-pressed': 'false', title: 'Wipe between two operators', onclick: () => this.toggleWipe() }, 'A|B');
     this.exposure = range(-EXPOSURE_RANGE, EXPOSURE_RANGE, 0.1, 0, '', () => this.setExposure(Number(this.exposure.value)));
@@ -88,11 +88,11 @@ class Controls {
     this.changed = h('p', { class: 'look-changed', hidden: true }, 'Not as the job has it: ', this.reset, ' ', this.apply);
     this.legend = h('div', { class: 'legend' });
     this.element = h('div', { class: 'picture-controls' },
-      h('div', { class: 'row' }, labelled('show', this.overlay), this.opacity, this.layerField, this.legend,
+      h('div', { class: 'row' }, this.overlay, this.opacity, this.layerField, this.legend,
         picture.screen && h('span', { class: 'zoom' }, this.scale, button('\u2212', 'Zoom out (-)', view((v) => v.zoom(Math.SQRT1_2))),
           button('+', 'Zoom in (+)', view((v) => v.zoom(Math.SQRT2))), button('1:1', 'Pixel by pixel, 1:1 (1)', view((v) => v.zoomTo(1))),
           button('fit', 'Fit (0)', view((v) => v.fit())), button('\u2922', 'Full screen (F)', () => picture.fullScreen()))),
-      h('div', { class: 'row' }, labelled('operator', this.operator), picture.screen && this.wipe, this.other,
+      h('div', { class: 'row' }, this.operator, picture.screen && this.wipe, this.other,
         labelled('exposure', this.exposure, this.exposureOut), labelled('white', this.white, this.whiteOut),
         h('details', { class: 'more' }, h('summary', null, 'More'), h('div', { class: 'popover' }, this.source, this.parameters,
           h('div', { class: 'row' }, labelled('automatic exposure', this.metering), this.percentile,
@@ -111,6 +111,11 @@ class Controls {
   }
 
   presets(name) { return presetsOf(this.operators.find((o) => o.name === name)); }
+
+  /* A parameter's value as the commands write it: choices are words. */
+  word(operator, name, value) {
+    return this.operators.find((o) => o.name === operator)?.parameters.find((p) => p.name === name)?.choices?.[value] ?? value;
+  }
 
   /* The values that were used with an operator last. */
   remembered(name) { return this.of.get(name) || { values: this.presets(name), file: null }; }

@@ -228,9 +228,10 @@ class Picture {
 
   previewPath(look) {
     const query = new URLSearchParams({ tonemap: look.operator, exposure: look.ev });
-    for (const [name, value] of Object.entries(look.values)) query.set(`param.${name}`, value);
-    if (look.metering !== 'off') { query.set('metering', look.metering); query.set('percentile', look.percentile); }
-    if (look.kelvin > 0) query.set('white', look.kelvin);
+    for (const [name, value] of Object.entries(look.values)) query.set(`param.${name}`, this.controls.word(look.operator, name, value));
+    query.set('metering', look.metering);
+    query.set('metering_percentile', look.percentile);
+    query.set('white_kelvin', look.kelvin);
     return `/jobs/${this.job}/frames/${this.context.shownFrame()}/preview.png?${query}`;
   }
 
@@ -337,7 +338,7 @@ class Picture {
   readAt() {
     if (!this.at) return;
     const [x, y] = this.at, linear = this.pixels.at(x, y), words = [`${x}, ${y}`], pane = this.panes()[0];
-    const short = (n) => Math.abs(n) >= 1e4 || (n !== 0 && Math.abs(n) < 1e-3) ? n.toExponential(2) : String(Number(n.toPrecision(4)));
+    const short = (n) => Math.abs(n) >= 1e4 || (n !== 0 && Math.abs(n) < 1e-3) ? n.toExponential(2) : String(Number(n.toPrecision(3)));
     const tile = Math.floor(y / 16) * this.pixels.across + Math.floor(x / 16);
     if (!linear) words.push('no samples yet');
     else if (!isLight(this.layer)) words.push(`${linear.slice(0, 3).map(short).join(' ')} ${layerUnit(this.layer)}`.trim());
