@@ -15,12 +15,19 @@ SMALL = ["--size", "32x32", "--spp", "4"]
 LONG = ["--size", "128x128", "--spp", "1000000"]
 
 
+def info(farm, job):
+    return farm.api("GET", "/jobs/%d" % job)["jobs"][0]
+
+
 def state(farm, job):
-    return farm.job(job)["state"]
+    return info(farm, job)["state"]
 
 
-def until(farm, job, *wanted):
-    return wait_for(lambda: state(farm, job) in wanted, "job %d to be %s" % (job, " or ".join(wanted)), 30)
+def until(farm, page, job, wanted):
+    """Wait until the job is in that state, and the page shows it."""
+    wait_for(lambda: state(farm, job) == wanted, "job %d to be %s" % (job, wanted), 30)
+    page.wait("document.querySelector('[data-job=\"%d\"]')?.classList.contains('%s')" % (job, wanted),
+              "the page to show job %d as %s" % (job, wanted))
 
 
 def show(farm, page, job):
@@ -29,29 +36,36 @@ def show(farm, page, job):
     page.wait("location.hash === '#/job/%d'" % job)
 
 
+def press_in(page, where, name):
+    """Press the button in `where` whose words, or whose bold ones, are this."""
+    page.wait("""(() => { const b = [...document.querySelectorAll('%s button')].find(e => e.checkVisibility() &&
+        (e.querySelector('b') || e).textContent.trim() === '%s');
+        document.getElementById('to-press')?.removeAttribute('id'); if (b) b.id = 'to-press'; return b; })()""" % (
+            where, name), "a button '%s' in %s" % (name, where))
+    page.click("#to-press")
+
+
 def verb(page, name):
     """Press a verb of the shown job: in front, or in the menu behind "More"."""
-    page.wait("%s || %s" % tuple("[...document.querySelectorAll('button')].some(b => b.checkVisibility() && "
-                                 "b.textContent.trim() === %r)" % n for n in (name, "More")))
-    if page.find("=" + name):
-        page.click("=" + name)
+    page.wait("[...document.querySelectorAll('#side button')].some(b => b.checkVisibility() && "
+              "['%s', 'More'].includes(b.textContent.trim()))" % name, "the verb " + name)
+    if page.js("[...document.querySelectorAll('#side button')].some(b => b.textContent.trim() === '%s')" % name):
+        press_in(page, "#side", name)
     else:
-        page.click("=More")
-        page.click("~" + name)
+        press_in(page, "#side", "More")
+        press_in(page, "[role=menu]", name)
 
 
 def confirm(page, name):
     """Press a button of the question that is open."""
-    page.wait("document.querySelector('dialog[open]')")
-    page.click("=" + name)
-    page.wait("!document.querySelector('dialog[open]')")
+    press_in(page, "dialog[open]", name)
+    page.wait("!document.querySelector('dialog[open] #to-press')", "the question to close")
 
 
 def field(page, label, value):
     """Fill the field of the open form that has this label."""
-    found = page.js("""(() => { const l = [...document.querySelectorAll('dialog[open] label')].find(e =>
-        e.textContent.trim().startsWith(%r)); return l && '#' + l.htmlFor; })()""" % label)
-    expect(found, "no field " + label)
+    found = page.wait("""(() => { const l = [...document.querySelectorAll('dialog[open] label')].find(e =>
+        e.textContent.trim().startsWith(%r)); return l && '#' + l.htmlFor; })()""" % label, "a field " + label)
     if page.js("document.querySelector(%r).tagName" % found) == "SELECT":
         page.choose(found, value)
     else:
@@ -66,37 +80,37 @@ def verbs_of_a_job_in_work():
         farm.start_worker()
         job = farm.submit(farm.scene(), *LONG)
         page = farm.page(browser, width=1600, height=1000)
-        until(farm, job, "running")
+        until(farm, page, job, "running")
         show(farm, page, job)
         verb(page, "Pause")
-        until(farm, job, "paused")
+        until(farm, page, job, "paused")
         page.click("=Undo")
-        until(farm, job, "running")
+        until(farm, page, job, "running")
         verb(page, "Pause")
-        until(farm, job, "paused")
+        until(farm, page, job, "paused")
         verb(page, "Resume")
-        until(farm, job, "running")
+        until(farm, page, job, "running")
         verb(page, "Priority")
         field(page, "Priority", "7")
         confirm(page, "Set the priority")
-        wait_for(lambda: farm.job(job)["priority"] == 7, "priority 7")
-        wait_for(lambda: farm.job(job)["samples"]["done"] >= 2 * 128 * 128, "samples of the whole picture")
+        wait_for(lambda: info(farm, job)["priority"] == 7, "priority 7")
+        wait_for(lambda: int(info(farm, job)["samples_done"]) >= 2 * 128 * 128, "samples of the whole picture")
         verb(page, "Finish")
-        until(farm, job, "done")
+        until(farm, page, job, "done")
         verb(page, "Retry")
-        until(farm, job, "running")
+        until(farm, page, job, "running")
         verb(page, "Cancel")
-        until(farm, job, "cancelled")
+        until(farm, page, job, "cancelled")
         verb(page, "Retry")
-        until(farm, job, "running")
-        verb(page, "Cancel and discard…")
+        until(farm, page, job, "running")
+        verb(page, "Cancel and discard")
         page.wait_text("lost", "dialog[open]")
         confirm(page, "Keep")
         expect(state(farm, job) == "running", "it was cancelled")
-        verb(page, "Cancel and discard…")
+        verb(page, "Cancel and discard")
         confirm(page, "Discard the samples")
-        until(farm, job, "cancelled")
-        verb(page, "Remove…")
+        until(farm, page, job, "cancelled")
+        verb(page, "Remove")
         confirm(page, "Remove")
         wait_for(lambda: farm.cli("show", job).code != 0, "the job to be gone")
         page.wait("!document.querySelector('[data-job=\"%d\"]')" % job)
@@ -112,22 +126,24 @@ def verbs_of_waiting_and_finished_jobs():
         farm.wait_for_job(done)
         page = farm.page(browser, width=1600, height=1000)
         show(farm, page, done)
-        verb(page, "Extend…")
+        until(farm, page, done, "done")
+        verb(page, "Extend")
         field(page, "Samples", "16")
         field(page, "Error", "")
         confirm(page, "Extend")
-        wait_for(lambda: farm.job(done)["samples"]["done"] == 16 * 32 * 32, "16 samples a pixel")
-        until(farm, done, "done")
-        verb(page, "Develop…")
+        wait_for(lambda: int(info(farm, done)["samples_done"]) == 16 * 32 * 32, "16 samples a pixel")
+        until(farm, page, done, "done")
+        verb(page, "Develop")
         field(page, "Operator", "gamma")
         confirm(page, "Develop")
-        wait_for(lambda: farm.job(done)["output"]["tonemap"] == "gamma", "the operator")
+        wait_for(lambda: info(farm, done)["output"]["tonemap"] == "gamma", "the operator")
         worker.stop()
         first, second, third = (farm.submit(farm.scene(), *LONG, "--name", n) for n in ("first", "second", "third"))
         later = farm.submit(farm.scene(), *LONG, "--name", "later", "--after", str(first))
         show(farm, page, later)
+        until(farm, page, later, "queued")
         verb(page, "Start")
-        wait_for(lambda: not farm.api("GET", "/jobs/%d" % later)["jobs"][0]["after"], "job 'later' to wait no more")
+        wait_for(lambda: not info(farm, later)["after"], "job 'later' to wait no more")
         order = lambda: [j["job"] for j in sorted(
             farm.api("GET", "/jobs?filter=active")["jobs"], key=lambda j: j["queue_position"])]
         wait_for(lambda: order() == [first, second, third, later], "the order of submission")
@@ -157,7 +173,7 @@ def tokens_and_the_store():
     with WebFarm() as farm, Browser() as browser, Browser() as other:
         farm.start_coordinator()
         page = farm.page(browser, "#/access")
-        page.click("=Create a token…")
+        page.click("=Create a token")
         field(page, "Name", "guest")
         field(page, "Role", "view")
         confirm(page, "Create")
@@ -169,6 +185,7 @@ def tokens_and_the_store():
         page.wait_text("guest")
         page.js("[...document.querySelectorAll('tr')].find(r => r.innerText.includes('guest'))"
                 ".querySelector('button').click()")
+        page.wait_text("guest", "dialog[open]")
         confirm(page, "Revoke")
         guest.wait("document.documentElement.dataset.connection !== 'open'", "the guest's page to lose its connection")
         answer, _ = farm.ask("GET", "/api/v1/farm", token=farm.tokens["guest"])
@@ -186,12 +203,12 @@ def roles_are_offered_what_they_may():
         farm.start_coordinator()
         farm.start_worker("--name", "ana")
         other = farm.submit(farm.scene(), *LONG)
-        until(farm, other, "running")
-        info = farm.api("GET", "/jobs/%d" % other)["jobs"][0]
+        wait_for(lambda: state(farm, other) == "running", "the job to run")
+        model = info(farm, other)
         own = farm.api("POST", "/jobs", {
-            "name": "own", "scene": info["scene"], "settings": info["settings"], "output": info["output"],
+            "name": "own", "scene": model["scene"], "settings": model["settings"], "output": model["output"],
             "first_frame": 1, "last_frame": 1}, role="submit", expect=(200, 201))["job"]
-        offers = "['Pause', 'Resume', 'Finish', 'Cancel', 'More', 'Drain', 'Block', 'Collect', 'Remove…']"
+        offers = "['Pause', 'Resume', 'Finish', 'Cancel', 'More', 'Drain', 'Block', 'Collect', 'Remove']"
         count = ("[...document.querySelectorAll('button')].filter(b => b.checkVisibility() && %s.includes("
                  "b.textContent.trim())).length" % offers)
         refused = {"view": [("POST", "/jobs/%d/pause" % other), ("POST", "/jobs/%d/pause" % own), ("POST", "/jobs"),
