@@ -245,11 +245,12 @@ FORMS = {
     "put /api/v1/blobs/{digest}": ("application/json", obj("digest bytes", digest=ref("Bytes"), bytes=BIG)),
     "get /api/v1/events": ("text/event-stream", TEXT), "get /api/v1/live": (None, {}),
     "post /api/v1/imports": ("application/json", obj("import", **{"import": BIG})),
-    "put /api/v1/imports/{import}/files/{path...}": ("application/json", {}),
+    "put /api/v1/imports/{import}/files/{path...}": ("application/json", obj("path bytes", bytes=BIG)),
     "post /api/v1/imports/{import}": ("application/json", obj("job", job=BIG), obj("scene", "options", options=array(TEXT))),
     "delete /api/v1/imports/{import}": ("application/json", {}),
 }
 FORMS["post /api/v1/imports/{import}"][1]["additionalProperties"] = True
+CREATES = {"post /api/v1/imports", "put /api/v1/imports/{import}/files/{path...}"}  # answered with 201
 # Of a file: its type.
 FILES = {"exr": "image/x-exr", "png": "image/png", "jpg": "image/jpeg", "effects.json": "application/json",
          "preview.exr": "image/x-exr", "preview.png": "image/png"}
@@ -327,7 +328,8 @@ def operation(route, schemas):
     if body:
         out["requestBody"] = body
     success = dict({"description": "Done."}, **({"content": content} if content else {}))
-    out["responses"] = {"101": {"description": "The WebSocket is open."}} if route["open"] else {"200": success}
+    out["responses"] = {"101": {"description": "The WebSocket is open."}} if route["open"] else {
+        "201" if "%s %s" % (route["method"], route["path"]) in CREATES else "200": success}
     if route["answer"] == "output_data":
         out["responses"]["304"] = {"description": "The file is the one of If-None-Match."}
     if route["method"] in ("delete", "put") and not route["answer"]:

@@ -285,21 +285,38 @@ static void report_work(struct job_report *report, const struct job *job)
     wire_work_set(&report->work, &work);
 }
 
+/* Sums over results, which the wire's 32 bits may not hold: then all are scaled alike, as only shares matter. */
+static void report_stats(struct job_report *report, const struct work_stats *sum)
+{
+    Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
+    uint64_t most = 0;
+
+    stats.cpu_ns = sum->cpu_ns;
+    stats.trace_ns = sum->trace_ns;
+    stats.effects = sum->effects;
+    stats.accounts = report->accounts;
+    for (size_t i = 0; i < EFFECT_ACCOUNTS; i++)
+        most = sum->accounts[i] > most ? sum->accounts[i] : most;
+    for (size_t i = 0; i < EFFECT_ACCOUNTS; i++) {
+        report->accounts[i] = (uint32_t)(sum->accounts[i] / (most / UINT32_MAX + 1));
+        if (report->accounts[i] > 0)
+            stats.n_accounts = i + 1;
+    }
+    report->stats = stats;
+}
+
 void job_report_make(struct job_report *report, struct farm *farm, struct job *job,
                      uint64_t now_ns)
 {
     Azulejo__Wire__JobInfo info = AZULEJO__WIRE__JOB_INFO__INIT;
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
-    Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
 
     (void)waiting_order(farm, now_ns); /* it says what a job waits for */
     report->settings = settings;
     wire_settings_set(&report->settings, &job->settings);
     wire_stop_set(&report->stop, &job->stop);
     wire_output_set(&report->output, &job->output);
-    stats.cpu_ns = job->stats.cpu_ns;
-    stats.trace_ns = job->stats.trace_ns;
-    report->stats = stats;
+    report_stats(report, &job->stats);
     report_work(report, job);
     if (job_state_ended(job->state)) {
         explain_end(report->state_text, sizeof report->state_text, farm, job);

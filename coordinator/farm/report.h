@@ -2,6 +2,7 @@
 #ifndef AZULEJO_COORDINATOR_REPORT_H
 #define AZULEJO_COORDINATOR_REPORT_H
 
+#include "common/scene/effects.h"
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/measure.h"
 #include "coordinator/job/wire.h"
@@ -18,6 +19,7 @@ struct job_report {
     Azulejo__Wire__JobInfo message;
     Azulejo__Wire__RenderSettings settings;
     Azulejo__Wire__RenderStats stats;
+    uint32_t accounts[EFFECT_ACCOUNTS];
     struct wire_work work;
     struct wire_output output;
     Azulejo__Wire__HistoryPoint now;

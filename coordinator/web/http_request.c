@@ -186,8 +186,8 @@ static void start(struct http_connection *c, const struct http_head *head, enum 
     }
     refused = check_role(request->route, &request->caller, &why);
     if (refused == 0 && request->route->open) {
-        (void)error_set(&why, STATUS_ERR_INPUT, "this is a WebSocket: ask for the upgrade");
-        refuse(c, 400, &why, NULL);
+        (void)error_set(&why, STATUS_ERR_UNSUPPORTED, "this is a WebSocket: ask for the upgrade");
+        refuse(c, 426, &why, "upgrade: websocket\r\n");
         return;
     }
     if (refused == 0 && !request->route->streams_body && c->body_left > WEB_BODY_MAX) {

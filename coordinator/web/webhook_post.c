@@ -25,6 +25,14 @@ static int has_only_printable(const char *text)
     return 1;
 }
 
+/* libcurl also takes "http:/a" and "http:///a". */
+static int has_two_slashes(const char *url)
+{
+    const char *slashes = strstr(url, "://");
+
+    return slashes && slashes[3] != '/';
+}
+
 status webhook_check_url(const char *url, struct error *err)
 {
     CURLU *parts = curl_url();
@@ -33,7 +41,7 @@ status webhook_check_url(const char *url, struct error *err)
 
     if (!parts)
         return error_no_memory(err, "a webhook's address");
-    fits = strlen(url) <= WEBHOOK_URL_MAX && has_only_printable(url) &&
+    fits = strlen(url) <= WEBHOOK_URL_MAX && has_only_printable(url) && has_two_slashes(url) &&
            curl_url_set(parts, CURLUPART_URL, url, 0) == CURLUE_OK &&
            curl_url_get(parts, CURLUPART_SCHEME, &scheme, 0) == CURLUE_OK &&
            curl_url_get(parts, CURLUPART_HOST, &host, 0) == CURLUE_OK && host[0] &&

@@ -20,7 +20,7 @@ from odd import Proxy
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
             "develop", "cancel", "extend", "start", "pause", "resume", "finish",
-            "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "keygen", "tonemap", "compare", "debug-pixel",
+            "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "token", "webhook", "keygen", "tonemap", "compare", "debug-pixel",
             "trace", "completion"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 

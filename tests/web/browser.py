@@ -19,6 +19,8 @@ import time
 from cdp import Chromium
 from farm import PATIENCE, Failure
 
+WAIT_S = 20  # how long something may take that takes a moment
+
 # Helpers inside the page. An element is named by a CSS selector, or by "=NAME": something to press whose
 # accessible name is NAME, or by "~NAME": begins with NAME. Hidden ones do not count.
 FIND = """(() => {
@@ -215,7 +217,7 @@ class Page:
 
     # ---- where it is ---------------------------------------------------------------------
 
-    def open(self, url, limit_s=30):
+    def open(self, url, limit_s=WAIT_S):
         """Go there and wait until it has loaded. A change of the fragment alone loads nothing."""
         before = self.loaded
         answer = self.call("Page.navigate", {"url": url})
@@ -252,18 +254,18 @@ class Page:
                                          expression[:300]))
         return answer["result"].get("value")
 
-    def wait(self, expression, what=None, limit_s=30):
-        """Wait until the expression is true, and return its value."""
+    def wait(self, expression, what=None, limit_s=WAIT_S):
+        """Wait until the expression is true, and return its value (true for an object)."""
         end = time.monotonic() + limit_s * PATIENCE
         while True:
-            value = self.js("(() => { const v = (%s); return v instanceof Node ? true : v; })()" % expression)
+            value = self.js("(() => { const v = (%s); return v instanceof Object && !Array.isArray(v) ? true : v; })()" % expression)
             if value:
                 return value
             if time.monotonic() > end:
                 raise Failure("waited %g s for %s" % (limit_s * PATIENCE, what or expression))
             self.browser.pump(0.03)  # how often we look, not how long it takes
 
-    def pump_until(self, condition, what, limit_s=30):
+    def pump_until(self, condition, what, limit_s=WAIT_S):
         """Wait for something that the browser tells (requests, errors, answers)."""
         end = time.monotonic() + limit_s * PATIENCE
         while not condition():
@@ -279,7 +281,7 @@ class Page:
     def text(self, what="body"):
         return self.js("((%s.all(%s)[0] || {}).innerText || '')" % (FIND, json.dumps(what)))
 
-    def wait_text(self, pattern, what="body", limit_s=30):
+    def wait_text(self, pattern, what="body", limit_s=WAIT_S):
         """Wait until the element's text matches; returns the match's text."""
         return self.wait("(%s.test(((%s.all(%s)[0] || {}).innerText || '')) || null)" % (
             "new RegExp(%s, 's')" % json.dumps(pattern), FIND, json.dumps(what)),
@@ -373,6 +375,11 @@ class Page:
         self.drag_data = {"items": [], "files": list(paths), "dragOperationsMask": 1}
         for kind in ("dragEnter", "dragOver", "drop"):
             self.drop_event(kind, at["x"], at["y"])
+
+    def give_files(self, selector, paths):
+        """Choose files in an <input type=file>, which may be hidden."""
+        node = self.call("Runtime.evaluate", {"expression": "document.querySelector(%s)" % json.dumps(selector)})
+        self.call("DOM.setFileInputFiles", {"files": list(paths), "objectId": node["result"]["objectId"]})
 
     def press(self, *keys):
         """Press keys one after the other: "a", "?", "Enter", "Control+k"."""

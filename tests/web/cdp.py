@@ -38,7 +38,7 @@ FLAGS = [
     "--disable-features=Translate,OptimizationHints,MediaRouter,DialMediaRouteProvider,"
     "InterestFeedContentSuggestions,CertificateTransparencyComponentUpdater,AutofillServerCommunication,"
     "LocalNetworkAccessChecks,HttpsUpgrades",
-    "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost , MAP *.test 127.0.0.1",
+    "--host-resolver-rules=MAP *.test 127.0.0.1 , MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost",
 ]
 
 

@@ -1,9 +1,7 @@
 #!/usr/bin/env python3
 """The browser that the other tests here use does what they take for granted."""
-import http.server
 import os
 import sys
-import threading
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
@@ -12,6 +10,7 @@ from cdp import processes_of  # noqa: E402
 from farm import Failure, Tests, wait_for  # noqa: E402
 from jobs import expect  # noqa: E402
 from png import Png  # noqa: E402
+from site_here import Site  # noqa: E402
 
 tests = Tests()
 
@@ -41,39 +40,6 @@ const gl = document.querySelector('#gl').getContext('webgl2');
 if (gl) { gl.clearColor(1, 0.5, 0, 1); gl.clear(gl.COLOR_BUFFER_BIT); }
 fetch('/data').then(r => r.text()).then(t => { document.body.dataset.answer = t; });
 """
-
-
-class Site(http.server.ThreadingHTTPServer):
-    """A few fixed answers: path -> (type, text)."""
-
-    daemon_threads = True
-
-    def __init__(self, answers):
-        self.answers = answers
-        super().__init__(("127.0.0.1", 0), Answering)
-        threading.Thread(target=self.serve_forever, daemon=True).start()
-
-    def url(self, path="/"):
-        return "http://127.0.0.1:%d%s" % (self.server_port, path)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.shutdown()
-        self.server_close()
-
-
-class Answering(http.server.BaseHTTPRequestHandler):
-    def do_GET(self):
-        found = self.server.answers.get(self.path.split("?")[0])
-        self.send_response(200 if found else 404)
-        self.send_header("Content-Type", found[0] if found else "text/plain")
-        self.end_headers()
-        self.wfile.write((found[1] if found else "no such page").encode())
-
-    def log_message(self, *_):
-        pass
 
 
 def site(**more):

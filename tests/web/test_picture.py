@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
@@ -114,7 +115,7 @@ def operators_are_the_farms():
         expect(not wrong, "\n".join(wrong))
 
 
-INFO = {"job": 1, "name": "helmet", "state": "done", "owner": "maria@ana", "samples_done": 100, "cores": 10.0,
+INFO = {"job": 1, "name": "helmet", "state": "done", "owner": "maria@ana", "samples_done": 100, "cores": 2.0,
         "output": {"tonemap": "linear", "parameters": {}, "exposure_ev": 0.0, "metering": "", "metering_percentile": 0.0,
                    "white_kelvin": 0.0, "camera_ev": 0.0, "formats": ["png"]},
         "stop": {"measure": 1, "target": 4.0}, "now_frame": 1, "stats": {"accounts": [60, 30, 0, 10]}}
@@ -271,6 +272,7 @@ def overlays_have_a_legend():
         begin(page, light)
         page.click("=Pixel by pixel (1)")
         page.js("stage.picture.opacity = 1")
+        began = time.monotonic()
         for name, word in (("workers", "<img src=x onerror=alert(1)> 7"), ("error", "1.5/255"), ("time", "1.5 s"), ("samples", "16"),
                            ("pixels", "32/255")):
             page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = '%s'; overlay.dispatchEvent(new Event('change')); })()" % name)
@@ -280,7 +282,7 @@ def overlays_have_a_legend():
             colors = {rows[y + 2][x + 2] for y in range(0, 45, 16) for x in range(0, 67, 16)}
             expect(len(colors) == {"workers": 4, "error": 15, "time": 15, "samples": 1}.get(name, len(colors)), (name, len(colors)))
         asked = [p for p in page.js("stage.asked") if p.endswith("/tiles")]
-        expect(1 <= len(asked) <= 3, asked)
+        expect(1 <= len(asked) <= 2 + (time.monotonic() - began) / 3, asked)
         page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = 'none'; overlay.dispatchEvent(new Event('change')); })()")
         page.frames(3)
         expect(len({p for row in seen(page) for p in row}) > 500, "the picture is back")
@@ -325,7 +327,8 @@ def the_farm_develops_what_the_page_cannot():
         page.frames()
         expect([list(sum((list(p) for p in row), [])) for row in seen(page)] == [list(row) for row in Png(data).codes], "the coordinator's codes")
         asked = [p for p in page.js("stage.asked") if "preview" in p]
-        expect(len(asked) == 1 and "tonemap=mantiuk06" in asked[0] and "exposure=1" in asked[0] and "param.saturation" in asked[0], asked)
+        expect(len(asked) == 1 and "tonemap=mantiuk06" in asked[0] and "exposure=1" in asked[0] and "param.saturation=0.8" in asked[0] and
+               "param.mode=mapping" in asked[0], asked)
         page.click("=Refresh")
         page.wait("stage.asked.filter(p => p.includes('preview')).length === 2")
         page.js("stage.picture.controls.choose('aces')")
@@ -429,10 +432,10 @@ def the_price_is_read_first():
     with Stage() as site, Browser() as browser:
         page = browser.page(site.url(), width=1300, height=800)
         begin(page, soft_light(67, 45))
-        page.wait_text("4/255 in 0:0[0-9], [0-9.]+ core-seconds more \\(", ".price")
+        page.wait_text("4/255 in 0:[0-9][0-9], [0-9.]+ core-seconds more \\(", ".price")
         page.js("document.querySelector('.target').focus()")
         page.press("PageDown")
-        page.wait_text("2.9/255 in 0:0[0-9]", ".price")
+        page.wait_text("2.9/255 in 0:[0-9][0-9]", ".price")
         expect(page.js("document.querySelector('.target').getAttribute('aria-valuetext')").startswith("2.9/255"), "spoken")
         page.click("=Extend to 2.9/255")
         page.wait("stage.acted.length === 1")

@@ -181,6 +181,7 @@ def dangers():
         desk.rows([1, 2])
         page.press("c")
         page.wait("document.querySelector('#said button')?.textContent === 'Retry'")
+        page.wait("document.querySelector('.state').textContent.startsWith('cancelled')")
         page.press("u")
         wait_for(lambda: desk.farm.job(1)["state"] == "queued", "the cancel is undone")
         page.wait("document.querySelector('.state').textContent.startsWith('queued')")

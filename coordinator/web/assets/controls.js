@@ -48,7 +48,7 @@ export async function outputOf(look, output, api) {
 let labels = 0;
 function labelled(words, control, ...more) {
   control.id = control.id || `look-${++labels}`;
-  return h('span', { class: 'field' }, h('label', { for: control.id }, words), control, ...more);
+  return h('span', { class: 'knob' }, h('label', { for: control.id }, words), control, ...more);
 }
 
 const options = (select, rows) => select.replaceChildren(...rows.map(([value, words, title]) => h('option', { value, title }, words)));
@@ -59,7 +59,7 @@ class Controls {
     const changed = () => picture.redraw();
     const range = (min, max, step, value, label, run) => h('input', { type: 'range', min, max, step, value, 'aria-label': label, oninput: run });
     const button = (words, title, run) => h('button', { type: 'button', title, 'aria-label': title, onclick: run }, words);
-    this.overlay = h('select', { onchange: () => { show(this.opacity, this.overlay.value !== 'none'); picture.setOverlay(this.overlay.value); } });
+    this.overlay = h('select', { 'aria-label': 'Shown over the picture', onchange: () => { show(this.opacity, this.overlay.value !== 'none'); picture.setOverlay(this.overlay.value); } });
     options(this.overlay, Object.entries(OVERLAYS).map(([name, { text: words }]) => [name, words]));
     this.opacity = range(0, 1, 0.05, picture.opacity, 'Opacity of the overlay', () => { picture.opacity = Number(this.opacity.value); changed(); });
     this.opacity.hidden = true;
@@ -67,7 +67,7 @@ class Controls {
     this.layerField = labelled('layer', this.layer);
     this.layerField.hidden = true;
     this.scale = h('output', { class: 'scale' });
-    this.operator = h('select', { onchange: () => this.choose(this.operator.value) });
+    this.operator = h('select', { 'aria-label': 'Operator', onchange: () => this.choose(this.operator.value) });
     this.other = h('select', { 'aria-label': 'Second operator', hidden: true, onchange: () => { this.secondOperator = this.other.value; changed(); } });
     this.wipe = h('button', { type: 'button', 'aria-pressed': 'false', title: 'Wipe between two operators', onclick: () => this.toggleWipe() }, 'A|B');
     this.exposure = range(-EXPOSURE_RANGE, EXPOSURE_RANGE, 0.1, 0, '', () => this.setExposure(Number(this.exposure.value)));
@@ -76,7 +76,7 @@ class Controls {
     this.white = range(-500, -50, 1, -1e6 / NEUTRAL_KELVIN, '', () => this.setWhite());
     this.white.removeAttribute('aria-label');
     this.whiteOut = h('output');
-    this.reset = h('button', { type: 'button', onclick: () => this.setLook(this.jobLook, this.cameraEv) }, 'Reset');
+    this.reset = h('button', { type: 'button', title: 'As the job has it', onclick: () => this.setLook(this.jobLook, this.cameraEv) }, 'Reset');
     this.apply = h('button', { type: 'button', title: "Make the job's pictures again like this", onclick: () => picture.apply() }, 'Apply to the job');
     this.metering = h('select', { onchange: () => this.change({ metering: this.metering.value }) });
     this.percentile = h('input', { type: 'number', min: 0, max: 100, step: 'any', 'aria-label': 'Percentile that becomes white',
@@ -84,16 +84,19 @@ class Controls {
     this.parameters = h('div', { class: 'parameters' });
     this.source = h('p', { class: 'quiet' });
     const view = (run) => () => picture.view && run(picture.view);
+    /* Over the picture, so that nothing moves when it comes. */
+    this.changed = h('p', { class: 'look-changed', hidden: true }, 'Not as the job has it: ', this.reset, ' ', this.apply);
+    this.legend = h('div', { class: 'legend' });
     this.element = h('div', { class: 'picture-controls' },
-      h('div', { class: 'row' }, labelled('show', this.overlay, this.opacity), this.layerField,
+      h('div', { class: 'row' }, this.overlay, this.opacity, this.layerField, this.legend,
         picture.screen && h('span', { class: 'zoom' }, this.scale, button('\u2212', 'Zoom out (-)', view((v) => v.zoom(Math.SQRT1_2))),
-          button('+', 'Zoom in (+)', view((v) => v.zoom(Math.SQRT2))), button('1:1', 'Pixel by pixel (1)', view((v) => v.zoomTo(1))),
+          button('+', 'Zoom in (+)', view((v) => v.zoom(Math.SQRT2))), button('1:1', 'Pixel by pixel, 1:1 (1)', view((v) => v.zoomTo(1))),
           button('fit', 'Fit (0)', view((v) => v.fit())), button('\u2922', 'Full screen (F)', () => picture.fullScreen()))),
-      h('div', { class: 'row' }, labelled('operator', this.operator), picture.screen && this.wipe, this.other,
-        labelled('exposure', this.exposure, this.exposureOut), labelled('white', this.white, this.whiteOut), this.reset, this.apply),
-      h('details', { class: 'more' }, h('summary', null, 'More of the operator'), this.source, this.parameters,
-        h('div', { class: 'row' }, labelled('automatic exposure', this.metering), this.percentile,
-          picture.screen && h('button', { type: 'button', onclick: () => picture.save() }, 'Save what is seen'))));
+      h('div', { class: 'row' }, this.operator, picture.screen && this.wipe, this.other,
+        labelled('exposure', this.exposure, this.exposureOut), labelled('white', this.white, this.whiteOut),
+        h('details', { class: 'more' }, h('summary', null, 'More'), h('div', { class: 'popover' }, this.source, this.parameters,
+          h('div', { class: 'row' }, labelled('automatic exposure', this.metering), this.percentile,
+            picture.screen && h('button', { type: 'button', onclick: () => picture.save() }, 'Save what is seen'))))));
   }
 
   setOperators(answer) {
@@ -108,6 +111,11 @@ class Controls {
   }
 
   presets(name) { return presetsOf(this.operators.find((o) => o.name === name)); }
+
+  /* A parameter's value as the commands write it: choices are words. */
+  word(operator, name, value) {
+    return this.operators.find((o) => o.name === operator)?.parameters.find((p) => p.name === name)?.choices?.[value] ?? value;
+  }
 
   /* The values that were used with an operator last. */
   remembered(name) { return this.of.get(name) || { values: this.presets(name), file: null }; }
@@ -166,7 +174,7 @@ class Controls {
     show(this.layerField, layers.length > 1);
   }
 
-  setScale(scale, fitted) { text(this.scale, `${Math.round(scale * 100)} %${fitted ? ', fitted' : ''}`); }
+  setScale(scale) { text(this.scale, `${Math.round(scale * 100)} %`); }
 
   refresh() {
     const { look, picture } = this, info = picture.context.info();
@@ -186,8 +194,7 @@ class Controls {
     show(this.percentile, look.metering === 'percentile');
     if (document.activeElement !== this.percentile) this.percentile.value = look.percentile;
     const asJob = sameLook(look, this.jobLook) && !look.file;
-    this.reset.disabled = asJob;
-    this.apply.disabled = asJob;
+    show(this.changed, !asJob);
     show(this.apply, info && picture.context.may('operate', info));
     text(this.source, operator ? `${operator.summary} ${operator.source}` : '');
     this.showParameters(operator);

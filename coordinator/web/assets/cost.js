@@ -68,23 +68,26 @@ export function pointsOf(history, measure) {
 
 /* "1:50", "2:03:10" */
 export function clock(seconds) {
-  const s = Math.round(seconds), two = (n) => String(n).padStart(2, '0');
+  const s = Math.round(seconds), pair = (n) => String(n).padStart(2, '0');
   if (s >= 359999) return `${Math.round(s / 3600)} hours`;
-  return s >= 3600 ? `${Math.floor(s / 3600)}:${two(Math.floor(s / 60) % 60)}:${two(s % 60)}` : `${Math.floor(s / 60)}:${two(s % 60)}`;
+  return s >= 3600 ? `${Math.floor(s / 3600)}:${pair(Math.floor(s / 60) % 60)}:${pair(s % 60)}` : `${Math.floor(s / 60)}:${pair(s % 60)}`;
 }
-const work = (s) => s < 60 ? `${Number(s.toPrecision(2))} core-seconds` : s < 3600 ? `${Number((s / 60).toPrecision(2))} core-minutes`
-  : `${Number((s / 3600).toPrecision(2))} core-hours`;
+const two = (n) => Number(n.toPrecision(2));
+const work = (s) => s < 0.95 ? 'under a core-second' : s < 60 ? `${two(s)} core-seconds` : s < 3600 ? `${two(s / 60)} core-minutes` : `${two(s / 3600)} core-hours`;
 
 /* What an error costs, in words: "2/255 in 1:50, 0.4 core-hours more (0.3 core-hours to 0.6 core-hours)". */
 export function priceWords(curve, error, spent, cores, shown) {
   const now = errorAt(curve, spent).value, { value, lo, hi } = costOf(curve, error);
   if (error >= now) return `${shown} is reached`;
-  const more = Math.max(value - spent, 0), range = [lo, hi].map((c) => work(Math.max(c - spent, 0)));
-  return `${shown} ${cores > 0 ? `in ${clock(more / cores)}, ` : 'for '}${work(more)} more (${range.join(' to ')})`;
+  const more = Math.max(value - spent, 0), range = [lo, hi].map((c) => coreTime(Math.max(c - spent, 0)));
+  return `${shown} ${!(cores > 0) ? 'for ' : more < cores ? 'within a second, ' : `in ${clock(more / cores)}, `}${work(more)} more (${range.join(' to ')})`;
 }
 
-/* What is asked first where a job has no target: 8, 4, 2, 1, ... below the error, about half of it. */
-const halfOf = (error) => 2 ** Math.round(Math.log2(error / 2));
+/* What is asked first where a job has no target: the farm's next round number, or about half the error. */
+function next(info, measure, error) {
+  const forecast = measure === 1 && (info.forecasts || []).find((f) => !f.at_end && f.display < 0.95 * error);
+  return forecast ? forecast.display : 2 ** Math.round(Math.log2(error / 2));
+}
 
 const W = 320, H = 200, LEFT = 44, RIGHT = 10, TOP = 10, BOTTOM = 30;
 
@@ -164,7 +167,7 @@ class Cost {
     const own = stop.measure === this.measure && stop.target > 0 ? MEASURES[this.measure].to(stop.target) : 0;
     this.own = own;
     this.spent = this.points.at(-1).cost;
-    this.target = this.dragged || own || halfOf(this.points.at(-1).error);
+    this.target = this.dragged || own || next(info, this.measure, this.points.at(-1).error);
     this.scale();
     this.paint();
     this.tell(info);

@@ -174,7 +174,8 @@ function nothing() {
 }
 /* Without a choice, the page shows what is served first. */
 function chooseOne() {
-  if (parse().view !== 'farm' || context.job() || !state.loaded) return;
+  const route = parse(); /* it may be newer than what is shown */
+  if (route.view !== 'farm' || route.job || context.job() || !state.loaded) return;
   const first = firstShown();
   if (first) {
     const tab = document.body.dataset.tab;

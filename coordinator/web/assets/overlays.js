@@ -92,7 +92,6 @@ export function legend(element, name, { range, workers }, note) {
     parts.push(node);
     return node;
   };
-  if (name !== 'none') add('b', '', overlay.text);
   if (workers) {
     for (const worker of workers.slice(0, 12)) {
       add('i', 'swatch').style.background = css(worker.color);

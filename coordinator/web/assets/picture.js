@@ -27,7 +27,6 @@ class Picture {
       'aria-valuemin': 0, 'aria-valuemax': 100, hidden: true });
     this.note = h('p', { class: 'picture-note', role: 'status' });
     this.stage = h('div', { class: 'stage' }, this.canvas, this.crosshair, this.handle, this.note);
-    this.legend = h('div', { class: 'legend' });
     this.reading = h('output', { class: 'reading', 'aria-live': 'off' });
     try {
       this.screen = new Screen(this.canvas);
@@ -36,7 +35,8 @@ class Picture {
     }
     this.controls = makeControls(this);
     element.classList.add('picture-part');
-    element.replaceChildren(this.stage, h('div', { class: 'picture-foot' }, this.legend, this.reading), this.controls.element);
+    this.stage.append(this.controls.changed);
+    element.replaceChildren(this.stage, this.reading, this.controls.element);
     if (this.screen) this.prepareScreen();
     context.on('select', () => this.select());
     context.on('job', () => this.jobChanged());
@@ -201,7 +201,7 @@ class Picture {
       Object.assign(this.crosshair.style, { left: `${x}px`, top: `${y}px`, width: `${size}px`, height: `${size}px` });
     }
     if (overlay.needsMap || this.at) this.readAt();
-    this.controls.setScale(view.scale, view.fitted);
+    this.controls.setScale(view.scale);
     this.describe();
   }
 
@@ -228,9 +228,10 @@ class Picture {
 
   previewPath(look) {
     const query = new URLSearchParams({ tonemap: look.operator, exposure: look.ev });
-    for (const [name, value] of Object.entries(look.values)) query.set(`param.${name}`, value);
-    if (look.metering !== 'off') { query.set('metering', look.metering); query.set('percentile', look.percentile); }
-    if (look.kelvin > 0) query.set('white', look.kelvin);
+    for (const [name, value] of Object.entries(look.values)) query.set(`param.${name}`, this.controls.word(look.operator, name, value));
+    query.set('metering', look.metering);
+    query.set('metering_percentile', look.percentile);
+    query.set('white_kelvin', look.kelvin);
     return `/jobs/${this.job}/frames/${this.context.shownFrame()}/preview.png?${query}`;
   }
 
@@ -303,7 +304,7 @@ class Picture {
     if (!this.orders.has(job)) this.orders.set(job, []);
     const painted = paint(this.overlay, { pixels: this.pixels, map: this.map }, this.orders.get(job));
     this.screen.setTints(painted.tiles);
-    legend(this.legend, this.overlay, painted, this.mapTrouble);
+    legend(this.controls.legend, this.overlay, painted, this.mapTrouble);
   }
 
   /* Large answers are asked for less often. */
@@ -337,7 +338,7 @@ class Picture {
   readAt() {
     if (!this.at) return;
     const [x, y] = this.at, linear = this.pixels.at(x, y), words = [`${x}, ${y}`], pane = this.panes()[0];
-    const short = (n) => Math.abs(n) >= 1e4 || (n !== 0 && Math.abs(n) < 1e-3) ? n.toExponential(2) : String(Number(n.toPrecision(4)));
+    const short = (n) => Math.abs(n) >= 1e4 || (n !== 0 && Math.abs(n) < 1e-3) ? n.toExponential(2) : String(Number(n.toPrecision(3)));
     const tile = Math.floor(y / 16) * this.pixels.across + Math.floor(x / 16);
     if (!linear) words.push('no samples yet');
     else if (!isLight(this.layer)) words.push(`${linear.slice(0, 3).map(short).join(' ')} ${layerUnit(this.layer)}`.trim());
@@ -349,7 +350,9 @@ class Picture {
       if (more) words.push(`\u00b1 ${codesText(Math.max(...more.map((c, i) => Math.abs(c - codes[i]))))}`);
     }
     words.push(`tile ${tile}`, ...this.tileWords(tile));
-    text(this.reading, words.join(' \u00b7 '));
+    const all = words.join(' \u00b7 ');
+    text(this.reading, all);
+    this.reading.title = all;
   }
 
   tileWords(tile) {

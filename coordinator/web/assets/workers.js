@@ -99,7 +99,7 @@ export { table, cell, verbCell };
 
 export function workersView(node) {
   let goneShown = false;
-  const rows = table(HEAD, [], 'Workers'), body = h('div'), goneBox = h('details', { ontoggle: (e) => { goneShown = e.target.open; if (goneShown) gone(); } }, h('summary', null, 'Workers that left'), h('div'));
+  const rows = table(HEAD, [], 'All workers'), body = h('div'), goneBox = h('details', { ontoggle: (e) => { goneShown = e.target.open; if (goneShown) gone(); } }, h('summary', null, 'Workers that left'), h('div'));
   kept.clear();
   node.append(h('h1', null, 'Workers'), rows, body, goneBox);
   const gone = () => get('/workers?gone=1').then((list) => children(goneBox.lastChild, [(list.gone || []).length

@@ -782,6 +782,34 @@ static void pictures_follow_the_settings(void **state)
     sim_free(sim);
 }
 
+/* Shares stay, also where the sums do not fit into the wire's numbers; zeros at the end are left out. */
+static void a_report_says_where_the_time_went(void **state)
+{
+    struct job_report *report = malloc(sizeof *report);
+    struct sim *sim = sim_new(NULL, 9);
+    struct job *job = sim_submit(sim, 16, 16, 1, 1, 1, 0);
+
+    (void)state;
+    assert_non_null(report);
+    job_report_make(report, &sim->farm, job, sim->now_ns);
+    assert_int_equal(report->message.stats->n_accounts, 0);
+    job->stats.accounts[0] = 30;
+    job->stats.accounts[5] = 10;
+    job->stats.effects = 16;
+    job_report_make(report, &sim->farm, job, sim->now_ns);
+    assert_int_equal(report->message.stats->n_accounts, 6);
+    assert_int_equal(report->message.stats->accounts[0], 30);
+    assert_int_equal(report->message.stats->accounts[5], 10);
+    assert_int_equal(report->message.stats->effects, 16);
+    job->stats.accounts[0] = 3ull << 40;
+    job->stats.accounts[5] = 1ull << 40;
+    job_report_make(report, &sim->farm, job, sim->now_ns);
+    assert_int_equal(report->message.stats->accounts[0] / report->message.stats->accounts[5], 3);
+    assert_true(report->message.stats->accounts[0] > 1u << 30);
+    sim_free(sim);
+    free(report);
+}
+
 /* A picture that the environment keeps from being made again is waited for, also after the job's end. */
 static void a_picture_is_waited_for(void **state)
 {
@@ -868,6 +896,7 @@ int main(void)
         cmocka_unit_test(a_failed_development_fails_the_job),
         cmocka_unit_test(ends_wait_for_what_is_in_flight),
         cmocka_unit_test(pictures_follow_the_settings),
+        cmocka_unit_test(a_report_says_where_the_time_went),
         cmocka_unit_test(a_picture_is_waited_for),
         cmocka_unit_test(a_lost_picture_is_told),
     };

@@ -1,0 +1,594 @@
+"""What pages see without asking: events, and a picture while it is rendered."""
+import http.client
+import json
+import math
+import os
+import struct
+import sys
+import time
+import zlib
+
+sys.dont_write_bytecode = True  # no __pycache__ in the sources
+import exr
+from farm import Failure, Farm, Tests, wait_for, write_scene
+from websocket import Closed, Refused, WebSocket
+
+tests = Tests()
+NAN_HALF = 0x7E00
+
+
+def expect(condition, words):
+    if not condition:
+        raise Failure(str(words))
+
+
+class Page:
+    """The page's server of a farm's coordinator."""
+
+    def __init__(self, farm, *options):
+        self.farm = farm
+        if farm.address is None:
+            farm.start_coordinator(*options)
+        else:
+            farm.restart_coordinator(*options)
+        url = farm.coordinator.wait_line("page: ")
+        base, self.token = url.split("/#token=")
+        self.address = base.split("//")[1]
+
+    def socket(self, **how):
+        return Live(WebSocket(self.address, "/api/v1/live", self.token, **how))
+
+    def get(self, path, token=None, headers=None):
+        connection = http.client.HTTPConnection(self.address, timeout=60)
+        connection.request("GET", path, headers=dict({"Authorization": "Bearer " + (token or self.token)}, **(headers or {})))
+        answer = connection.getresponse()
+        body = answer.read()
+        connection.close()
+        return answer.status, json.loads(body) if answer.status == 200 else body
+
+
+class Picture:
+    """What the tiles made of a picture; NaN where none came."""
+
+    def __init__(self, told):
+        self.told = told
+        self.width, self.height = told["width"], told["height"]
+        self.pixels = {}         # tile -> (x, y, width, height, samples, halves)
+        self.count = 0
+
+    def take(self, data):
+        magic, serial, count = struct.unpack_from("<4sII", data)
+        expect(magic == b"AZL1" and serial == self.told["watch"], (magic, serial))
+        at = 12
+        for _ in range(count):
+            tile, width, height, samples = struct.unpack_from("<IHHI", data, at)
+            x, y = tile % self.told["tiles_x"] * 16, tile // self.told["tiles_x"] * 16
+            expect(width == min(16, self.width - x) and height == min(16, self.height - y), (tile, width, height))
+            at += 12
+            self.pixels[tile] = (x, y, width, height, samples, data[at:at + width * height * 8])
+            at += width * height * 8
+        expect(at == len(data), "%d bytes too many" % (len(data) - at))
+        self.count += count
+
+    def is_whole(self):
+        return len(self.pixels) == self.told["tiles_x"] * self.told["tiles_y"]
+
+    def channel(self, c):
+        """Halves as bits, row by row."""
+        out = [0] * (self.width * self.height)
+        for x, y, width, height, _, halves in self.pixels.values():
+            values = struct.unpack("<%dH" % (width * height * 4), halves)
+            for row in range(height):
+                for column in range(width):
+                    out[(y + row) * self.width + x + column] = values[(row * width + column) * 4 + c]
+        return out
+
+    def samples(self):
+        return {tile: p[4] / 256 for tile, p in self.pixels.items()}
+
+
+class Live:
+    """A WebSocket with what came over it."""
+
+    def __init__(self, ws):
+        self.ws = ws
+        self.events = []         # (id, name, data)
+        self.told = []           # texts about pictures: (event, data)
+        self.picture = None
+        self.serial = 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, value, trace):
+        self.ws.drop()
+
+    def listen(self, last=None):
+        self.ws.send({"resume": last})
+        return self
+
+    def watch(self, job, frame=0, layer="color"):
+        self.serial += 1
+        self.picture = None
+        self.told = []
+        self.ws.send({"watch": self.serial, "job": job, "frame": frame, "layer": layer})
+        return self
+
+    def step(self, limit_s=0.2):
+        message = self.ws.receive(limit_s)
+        if message is None:
+            return False
+        if message[0] == "binary":
+            if struct.unpack_from("<I", message[1], 4)[0] == self.serial:
+                expect(self.picture is not None, "tiles came before their picture was announced")
+                self.picture.take(message[1])
+            return True
+        text = json.loads(message[1])
+        if text["event"] in ("picture", "picture-done"):
+            if text["data"]["watch"] == self.serial:
+                self.told.append((text["event"], text["data"]))
+                if text["event"] == "picture":
+                    self.picture = Picture(text["data"])
+        else:
+            self.events.append((text.get("id"), text["event"], text["data"]))
+        return True
+
+    def until(self, condition, what, limit_s=60):
+        def look():
+            while self.step(0.05):
+                if condition():
+                    return True
+            return condition()
+        wait_for(look, what, limit_s)
+        return self
+
+    def until_done(self, limit_s=120):
+        self.until(lambda: self.told and self.told[-1][0] == "picture-done", "the picture to be done", limit_s)
+        return self.told[-1][1]
+
+    def names(self):
+        return [name for _, name, _ in self.events]
+
+    def of(self, name):
+        return [data for _, n, data in self.events if n == name]
+
+    def last_id(self):
+        return [id for id, _, _ in self.events if id][-1]
+
+
+def half_bits(value):
+    """To the nearest half, as the coordinator does."""
+    if math.isnan(value):
+        return NAN_HALF
+    value = max(-65504.0, min(65504.0, value))
+    return struct.unpack("<H", struct.pack("<e", value))[0]
+
+
+def expect_same_pixels(picture, path, names):
+    """The picture's channels are the file's, to a half's precision."""
+    file = exr.read_exr(path)
+    expect((file.width, file.height) == (picture.width, picture.height), "another size")
+    for c, name in enumerate(names):
+        wanted = [half_bits(v) for v in file.values(name)]
+        have = picture.channel(c)
+        wrong = [i for i in range(len(wanted)) if wanted[i] != have[i] and not (wanted[i] in (0, 0x8000) and have[i] in (0, 0x8000))]
+        expect(not wrong, "%s: %d of %d pixels differ, the first at %d: %04x, not %04x" % (
+            name, len(wrong), len(wanted), wrong[0] if wrong else 0, have[wrong[0]] if wrong else 0,
+            wanted[wrong[0]] if wrong else 0))
+
+
+def exr_of(farm, job):
+    return [p for p in farm.fetch(job, "fetched-%d" % job) if p.endswith(".exr")][0]
+
+
+# ---- the picture ---------------------------------------------------------------------------------
+
+
+@tests.add
+def live_picture_ends_as_the_exr():
+    """the live picture grows and ends with the pixels of the EXR file"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "100x70", "--spp", "64")
+        with page.socket().watch(job) as live:
+            live.until(lambda: live.picture, "the picture to be announced")
+            told = live.picture.told
+            expect((told["job"], told["frame"], told["width"], told["height"], told["tiles_x"], told["tiles_y"]) ==
+                   (job, 1, 100, 70, 7, 5), told)
+            expect(told["complete"] is False and told["linear"] is True and
+                   told["layers"] == ["color", "samples", "error"], told)
+            farm.start_worker()
+            live.until(lambda: live.picture.pixels, "a tile")
+            live.until_done()
+            expect(live.picture.is_whole(), "%d tiles" % len(live.picture.pixels))
+            expect(set(live.picture.samples().values()) == {64.0}, live.picture.samples())
+            farm.wait_for_job(job)
+            expect_same_pixels(live.picture, exr_of(farm, job), ["R", "G", "B"])
+            errors = live.picture.channel(3)
+            expect(any(0 < e < 0x7C00 for e in errors), "no standard error is known")
+            expect(all(e <= 0x7C00 for e in errors), "a standard error is negative or not a number")
+
+
+@tests.add
+def done_frame_is_read_from_the_store():
+    """a frame that is done comes from its film with its errors and layers, without it from its EXR file"""
+    with Farm() as farm:
+        page = Page(farm)
+        farm.start_worker()
+        job = farm.submit(farm.scene(), "--size", "100x70", "--spp", "16", "--aov", "normal,depth,error")
+        farm.wait_for_job(job)
+        path = exr_of(farm, job)
+        with page.socket() as live:
+            done = live.watch(job, 1).until_done()
+            expect("error" not in done, done)
+            expect(live.told[0][1]["complete"] is True, live.told)
+            expect(live.told[0][1]["layers"] == ["color", "depth", "normal", "samples", "error"], live.told)
+            expect(live.picture.is_whole() and live.picture.count == 35, live.picture.count)
+            expect_same_pixels(live.picture, path, ["R", "G", "B"])
+            expect(any(0 < e < 0x7C00 for e in live.picture.channel(3)), "no standard error is known")
+            for layer, names in (("normal", ["N.X", "N.Y", "N.Z"]), ("depth", ["Z"]),
+                                 ("error", ["error.R", "error.G", "error.B"])):
+                live.watch(job, 0, layer).until_done()
+                expect_same_pixels(live.picture, path, names)
+            done = live.watch(job, 1, "albedo").until_done()
+            expect("no layer 'albedo'" in done["error"], done)
+            farm.cli("cancel", job, "--discard", expect=0)  # of a done job: its films are removed
+            done = live.watch(job, 1).until_done()
+            expect("error" not in done, done)
+            expect_same_pixels(live.picture, path, ["R", "G", "B"])
+            expect(set(live.picture.channel(3)) == {NAN_HALF}, "errors that nobody knows")
+            done = live.watch(job, 1, "normal").until_done()
+            expect("was not kept" in done["error"], done)
+
+
+@tests.add
+def frame_zero_follows_the_animation():
+    """a watch of frame 0 goes on with the next frame"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "8", "--frames", "1-3")
+        with page.socket().watch(job) as live:
+            live.until(lambda: live.told, "the picture to be announced")
+            farm.start_worker()
+            live.until(lambda: live.picture.told["frame"] == 3 and live.told[-1][0] == "picture-done", "the third frame")
+            frames = [data["frame"] for event, data in live.told if event == "picture"]
+            expect(frames == sorted(frames) and set(frames) >= {1, 3}, frames)
+            expect(live.picture.is_whole(), len(live.picture.pixels))
+
+
+@tests.add
+def a_new_watch_replaces_the_old_one():
+    """a client has one picture; what it cannot have is said; a watch of 0 ends it"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "8")
+        with page.socket() as live:
+            for frame, words in ((7, "has frames 1 to 1"), ):
+                done = live.watch(job, frame).until_done()
+                expect(words in done["error"], done)
+            done = live.watch(999).until_done()
+            expect("there is none" in done["error"], done)
+            live.watch(job).until(lambda: live.told, "the picture")
+            live.ws.send({"watch": 0})
+            farm.start_worker()
+            farm.wait_for_job(job)
+            while live.step():
+                pass
+            expect(not live.picture.pixels, "tiles came of a watch that ended")
+            live.watch(job).until_done()
+            expect(live.picture.is_whole(), len(live.picture.pixels))
+
+
+@tests.add
+def a_removed_job_ends_its_watch():
+    """a job that is removed while it is watched: the client is told"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "8")
+        farm.start_worker()
+        farm.wait_for_job(job)
+        with page.socket().listen() as live:
+            live.watch(job).until_done()
+            farm.cli("remove", job, expect=0)
+            live.until(lambda: "job-removed" in live.names(), "job-removed")
+            expect(live.of("job-removed") == [{"job": job}], live.events)
+            live.until(lambda: "error" in live.told[-1][1], "the end of the watch")
+
+
+@tests.add
+def an_extended_job_goes_on():
+    """a done frame that goes on begins again with what it had, and ends as its new file"""
+    with Farm() as farm:
+        page = Page(farm)
+        farm.start_worker()
+        job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "10")
+        farm.wait_for_job(job)
+        with page.socket().watch(job) as live:
+            live.until_done()
+            farm.cli("extend", job, "--spp", "64", expect=0)
+            live.until(lambda: live.told[-1][0] == "picture", "the picture again")
+            live.until_done()
+            farm.wait_for_job(job)
+            expect(set(live.picture.samples().values()) == {64.0}, live.picture.samples())
+            expect_same_pixels(live.picture, exr_of(farm, job), ["R", "G", "B"])
+
+
+@tests.add
+def a_restart_is_survived():
+    """a killed coordinator: resuming gives a reset, and the picture goes on"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "160x120", "--spp", "512")
+        farm.start_worker()
+        with page.socket().listen().watch(job) as live:
+            live.until(lambda: live.picture and live.picture.is_whole() and live.events, "the whole picture")
+            last = live.last_id()
+            farm.coordinator.kill()
+            try:
+                while True:
+                    live.step(5)
+            except (Closed, OSError):
+                pass
+        page = Page(farm)
+        with page.socket().listen(last).watch(job) as live:
+            live.until(lambda: live.events, "an event")
+            expect(live.names()[0] == "reset", live.events)
+            expect(live.events[0][0] != last, live.events)
+            live.until(lambda: live.picture and live.picture.is_whole(), "the whole picture again")
+            live.until_done()
+            farm.wait_for_job(job)
+            expect_same_pixels(live.picture, exr_of(farm, job), ["R", "G", "B"])
+
+
+# ---- clients that do not behave ------------------------------------------------------------------
+
+
+def memory_of(program):
+    with open("/proc/%d/statm" % program.pid) as f:
+        return int(f.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@tests.add
+def a_client_that_never_reads_costs_little():
+    """clients that never read take bounded memory, and do not hold up one that does"""
+    with Farm() as farm:
+        page = Page(farm)
+        jobs = [farm.submit(farm.scene(), "--size", "640x480", "--spp", str(spp)) for spp in (4, 1 << 20)]
+        farm.start_worker()
+        farm.wait_for_job(jobs[0])
+        with page.socket() as live:
+            live.watch(jobs[0]).until_done()
+            live.watch(jobs[1]).until(lambda: live.picture and live.picture.is_whole(), "the whole picture")
+            farm.cli("pause", jobs[1], expect=0)  # else the film grows, too
+            before = memory_of(farm.coordinator)
+            idle = [page.socket(receive_buffer=4096).listen().watch(job) for job in jobs for _ in range(8)]
+            live.watch(jobs[0]).until_done()
+            expect(live.picture.is_whole(), len(live.picture.pixels))
+            for i in range(40):
+                farm.cli("priority", jobs[1], i, expect=0)
+            grown = memory_of(farm.coordinator) - before
+            # A queue of one mebibyte and a message each; two that are read, and what the C library keeps.
+            expect(grown < 16 * (3 << 19) + (12 << 20), "%d bytes more" % grown)
+            for each in idle:
+                each.ws.drop()
+
+
+@tests.add
+def slow_client_gets_the_newest():
+    """a client that slept gets the tiles as they are now, and a reset for the events that it missed"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "160x120", "--spp", "512")
+        farm.start_worker()
+        with page.socket(receive_buffer=4096).listen().watch(job) as live:
+            live.until(lambda: live.picture and live.picture.pixels, "a tile")
+            farm.wait_for_job(job)
+            live.until_done()
+            expect(live.picture.is_whole(), len(live.picture.pixels))
+            expect_same_pixels(live.picture, exr_of(farm, job), ["R", "G", "B"])
+            # Far fewer than all states that tiles had: 300 tiles, about 20 results each.
+            expect(live.picture.count < 80 * 16, live.picture.count)
+
+
+@tests.add
+def vanishing_clients_leave_nothing():
+    """five hundred clients that vanish in the middle of a picture leave nothing behind"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "320x240", "--spp", "16")
+        farm.start_worker()
+        farm.wait_for_job(job)
+
+        def crowd(count):
+            for i in range(count):
+                with page.socket().listen().watch(job, i % 2) as live:
+                    if i % 3 == 0:
+                        live.until(lambda: live.picture, "the picture")
+        crowd(100)
+        before = memory_of(farm.coordinator)
+        crowd(400)
+        with page.socket().watch(job) as live:
+            live.until_done()
+            expect(live.picture.is_whole(), len(live.picture.pixels))
+        grown = memory_of(farm.coordinator) - before
+        expect(grown < 8 << 20, "%d bytes more" % grown)
+
+
+@tests.add
+def nonsense_is_refused_in_words():
+    """messages that make no sense are refused, and the connection goes on"""
+    with Farm() as farm:
+        page = Page(farm)
+        with page.socket() as live:
+            nonsense = ["", "x", "[]", "{}", '{"watch": "1"}', '{"watch": {}}', '{"resume": null, "resume": null}',
+                        '{"watch": 1' + " " * 5000 + "}", "\u0000", '{"resum": null}', "[" * 2000]
+            for text in nonsense:
+                live.ws.send(text)
+            live.until(lambda: len(live.of("refused")) == len(nonsense), "%d refusals" % len(nonsense))
+            for text in ('{"watch": -1}', '{"watch": 1, "job": -1}', '{"watch": 99999999999999999999}',
+                         '{"watch": 1, "job": 1, "frame": 5000000000}', '{"watch": 2, "layer": 7}', '{"resume": 7}',
+                         '{"resume": "1-1"}', '{"watch": 1, "layer": "%s"}' % ("x" * 3000)):
+                live.ws.send(text)
+            live.listen().until(lambda: "begin" in live.names() or "reset" in live.names(), "an answer")
+        for how in ({"token": "wrong"}, {"token": None}, {"token": page.token, "origin": "http://evil.example"}):
+            try:
+                WebSocket(page.address, "/api/v1/live", **how).drop()
+                raise Failure("was let in: %s" % how)
+            except Refused as refused:
+                expect(refused.status in (401, 403), refused.status)
+
+
+# ---- events --------------------------------------------------------------------------------------
+
+
+@tests.add
+def events_say_what_changes():
+    """a job's events come at most twice a second, and say the same as the API"""
+    with Farm() as farm:
+        page = Page(farm)
+        with page.socket().listen() as live:
+            live.until(lambda: live.names()[:1] == ["begin"], "the beginning")
+            begun = time.monotonic()
+            job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "1024")
+            farm.start_worker()
+            live.until(lambda: any(j["state"] == "done" for j in live.of("job")), "the job to be done")
+            took = time.monotonic() - begun
+            expect(len(live.of("job")) <= 2 * took + 4, "%d events in %.1f s" % (len(live.of("job")), took))
+            expect({j["job"] for j in live.of("job")} == {job}, live.of("job"))
+            done = [j["samples_done"] for j in live.of("job")]
+            expect(done == sorted(done) and done[-1] == 64 * 48 * 1024 and len(set(done)) > 1, done)
+            live.until(lambda: live.of("log") and live.of("workers") and live.of("farm"), "the other events")
+            expect(all(line["job"] == job and line["text"] for line in live.of("log")), live.of("log"))
+            live.until(lambda: any(w["workers"] for w in live.of("workers")), "the worker")
+            status, told = page.get("/api/v1/jobs/%d" % job)
+            expect(status == 200, told)
+            wanted = told["jobs"][0]
+
+            def same():
+                have = live.of("job")[-1]
+                return all(wanted[key] == have[key] for key in
+                           ("name", "state", "samples_done", "frames_done", "frames_developed", "owner", "core_seconds"))
+            live.until(same, "an event that says what the API says")
+
+
+@tests.add
+def resuming_misses_nothing():
+    """a listener that comes back soon gets what it missed, and after a long time a reset"""
+    with Farm() as farm:
+        page = Page(farm)
+        with page.socket().listen() as live:
+            job = farm.submit(farm.scene(), "--size", "32x24", "--spp", "4")
+            live.until(lambda: live.of("job"), "the job")
+            last = live.last_id()
+        farm.cli("pause", job, expect=0)
+        with page.socket().listen(last) as live:
+            live.until(lambda: any(j["state"] == "paused" for j in live.of("job")), "the pause")
+            expect("reset" not in live.names() and "begin" not in live.names(), live.names())
+            numbers = [int(id.split("-")[1]) for id, _, _ in live.events]
+            expect(numbers == list(range(int(last.split("-")[1]) + 1, numbers[-1] + 1)), numbers)
+        for stale in ("1-1", last.split("-")[0] + "-999999", "nonsense"):
+            with page.socket().listen(stale) as live:
+                live.until(lambda: live.events, "an event")
+                expect(live.names()[0] == "reset", (stale, live.names()))
+
+
+class Stream:
+    """Server-sent events, read by hand."""
+
+    def __init__(self, page, last=None, after=None):
+        self.connection = http.client.HTTPConnection(page.address, timeout=30)
+        headers = {"Authorization": "Bearer " + page.token}
+        if last:
+            headers["Last-Event-ID"] = last
+        self.connection.request("GET", "/api/v1/events" + ("?after=" + after if after else ""), headers=headers)
+        self.answer = self.connection.getresponse()
+        expect(self.answer.status == 200, self.answer.status)
+        expect(self.answer.getheader("content-type").startswith("text/event-stream"), self.answer.getheaders())
+
+    def next(self):
+        """(id, event, data); comments are left out."""
+        fields = {}
+        while True:
+            line = self.answer.readline().decode()
+            expect(line, "the stream ended")
+            line = line.rstrip("\n")
+            if line.startswith(":"):
+                continue
+            if not line:
+                if fields:
+                    return fields.get("id"), fields.get("event"), json.loads(fields["data"])
+                continue
+            name, value = line.split(": ", 1)
+            fields[name] = value
+
+
+@tests.add
+def server_sent_events_are_the_same():
+    """server-sent events: the same ids, events and resuming as over the WebSocket"""
+    with Farm() as farm:
+        page = Page(farm)
+        with page.socket().listen() as live:
+            stream = Stream(page)
+            first = stream.next()
+            expect(first[1] == "begin", first)
+            job = farm.submit(farm.scene(), "--size", "32x24", "--spp", "4")
+            farm.cli("pause", job, expect=0)
+            live.until(lambda: any(j["state"] == "paused" for j in live.of("job")), "the pause")
+            have = {id: (name, data) for id, name, data in live.events}
+            got = []
+            while not any(name == "job" and data["state"] == "paused" for _, name, data in got):
+                got.append(stream.next())
+            for id, name, data in got:
+                if id in have:
+                    expect(have[id] == (name, data), (id, name))
+            for again in (Stream(page, last=got[0][0]), Stream(page, after=got[0][0])):
+                expect(again.next() == got[1], "resuming goes on with another event")
+            expect(Stream(page, last="7-7").next()[1] == "reset", "an id of another run")
+
+
+# ---- tiles ---------------------------------------------------------------------------------------
+
+
+@tests.add
+def tiles_name_their_workers():
+    """each tile's samples, error, time, worker and thread are known, also of a done frame and after a restart"""
+    with Farm() as farm:
+        page = Page(farm)
+        farm.start_worker("--name", "ana", threads=2)
+        job = farm.submit(farm.scene(), "--size", "100x70", "--spp", "4096")
+        path = "/api/v1/jobs/%d/frames/1/tiles" % job
+
+        def check(told, samples=None):
+            expect((told["width"], told["height"], told["tiles_x"], told["tiles_y"]) == (100, 70, 7, 5), told)
+            expect(len(told["tiles"]) == 35, len(told["tiles"]))
+            expect([w["name"] for w in told["workers"]] == ["ana"], told["workers"])
+            expect(told["workers"][0]["process"] == farm.workers[0].pid, told["workers"])
+            for tile in told["tiles"]:
+                expect(tile["worker"] == 1 and tile["thread"] in (1, 2), tile)
+                expect(tile["units"] > 0 and tile["cpu_ns"] > 0 and tile["passes"] > 0, tile)
+                expect(tile["error"] is not None and tile["error"] >= 0, tile)
+                expect(samples is None or tile["samples"] == samples, tile)
+            expect({tile["thread"] for tile in told["tiles"]} == {1, 2}, "one thread did it all")
+
+        def whole():
+            status, told = page.get(path)
+            return told if status == 200 and all(t["units"] > 4 for t in told["tiles"]) else None
+        check(wait_for(whole, "all tiles"))
+        farm.wait_for_job(job)
+        status, told = page.get(path)
+        expect(status == 200, told)
+        check(told, 4096)
+        farm.coordinator.kill()
+        page = Page(farm)
+        status, again = page.get(path)
+        expect(status == 200, again)
+        expect(again["tiles"] == told["tiles"], "other tiles after a restart")
+        check(again, 4096)
+        status, why = page.get("/api/v1/jobs/%d/frames/2/tiles" % job)
+        expect(status == 404 and b"frames 1 to 1" in why, why)
+        farm.cli("cancel", job, "--discard", expect=0)
+        status, why = page.get(path)
+        expect(status == 404 and b"not kept" in why, why)
+
+
+tests.run()

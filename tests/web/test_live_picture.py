@@ -1,0 +1,174 @@
+#!/usr/bin/env python3
+"""The live picture is the picture: what the display shows is compared with the files that the farm makes."""
+import os
+import sys
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+from browser import Browser  # noqa: E402
+from farm import Tests, read_bytes, wait_for  # noqa: E402
+from jobs import AREA, expect  # noqa: E402
+from shown import canvas_pixels, canvas_place, largest_difference, picture_pixels, png_rows  # noqa: E402
+from webfarm import WebFarm, connected  # noqa: E402
+
+tests = Tests()
+WIDTH, HEIGHT = 70, 50  # tiles at the right and below are cut
+PICTURE = "document.getElementById('picture').picture"
+OPERATOR = "#picture label[for]"
+
+# Each operator that the page draws itself, with options that tell it from its presets.
+DRAWN = {
+    "linear": ({}, {}), "normalize": ({}, {}), "aces-hill": ({}, {}), "gamma": ({"gamma": 1.8, "gain": 1.5}, {}), "reinhard02": ({"white": 3}, {}),
+    "drago03": ({"bias": 0.7}, {}), "aces": ({}, {"exposure": 1.5}), "agx": ({}, {"white-balance": 4000}),
+    "pbr-neutral": ({}, {"auto-exposure": "key"}), "hable": ({}, {"auto-exposure": "percentile"}),
+}
+DEVELOPED = ["mantiuk06", "mantiuk08", "lut"]  # of a .cube file that only the farm has, in the last case
+CUBE = "TITLE \"warm\"\nLUT_3D_SIZE 3\n" + "".join(
+    "%g %g %g\n" % (min(1, r / 2 * 1.2), (g / 2) ** 1.3, b / 2 * 0.8)
+    for b in range(3) for g in range(3) for r in range(3))
+
+
+def made(farm, job, operator, parameters, options):
+    """The rows of the PNG that the farm makes like this, not dithered; the job keeps the settings."""
+    path = farm.path("%s.png" % operator)
+    words = ["--tonemap", operator, "--no-dither", "-o", path, "--force"]
+    for name, value in parameters.items():
+        words += ["-p", "%s=%s" % (name, value)]
+    for name, value in options.items():
+        words += ["--" + name, str(value)]
+    farm.cli("develop", job, *words, expect=0)
+    return png_rows(read_bytes(path))
+
+
+def at_one_to_one(page):
+    """Wait until all of the picture is there, and show it pixel by pixel."""
+    page.wait(PICTURE, "the part that shows the picture")
+    page.wait("%s.pixels && %s.pixels.arrived === %s.pixels.tiles" % (PICTURE, PICTURE, PICTURE), "all tiles")
+    page.js("document.activeElement.blur()")
+    page.press("1")
+    page.wait("%s.view.scale === 1" % PICTURE, "one pixel a pixel")
+    page.frames(3)
+
+
+def same_look(page, operator):
+    """Wait until the page shows the job's own settings, of which the operator is this."""
+    page.wait("%s.controls.look && %s.controls.look.operator === '%s' && %s.lookOfJob.operator === '%s'" % (
+        PICTURE, PICTURE, operator, PICTURE, operator), "the operator " + operator)
+    page.frames(3)
+
+
+def look(page):
+    """The middle of the canvas: rows of codes."""
+    return canvas_pixels(page, 200, 120).codes
+
+
+@tests.add
+def the_display_shows_what_fetch_gives():
+    """each operator of WebGL: within 1/255 of the farm's PNG without dither; developed ones: exactly it"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        job = farm.submit(AREA, "--size", "%dx%d" % (WIDTH, HEIGHT), "--spp", "16")
+        farm.wait_for_job(job)
+        page = farm.page(browser, "#/job/%d" % job, width=1600, height=1000)
+        at_one_to_one(page)
+        found = {}
+        for operator, (parameters, options) in DRAWN.items():
+            wanted = made(farm, job, operator, parameters, options)
+            same_look(page, operator)
+            found[operator] = largest_difference(picture_pixels(page, WIDTH, HEIGHT), wanted)
+            expect("oordinator" not in page.text("#picture .note"), "%s was not drawn by the page" % operator)
+        cube = farm.path("warm.cube")
+        with open(cube, "w", encoding="ascii") as out:
+            out.write(CUBE)
+        wanted = made(farm, job, "lut", {}, {"lut": cube})
+        made(farm, job, "linear", {}, {})
+        same_look(page, "linear")
+        page.choose("#" + page.js(PICTURE + ".controls.operator.id"), "lut")
+        page.wait("document.querySelector('#picture input[type=file]')")
+        page.give_files("#picture input[type=file]", [cube])
+        page.wait(PICTURE + ".controls.look.file", "the .cube file to be read")
+        page.frames(3)
+        found["lut"] = largest_difference(picture_pixels(page, WIDTH, HEIGHT), wanted)
+        print("# largest differences: %s" % ", ".join("%s %d" % (n, d[0]) for n, d in found.items()))
+        far = {n: d for n, d in found.items() if d[0] > 1}
+        expect(not far, "more than 1/255: %s" % far)
+        for operator in DEVELOPED:
+            wanted = made(farm, job, operator, {}, {"lut": cube} if operator == "lut" else {})
+            same_look(page, operator)
+            page.wait("/developed by the coordinator at/.test(%s.note.textContent)" % PICTURE, operator)
+            page.frames(3)
+            got = largest_difference(picture_pixels(page, WIDTH, HEIGHT), wanted)
+            expect(got[0] == 0, "%s differs by %d at %d, %d" % ((operator, ) + got))
+
+
+@tests.add
+def the_picture_arrives_and_survives_a_restart():
+    """tiles arrive while it renders; after a killed coordinator the picture stays, a bar says so, and it goes on"""
+    with WebFarm() as farm, Browser() as browser:
+        coordinator = farm.start_coordinator()
+        farm.start_worker()
+        job = farm.submit(AREA, "--size", "160x96", "--spp", "200000")
+        page = farm.page(browser, "#/job/%d" % job, width=1600, height=1000)
+        page.allow("WebSocket|ERR_CONNECTION|Failed to fetch")
+        at_one_to_one(page)
+        mean = "%s.pixels.samples.reduce((a, b) => a + b, 0)" % PICTURE
+        first = page.js(mean)
+        wait_for(lambda: page.js(mean) > 1.5 * first, "more samples in the picture")
+        coordinator.kill()
+        page.wait("document.getElementById('connection-bar').checkVisibility()", "the bar")
+        expect("No connection since" in page.text("#connection-bar"), page.text("#connection-bar"))
+        page.frames(3)
+        before = look(page)
+        page.wait("/again/.test(document.getElementById('connection-bar').innerText)")
+        expect(look(page) == before, "the picture changed without a connection")
+        expect(len({c for row in before for c in row}) > 20, "there is no picture")
+        expect(page.find("[data-job=\"%d\"]" % job) == 1, "the queue is gone")
+        last = page.js(mean)
+        farm.restart_coordinator()
+        connected(page)
+        page.wait("!document.getElementById('connection-bar').checkVisibility()", "the bar to go")
+        wait_for(lambda: page.js(mean) > 1.2 * last, "the picture to go on: %s, then %s" % (last, page.js(mean)))
+        expect(look(page) != before, "the picture stands still")
+
+
+@tests.add
+def overlays_and_the_pixel_under_the_pointer():
+    """overlays colour tiles by worker, samples, error and time, with a legend; a pixel tells its values"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker("--name", "ana")
+        farm.start_worker("--name", "rui")
+        farm.wait_for_workers(2)
+        job = farm.submit(AREA, "--size", "160x96", "--spp", "64", "--aov", "normal,depth")
+        farm.wait_for_job(job)
+        page = farm.page(browser, "#/job/%d" % job, width=1600, height=1000)
+        at_one_to_one(page)
+        plain = look(page)
+        kinds = page.js("[...%s.controls.overlay.options].map(o => o.value)" % PICTURE)
+        expect(len(kinds) >= 5, kinds)
+        for kind in kinds[1:]:
+            page.choose("#" + page.js("%s.controls.overlay.id" % PICTURE), kind)
+            page.wait("%s.legend.checkVisibility() && %s.legend.innerText.trim().length > 2" % (PICTURE, PICTURE), kind)
+            wait_for(lambda: look(page) != plain, "the overlay '%s' to be seen" % kind)
+            if kind == "workers":
+                page.wait("/ana/.test(%s.legend.innerText) && /rui/.test(%s.legend.innerText)" % (PICTURE, PICTURE))
+        page.choose("#" + page.js("%s.controls.overlay.id" % PICTURE), kinds[0])
+        left, top, width, height = canvas_place(page)
+        page.mouse("mouseMoved", left + width / 2, top + height / 2)
+        page.wait("/linear .*display .*samples/s.test(%s.reading.textContent)" % PICTURE, "the pixel's values")
+        page.wait("/(ana|rui)/.test(%s.reading.textContent)" % PICTURE, "the tile's worker")
+        print("# " + page.js("%s.reading.textContent" % PICTURE))
+        expect("finished" in page.js("%s.canvas.getAttribute('aria-label')" % PICTURE), "the text alternative")
+        layers = page.js("[...%s.controls.layer.options].map(o => o.value)" % PICTURE)
+        for layer in ("N", "normal"):
+            if layer in layers:
+                break
+        else:
+            layer = [n for n in layers if n != "color"][0]
+        page.choose("#" + page.js("%s.controls.layer.id" % PICTURE), layer)
+        wait_for(lambda: look(page) != plain, "the layer '%s' of %s to be seen" % (layer, layers))
+
+
+if __name__ == "__main__":
+    tests.run()

@@ -1,0 +1,178 @@
+#!/usr/bin/env python3
+"""The page by keyboard, on a phone, after a reload, for screen readers; axe-core looks at every view."""
+import os
+import sys
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+from browser import Browser  # noqa: E402
+from farm import Failure, Tests, wait_for  # noqa: E402
+from jobs import expect  # noqa: E402
+from webfarm import WebFarm, axe, connected  # noqa: E402
+
+tests = Tests()
+SMALL = ["--size", "32x32", "--spp", "4"]
+LONG = ["--size", "128x128", "--spp", "1000000"]
+VIEWS = ["#/job/1", "#/job/2", "#/job/3", "#/workers", "#/worker/ana", "#/events", "#/store", "#/access", "#/submit"]
+
+
+def busy(farm):
+    """Job 1 is done, 2 is in work, 3 waits for 2 and is an animation; one worker, ana."""
+    farm.start_coordinator()
+    farm.start_worker("--name", "ana")
+    first = farm.submit(farm.scene(), *SMALL)
+    farm.wait_for_job(first)
+    second = farm.submit(farm.scene(), *LONG, "--name", "kitchen")
+    third = farm.submit(farm.scene(), *SMALL, "--name", "turntable", "--frames", "1-24", "--after", str(second))
+    wait_for(lambda: farm.job(second)["state"] == "running", "the job to run")
+    return first, second, third
+
+
+@tests.add
+def links_back_and_reload():
+    """a link shows its job and frame; back goes back; a reload loses nothing; a second page needs no token"""
+    with WebFarm() as farm, Browser() as browser:
+        _, second, third = busy(farm)
+        page = farm.page(browser, "#/job/%d" % second, width=1600, height=1000)
+        page.wait_text("kitchen", "#side")
+        page.click("[data-job=\"%d\"] a" % third)
+        page.wait_text("turntable", "#side")
+        expect(page.url().endswith("#/job/%d" % third), page.url())
+        page.back()
+        page.wait_text("kitchen", "#side")
+        page.reload()
+        connected(page)
+        page.wait_text("kitchen", "#side")
+        expect(page.url().endswith("#/job/%d" % second), page.url())
+        link = "%s/#/job/%d/frame/7" % (farm.origin(), third)
+        other = browser.page(link, width=1600, height=1000)
+        connected(other)
+        other.wait_text("frame 7", "#side")
+
+
+@tests.add
+def everything_by_keyboard():
+    """j and k move, p pauses, / searches, ? lists the keys; Tab reaches every control and shows where it is"""
+    with WebFarm() as farm, Browser() as browser:
+        _, second, third = busy(farm)
+        page = farm.page(browser, "#/job/%d" % second, width=1600, height=1000)
+        page.wait_text("kitchen", "#side")
+        page.press("j")
+        page.wait("location.hash !== '#/job/%d'" % second, "j to move")
+        page.press("k")
+        page.wait("location.hash === '#/job/%d'" % second, "k to move back")
+        page.press("p")
+        wait_for(lambda: farm.job(second)["state"] == "paused", "p to pause")
+        page.wait_text("Undo")
+        page.press("u")
+        wait_for(lambda: farm.job(second)["state"] in ("running", "queued"), "u to undo")
+        page.press("?")
+        page.wait_text("Keys", "dialog[open]")
+        page.press("Escape")
+        page.wait("!document.querySelector('dialog[open]')")
+        page.press("/")
+        page.wait("document.activeElement.tagName === 'INPUT'", "/ to search")
+        page.call("Input.insertText", {"text": "turntable"})
+        page.wait("[...document.querySelectorAll('[data-job]')].filter(e => e.checkVisibility()).length === 1",
+                  "one job to be found")
+        page.press("Escape")
+        page.js("document.activeElement.blur()")
+        # Not beyond the last one: there Tab would leave the page for the browser's own controls.
+        count = page.js("""(() => { window.stops = [...document.querySelectorAll(
+                'button, a[href], input, select, summary, canvas, [tabindex]')].filter(e => e.tabIndex >= 0 && !e.disabled
+                && e.checkVisibility({checkVisibilityCSS: true})); return stops.length; })()""")
+        page.js("stops[0].focus()")
+        unseen, missed = [], None
+        for _ in range(count - 1):
+            page.press("Tab")
+            seen, missed = page.js("""(() => { const e = document.activeElement, s = getComputedStyle(e);
+                const words = e => e.tagName + '#' + e.id + ' ' + (e.getAttribute('aria-label') || e.textContent).trim().slice(0, 40);
+                stops.splice(0, stops.indexOf(e) > 0 ? 1 : 0);
+                return [s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) > 0 || s.boxShadow !== 'none' ? '' : words(e),
+                        stops.indexOf(e) === 0 ? null : words(e) + ' instead of ' + words(stops[0])]; })()""")
+            unseen += [seen] if seen else []
+            if missed:
+                break
+        expect(not missed, "Tab reaches %s" % missed)
+        expect(not unseen, "the focus is not seen on %s" % unseen)
+
+
+@tests.add
+def a_phone_has_no_sideways_scroll():
+    """at 390 and 320 pixels no view is wider than the window, and the bottom bar changes between the views"""
+    with WebFarm() as farm, Browser() as browser:
+        busy(farm)
+        page = farm.page(browser, width=390, height=844, phone=True)
+        for width in (390, 320):
+            page.size(width, 844, phone=True)
+            for view in ["#/"] + VIEWS:
+                page.open(farm.origin() + "/" + view)
+                page.frames(5)
+                wide = page.js("[document.documentElement.scrollWidth, innerWidth]")
+                expect(wide[0] <= wide[1], "%s is %d pixels wide at %d" % (view, wide[0], width))
+        page.size(390, 844, phone=True)
+        page.open(farm.origin() + "/#/job/2")
+        tabs = page.js("[...document.querySelectorAll('#tabs button')].filter(e => e.checkVisibility()).length")
+        expect(tabs >= 3, "the bottom bar has %d buttons" % tabs)
+        shown = set()
+        for n in range(tabs):
+            at = page.js("""(() => { const r = document.querySelectorAll('#tabs button')[%d].getBoundingClientRect();
+                return [r.x + r.width / 2, r.y + r.height / 2, r.height]; })()""" % n)
+            expect(at[2] >= 40, "a button of %g pixels" % at[2])
+            page.click_at(at[0], at[1])
+            page.frames(3)
+            shown.add(page.text("body"))
+            wide = page.js("[document.documentElement.scrollWidth, innerWidth]")
+            expect(wide[0] <= wide[1], "tab %d is %d pixels wide" % (n, wide[0]))
+        expect(len(shown) == tabs, "tabs show the same")
+
+
+@tests.add
+def axe_finds_nothing():
+    """axe-core finds no fault in any view, dark or light, wide or phone, with questions and the sign-in open"""
+    with WebFarm() as farm, Browser() as browser:
+        busy(farm)
+        page = farm.page(browser, width=1600, height=1000)
+        faults = []
+
+        def look(where):
+            page.frames(5)
+            try:
+                axe(page, where)
+            except Failure as failure:
+                faults.append(str(failure))
+        for dark in (False, True):
+            page.size(1600, 1000)
+            page.media(dark=dark, still=True)
+            for view in VIEWS:
+                page.open(farm.origin() + "/" + view)
+                look("%s %s" % (view, "dark" if dark else "light"))
+            page.press("?")
+            page.wait("document.querySelector('dialog[open]')")
+            look("keys")
+            page.press("Escape")
+            page.size(390, 844, phone=True)
+            for view in ("#/", "#/job/2"):
+                page.open(farm.origin() + "/" + view)
+                look("%s phone %s" % (view, "dark" if dark else "light"))
+        page.allow("401")  # of the question who is signed in
+        page.js("fetch('/api/v1/session', {method: 'DELETE'})")
+        page.reload()
+        page.wait("document.querySelector('main.login')")
+        look("sign in")
+        expect(not faults, "\n".join(faults))
+
+
+@tests.add
+def an_empty_farm_teaches():
+    """without workers and jobs the page shows the commands to copy, with this coordinator's address"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        page = farm.page(browser, width=1600, height=1000)
+        page.wait_text("azulejo-worker .*" + farm.address.replace(".", "\\."))
+        page.wait_text("azulejo submit .*")
+        axe(page, "an empty farm")
+
+
+if __name__ == "__main__":
+    tests.run()
