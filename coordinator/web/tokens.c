@@ -18,18 +18,12 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/store/store.h"
+#include "coordinator/web/token_failures.h"
 
 #define TOKEN_PREFIX "azt_" /* so that programs that look for secrets in files know what it is */
 _Static_assert((int)WEB_TOKEN_NAME_MAX == (int)TOKEN_NAME_MAX && (int)WEB_WHO_MAX >= (int)JOB_WHO_MAX,
                "a caller has room for its token's texts");
 enum { TOKEN_FILE_MAX = 4096, PREFIX_LENGTH = sizeof TOKEN_PREFIX - 1 };
-
-/* An address that sent wrong tokens. */
-struct failures {
-    char address[64];
-    uint64_t since_ns, last_ns;
-    uint32_t count;
-};
 
 struct web_tokens {
     struct store *store;
@@ -42,7 +36,7 @@ struct web_tokens {
         int ended;               /* its end was told */
     } *marks;                    /* of each row */
     size_t count, capacity, mark_capacity;
-    struct failures failures[TOKEN_ADDRESSES_MAX];
+    struct token_failures failures;
     uint64_t failure_count;
 };
 
@@ -336,40 +330,10 @@ void web_tokens_cookie(const struct web_tokens *tokens, uint64_t token, int64_t 
     snprintf(out, COOKIE_SIZE, "%" PRIu64 ".%" PRId64 ".%s", token, now_s + *life_s, hex);
 }
 
-/* ---- wrong tokens ----------------------------------------------------------------------------- */
-
-/* The address's place; if it has none, that of the one that failed least recently. */
-static struct failures *failures_of(struct web_tokens *tokens, const char *peer)
-{
-    struct failures *oldest = &tokens->failures[0];
-    const char *port = strrchr(peer, ':');
-    char address[sizeof oldest->address];
-
-    snprintf(address, sizeof address, "%.*s", port ? (int)(port - peer) : (int)strlen(peer), peer);
-    for (size_t i = 0; i < TOKEN_ADDRESSES_MAX; i++) {
-        struct failures *f = &tokens->failures[i];
-        if (strcmp(f->address, address) == 0)
-            return f;
-        if (f->last_ns < oldest->last_ns)
-            oldest = f;
-    }
-    *oldest = (struct failures){0};
-    memcpy(oldest->address, address, sizeof address);
-    return oldest;
-}
-
 int web_tokens_note_failure(struct web_tokens *tokens, const char *peer, uint64_t now_ns)
 {
-    struct failures *f = failures_of(tokens, peer);
-
     tokens->failure_count++;
-    if (f->count == 0 || now_ns - f->since_ns >= TOKEN_FAILURES_S * NS_PER_SECOND) {
-        f->count = 0;
-        f->since_ns = now_ns;
-    }
-    f->last_ns = now_ns;
-    f->count += f->count <= TOKEN_FAILURES_MAX;
-    return f->count <= TOKEN_FAILURES_MAX;
+    return token_failures_note(&tokens->failures, peer, now_ns);
 }
 
 uint64_t web_tokens_failures(const struct web_tokens *tokens)
@@ -487,6 +451,9 @@ status web_token_renew(struct web_tokens *tokens, uint64_t token, int64_t now_s,
 
     if (!row)
         return no_such_token(token, err);
+    if (!is_valid(row, now_s))
+        return error_set(err, STATUS_ERR_REFUSED,
+                         "token %" PRIu64 " has expired: 'azulejo token create' makes another", token);
     s = make_text(secret, err);
     if (s == STATUS_OK)
         s = hash_of(secret, &hash, err);

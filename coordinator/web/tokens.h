@@ -32,9 +32,6 @@ enum {
     TOKEN_USED_S = 3600,            /* the store learns at most so often that a token is used */
     COOKIE_LIFE_S = 14 * 86400,
     COOKIE_SIZE = 20 + 1 + 20 + 1 + 64 + 1,
-    TOKEN_FAILURES_MAX = 20,        /* wrong tokens of one address in TOKEN_FAILURES_S; the rest is */
-    TOKEN_FAILURES_S = 60,          /* answered 429 and is not in the audit log */
-    TOKEN_ADDRESSES_MAX = 256,      /* that are remembered, the newest */
 };
 
 struct web_tokens;
@@ -70,7 +67,7 @@ status web_token_create(struct web_tokens *tokens, struct token_row *row, int64_
                         char secret[TOKEN_TEXT_SIZE], struct error *err) MUST_CHECK;
 /* ERR_NOT_FOUND; ERR_REFUSED: the coordinator's own. */
 status web_token_revoke(struct web_tokens *tokens, uint64_t token, struct error *err) MUST_CHECK;
-/* ERR_NOT_FOUND, ERR_IO, ERR_NO_MEMORY. */
+/* ERR_NOT_FOUND; ERR_REFUSED: it has expired; ERR_IO, ERR_NO_MEMORY. */
 status web_token_renew(struct web_tokens *tokens, uint64_t token, int64_t now_s, char secret[TOKEN_TEXT_SIZE],
                        struct error *err) MUST_CHECK;
 

@@ -14,7 +14,7 @@ import time
 from disk import OddDisk
 from farm import Farm, PATIENCE, Tests, wait_for
 from jobs import expect
-from odd import die_of
+from odd import OddPeer, die_of
 from page import Page
 
 tests = Tests()
@@ -119,6 +119,23 @@ def told():
         farm.wait_for_job(farm.submit(farm.scene(), "--size", "16x16", "--spp", "8"))
         expect(farm.cli("webhook", "list", "--json", expect=0).json()["webhooks"] == [], "removed")
         expect(len(receiver.events()) == 2, receiver.events())
+
+
+@tests.add
+def failed():
+    """a job that no worker can render fails, with the worker's words"""
+    with Farm() as farm, Receiver() as receiver:
+        farm.start_coordinator()
+        add(farm, receiver.url)
+        peer = OddPeer(farm)
+        peer.say("request 2")
+        job = farm.submit(farm.scene(), "--size", "64x64", "--spp", "4")
+        peer.grant()
+        peer.say("broken")
+        farm.wait_for_job(job, "failed")
+        event = wait_for(lambda: receiver.events() or None, "the event")[0]
+        expect((event["event"], event["job"], event["state"]) == ("job-failed", job, "failed"), event)
+        expect("the odd peer cannot" in event["text"], event)
 
 
 @tests.add

@@ -13,6 +13,7 @@
 
 #include "common/base/clock.h"
 #include "common/base/file.h"
+#include "coordinator/web/token_failures.h"
 #include "coordinator/web/tokens.h"
 #include "tests/support/sim_farm.h"
 
@@ -189,6 +190,7 @@ static void a_token_expires_once(void **state)
     web_tokens_tick(tokens, NOW + DAY + 1);
     assert_int_equal(ended.count, 1);
     assert_int_equal(ended.token[0], number);
+    assert_int_equal(web_token_renew(tokens, number, NOW + DAY, secret, &err), STATUS_ERR_REFUSED);
     assert_int_equal(web_token_create(tokens, &late, NOW, secret, &err), STATUS_ERR_INPUT);
 }
 
