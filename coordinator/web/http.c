@@ -134,6 +134,8 @@ void http_free(struct http *http)
 {
     if (!http)
         return;
+    if (http->context)
+        lws_context_destroy(http->context); /* its second half, once the loop has closed its handles */
     mem_free(http);
 }
 
