@@ -136,6 +136,8 @@ void http_free(struct http *http)
         return;
     if (http->context)
         lws_context_destroy(http->context); /* its second half, once the loop has closed its handles */
+    while (http->first)
+        http_connection_free(http->first);
     mem_free(http);
 }
 
@@ -145,6 +147,8 @@ void http_tick(struct http *http, uint64_t now_ns)
         next = c->next;
         if (c->deadline_ns && now_ns >= c->deadline_ns)
             http_end_now(c);
+        else if (c->was_refused)
+            http_connection_free(c);
     }
 }
 

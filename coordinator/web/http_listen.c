@@ -46,9 +46,13 @@ static void adopt(struct http *http, int fd, const char *peer)
         return;
     }
     http_deadline(c, HTTP_HEADERS_MS);
-    /* On failure the library closes the socket; its last event may have freed the connection already. */
-    if (!lws_adopt_descriptor_vhost_via_info(&how) && http->first == c)
-        http_connection_free(c);
+    /* On failure the library closes the socket. Its last event comes at the end of this turn of the loop, or not at
+     * all: http_tick frees what is left. */
+    if (!lws_adopt_descriptor_vhost_via_info(&how) && http->first == c) {
+        c->was_refused = c->is_ending = c->is_dead = 1;
+        c->deadline_ns = 0;
+        http->ending_count++;
+    }
 }
 
 static void on_listener(uv_poll_t *poll, int code, int events)

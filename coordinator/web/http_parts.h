@@ -53,6 +53,7 @@ struct http_connection {
     int body_paused, running;           /* a socket's handlers on the stack */
     int is_dead;                        /* to be ended; */
     int is_ending;                      /* the library ends it, once the loop has closed its socket */
+    int was_refused;                    /* by the library, when it was new */
     unsigned close_code;                /* of a WebSocket; 0: not closing */
     char close_reason[64];
 };

@@ -454,6 +454,12 @@ def tls():
         except OSError:
             pass
         expect(stat.S_IMODE(os.stat(farm.store + "/web-key.pem").st_mode) == 0o600, "the key can be read by others")
+        before = descriptors_of(farm.coordinator)
+        for i in range(300):
+            with socket.create_connection(("127.0.0.1", page.port)) as peer:
+                peer.send((b"\x16\x03\x01\x02\x00\x01", b"\x16\x03", b"\x00" * 600, b"")[i % 4])
+        expect(page.get("/healthz").status == 200, "after half handshakes")
+        wait_for(lambda: descriptors_of(farm.coordinator) <= before + 4, "their end")
         silent = page.connect()
         half = socket.create_connection(("127.0.0.1", page.port))
         half.send(b"\x16\x03\x01")
