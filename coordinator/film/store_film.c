@@ -301,6 +301,56 @@ static status open_and_load(struct film_file *file, struct film *film,
     return s == STATUS_OK ? make_file(file, wanted, err) : s;
 }
 
+status film_file_look(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
+                      const struct film *film, struct error *err)
+{
+    struct film_file *file = mem_calloc(1, sizeof *file);
+    uint8_t wanted[FILM_HEADER_SIZE], found[FILM_HEADER_SIZE];
+    size_t got = 0;
+    status s;
+
+    *out = NULL;
+    if (!file)
+        return error_no_memory(err, "a film file");
+    pthread_mutex_init(&file->lock, NULL);
+    file->read_only = 1;
+    file->fd = open(path, O_RDONLY | O_CLOEXEC);
+    file->path = mem_strdup(path);
+    file->serials = mem_calloc(film_tile_count(film), sizeof *file->serials);
+    file->slot_bytes = SLOT_HEADER + film_tile_state_bound(film, 0);
+    if (!file->path || !file->serials)
+        s = error_no_memory(err, "a film file");
+    else if (file->fd < 0)
+        s = error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO, "%s: cannot be opened: %s", path,
+                      strerror(errno));
+    else
+        s = film_header_make(wanted, header_magic, film, job, frame, err);
+    if (s == STATUS_OK)
+        s = read_at(file, found, sizeof found, 0, &got, err);
+    if (s == STATUS_OK && (got < sizeof found || memcmp(found, wanted, sizeof found) != 0))
+        s = error_set(err, STATUS_ERR_NOT_FOUND, "%s: is not the frame's film", path);
+    if (s != STATUS_OK) {
+        film_file_close(file);
+        return s;
+    }
+    *out = file;
+    return STATUS_OK;
+}
+
+size_t film_file_tile_bytes(const struct film_file *file)
+{
+    return FILM_SLOTS * file->slot_bytes;
+}
+
+status film_file_load_tile(struct film_file *file, struct film *film, uint32_t tile, uint8_t *bytes,
+                           struct error *err)
+{
+    uint32_t passes[GROUPS], damaged = 0;
+    uint8_t slot;
+
+    return load_tile(file, film, tile, bytes, passes, &slot, &damaged, err);
+}
+
 status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
                       struct film *film, uint32_t (*durable)[GROUPS], uint8_t *slot, struct error *err)
 {

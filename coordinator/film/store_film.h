@@ -57,11 +57,13 @@ status film_kept_write(const char *path, uint64_t job, uint32_t frame, const str
  * tiles are logged, and rendered again. ERR_IO, ERR_NO_MEMORY. */
 status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct film *film,
                       uint32_t (*durable)[GROUPS], struct buffer *notes, struct error *err) MUST_CHECK;
-/* Read a kept film tile by tile, in the memory of one. Any thread, one at a time. */
+/* Read a film tile by tile, in the memory of one: what was kept of it, and what is newer of a film in work that is
+ * not open. Any thread, one at a time. */
 struct film_reader;
-/* Of a job with these settings. ERR_NOT_FOUND: there is none, or it is damaged; ERR_IO, ERR_NO_MEMORY. */
-status film_reader_open(struct film_reader **out, const char *path, uint64_t job, uint32_t frame,
-                        const struct render_settings *settings, struct error *err) MUST_CHECK;
+/* The two files, either of which may be missing, of a job with these settings. ERR_NOT_FOUND: there is neither, or
+ * they are damaged; ERR_IO, ERR_NO_MEMORY. */
+status film_reader_open(struct film_reader **out, const char *kept_path, const char *work_path, uint64_t job,
+                        uint32_t frame, const struct render_settings *settings, struct error *err) MUST_CHECK;
 /* Load the next tile, row-major, from 0 on, and forget the one before. A damaged one has no samples.
  * ERR_NOT_FOUND: there is no other. ERR_IO, ERR_NO_MEMORY. */
 status film_reader_next(struct film_reader *reader, uint32_t *tile, struct error *err) MUST_CHECK;

@@ -87,9 +87,8 @@ status film_kept_write(const char *path, uint64_t job, uint32_t frame, const str
     return s;
 }
 
-/* The next tile's state. 0: the file ends, or is damaged here. */
-static int read_state(FILE *file, struct film *film, uint32_t tile, uint8_t *bytes,
-                      uint32_t durable[GROUPS], status *s, struct error *err)
+int film_kept_read_tile(FILE *file, struct film *film, uint32_t tile, uint8_t *bytes, uint32_t durable[GROUPS],
+                        status *s, struct error *err)
 {
     size_t size;
 
@@ -104,6 +103,28 @@ static int read_state(FILE *file, struct film *film, uint32_t tile, uint8_t *byt
         return 1; /* this tile is lost; the next one may be good */
     *s = film_tile_load(film, tile, bytes, size, err);
     return *s == STATUS_OK;
+}
+
+status film_kept_open(FILE **out, const char *path, uint64_t job, uint32_t frame, const struct film *film,
+                      struct error *err)
+{
+    uint8_t wanted[FILM_HEADER_SIZE], found[FILM_HEADER_SIZE];
+    status s = film_header_make(wanted, kept_magic, film, job, frame, err);
+    FILE *file = s == STATUS_OK ? fopen(path, "rbe") : NULL;
+
+    *out = NULL;
+    if (s != STATUS_OK)
+        return s;
+    if (!file && errno != ENOENT)
+        return io_error(path, "opened", err);
+    if (!file || fread(found, 1, sizeof found, file) != sizeof found ||
+        memcmp(found, wanted, sizeof found) != 0 || fseek(file, FILM_NOTES_SIZE, SEEK_CUR) != 0) {
+        if (file)
+            fclose(file);
+        return error_set(err, STATUS_ERR_NOT_FOUND, "%s: there is no kept film of this frame", path);
+    }
+    *out = file;
+    return STATUS_OK;
 }
 
 status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct film *film,
@@ -133,7 +154,7 @@ status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct fil
     if (s == STATUS_OK && !(bytes && buffer_ok(notes)))
         s = error_no_memory(err, "a kept film");
     for (uint32_t t = 0; t < film_tile_count(film) && s == STATUS_OK; t++) {
-        if (!read_state(file, film, t, bytes, durable[t], &s, err))
+        if (!film_kept_read_tile(file, film, t, bytes, durable[t], &s, err))
             t = film_tile_count(film) - 1;
     }
     for (uint32_t t = 0; t < film_tile_count(film); t++)
@@ -145,91 +166,4 @@ status film_kept_load(const char *path, uint64_t job, uint32_t frame, struct fil
     mem_free(bytes);
     fclose(file);
     return s;
-}
-
-/* ---- tile by tile ---------------------------------------------------------------------------- */
-
-struct film_reader {
-    FILE *file;
-    char *path;
-    struct film *film;
-    uint8_t *bytes;              /* of one tile's state */
-    uint32_t next;
-};
-
-/* Open the file behind its header and notes. */
-static status reader_begin(struct film_reader *r, uint64_t job, uint32_t frame, struct error *err)
-{
-    uint8_t wanted[FILM_HEADER_SIZE], found[FILM_HEADER_SIZE];
-    status s = film_header_make(wanted, kept_magic, r->film, job, frame, err);
-
-    if (s != STATUS_OK)
-        return s;
-    r->file = fopen(r->path, "rbe");
-    if (!r->file && errno != ENOENT)
-        return io_error(r->path, "opened", err);
-    if (!r->file || fread(found, 1, sizeof found, r->file) != sizeof found ||
-        memcmp(found, wanted, sizeof found) != 0 || fseek(r->file, FILM_NOTES_SIZE, SEEK_CUR) != 0)
-        return error_set(err, STATUS_ERR_NOT_FOUND, "%s: there is no kept film", r->path);
-    return STATUS_OK;
-}
-
-status film_reader_open(struct film_reader **out, const char *path, uint64_t job, uint32_t frame,
-                        const struct render_settings *settings, struct error *err)
-{
-    struct film_reader *r = mem_calloc(1, sizeof *r);
-    status s = STATUS_OK;
-
-    *out = NULL;
-    if (!r)
-        return error_no_memory(err, "a kept film");
-    r->path = mem_strdup(path);
-    r->film = film_new_aovs(settings->width, settings->height, settings->spp, settings->aovs);
-    r->bytes = r->film ? mem_alloc(film_tile_state_bound(r->film, 0)) : NULL; /* no tile is larger */
-    if (!r->path || !r->bytes)
-        s = error_no_memory(err, "a kept film");
-    if (s == STATUS_OK)
-        s = reader_begin(r, job, frame, err);
-    if (s != STATUS_OK) {
-        film_reader_close(r);
-        return s;
-    }
-    *out = r;
-    return STATUS_OK;
-}
-
-status film_reader_next(struct film_reader *r, uint32_t *tile, struct error *err)
-{
-    uint32_t passes[GROUPS];
-    status s = STATUS_OK;
-
-    if (r->next > 0)
-        film_tile_unload(r->film, r->next - 1);
-    if (r->next == film_tile_count(r->film))
-        return STATUS_ERR_NOT_FOUND;
-    *tile = r->next++;
-    if (read_state(r->file, r->film, *tile, r->bytes, passes, &s, err) || s != STATUS_OK)
-        return s;
-    if (ferror(r->file))
-        return io_error(r->path, "read", err);
-    r->next = film_tile_count(r->film); /* nothing can be found behind a state that is cut off */
-    film_tile_unload(r->film, *tile);
-    return STATUS_ERR_NOT_FOUND;
-}
-
-const struct film *film_reader_film(const struct film_reader *r)
-{
-    return r->film;
-}
-
-void film_reader_close(struct film_reader *r)
-{
-    if (!r)
-        return;
-    if (r->file)
-        fclose(r->file);
-    film_free(r->film);
-    mem_free(r->bytes);
-    mem_free(r->path);
-    mem_free(r);
 }

@@ -73,7 +73,7 @@ static void send_map(struct session *session, uint64_t request, uint64_t job, ui
     mem_free(a.worker_pointers);
 }
 
-/* ---- a frame that is done -------------------------------------------------------------------- */
+/* ---- a frame that is not in work ------------------------------------------------------------------ */
 
 struct tiles_task {
     struct task task;
@@ -180,7 +180,7 @@ status session_frame_tiles(struct session *session, const Azulejo__Wire__Envelop
     if (number < job->first_frame || number > job->last_frame)
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " has frames %u to %u", job->id, job->first_frame,
                          job->last_frame);
-    if (!job_frame_is_done(job, number))
+    if (!job_frame_is_done(job, number) && !store_film_exists(session->server->store, job->id, number))
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 ", frame %u has no samples yet", job->id, number);
     return begin_stored(session, message->request, job, number, err);
 }

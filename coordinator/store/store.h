@@ -233,7 +233,7 @@ status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct
  * written to. ERR_IO, ERR_NO_MEMORY: it remains. [any thread] */
 status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const struct film *film,
                        struct film_file *file, struct error *err) MUST_CHECK;
-/* film_reader_open of a done frame's kept film. [any thread] */
+/* film_reader_open of a frame that is not open. [any thread] */
 status store_film_reader(const struct store *store, uint64_t job, uint32_t frame,
                          const struct render_settings *settings, struct film_reader **out,
                          struct error *err) MUST_CHECK;

@@ -111,13 +111,16 @@ status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const 
 status store_film_reader(const struct store *store, uint64_t job, uint32_t frame,
                          const struct render_settings *settings, struct film_reader **out, struct error *err)
 {
-    struct buffer path = BUFFER_INIT;
+    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT;
     status s;
 
     *out = NULL;
-    kept_path(store, job, frame, &path);
-    s = buffer_ok(&path) ? film_reader_open(out, buffer_text(&path), job, frame, settings, err)
-                         : error_no_memory(err, "a path");
+    film_path(store, job, frame, &path);
+    kept_path(store, job, frame, &kept);
+    s = buffer_ok(&path) && buffer_ok(&kept)
+            ? film_reader_open(out, buffer_text(&kept), buffer_text(&path), job, frame, settings, err)
+            : error_no_memory(err, "a path");
+    buffer_release(&kept);
     buffer_release(&path);
     return s;
 }

@@ -64,6 +64,7 @@ static void begin(struct web_request *request, unsigned code, const char *type, 
     if (!c || c->begun)
         return;
     c->begun = 1;
+    http_resume_body(c);
     if (c->body_left > 0)
         c->close_after = c->lingers = 1; /* what is left of it is not wanted */
     c->no_body = c->is_head || code == 204 || code == 304;
@@ -174,6 +175,15 @@ int http_on_writable(struct http_connection *c)
     c->state = HTTP_IDLE;
     http_deadline(c, HTTP_IDLE_MS);
     return c->close_after || lws_http_transaction_completed(c->wsi) ? -1 : 0;
+}
+
+/* While a connection is not read, the library does not write to it either. */
+void http_resume_body(struct http_connection *c)
+{
+    if (!c->body_paused)
+        return;
+    c->body_paused = 0;
+    lws_rx_flow_control(c->wsi, 1);
 }
 
 void web_pause_body(struct web_request *request, int paused)

@@ -113,6 +113,7 @@ int http_on_body(struct http_connection *c, const uint8_t *data, size_t size);
 int http_on_body_end(struct http_connection *c);
 int http_on_upgrade(struct http_connection *c, const char *to); /* 1: answered already */
 /* ---- http_answer.c ---- */
+void http_resume_body(struct http_connection *c); /* if it is paused */
 int http_on_writable(struct http_connection *c);
 /* ---- http_socket.c ---- */
 int http_socket_open(struct http_connection *c);

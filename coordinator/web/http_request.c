@@ -270,6 +270,7 @@ int http_on_body_end(struct http_connection *c)
         return c->is_dead ? -1 : 0;
     c->state = HTTP_ANSWERING;
     http_deadline(c, 0);
+    http_resume_body(c);
     if (!request->base.route->streams_body)
         return run_handler(c);
     if (request->base.on_body)

@@ -68,7 +68,7 @@ void feed_tick(struct live *live, uint64_t now_ns);
 enum watch_state {
     WATCH_NONE,
     WATCH_FRAME,                 /* one in work, or not begun */
-    WATCH_STORED,                /* one that is done is being sent */
+    WATCH_STORED,                /* one that is not open is being sent, from the store */
     WATCH_DONE,                  /* all of it was sent */
 };
 struct live_watch {
@@ -83,6 +83,7 @@ struct live_watch {
     uint64_t samples;            /* of the film when all of its tiles had been sent */
     int in_turn;                 /* the last turn did not look at all tiles */
     int is_final;                /* all of a film that ended was sent */
+    int is_read;                 /* a film that is not open was read, and nothing came since */
     struct live_stored *stored;  /* in WATCH_STORED; NULL: it waits for its turn */
     struct buffer message;       /* tiles that are not sent yet */
     uint32_t message_tiles;

@@ -1,4 +1,4 @@
-/* A frame that is done, sent from what the store kept: read in the thread pool, a piece at a time. */
+/* A frame that is not open, sent from what the store kept: read in the thread pool, a piece at a time. */
 #include "common/base/bytes.h"
 #include "common/base/clock.h"
 #include "common/base/memory.h"
@@ -36,23 +36,6 @@ static void task_run(struct task *task)
     task->result = stored_tiles_read(s->tiles, task->server->store, LIVE_STORED_BYTES, &s->bytes, &s->end, &task->error);
 }
 
-static void task_end(struct task *task)
-{
-    struct live_stored *s = ((struct stored_task *)task)->stored;
-
-    s->is_reading = 0;
-    if (!s->client) {
-        stored_free(s);
-    } else if (task->result != STATUS_OK) {
-        watch_done(s->client, &task->error);
-        stored_end(s->client);
-    } else {
-        live_wake(s->live, 1);
-    }
-}
-
-static const struct task_kind stored_kind = {"a picture's tiles", sizeof(struct stored_task), task_run, task_end, NULL};
-
 void stored_end(struct live_client *client)
 {
     struct live_stored *s = client->watch.stored;
@@ -64,6 +47,37 @@ void stored_end(struct live_client *client)
     if (!s->is_reading)
         stored_free(s);
 }
+
+/* Or, with `why`, all that can be. A frame that is not done goes on some time. */
+static void all_sent(struct live_client *client, const struct error *why)
+{
+    struct live_watch *w = &client->watch;
+    const struct job *job = queue_find(&client->live->server->farm.queue, w->job);
+
+    stored_end(client);
+    if (!job || job_frame_is_done(job, w->frame)) {
+        watch_done(client, why);
+        return;
+    }
+    w->is_read = 1;
+    w->state = WATCH_FRAME;
+}
+
+static void task_end(struct task *task)
+{
+    struct live_stored *s = ((struct stored_task *)task)->stored;
+
+    s->is_reading = 0;
+    if (!s->client) {
+        stored_free(s);
+    } else if (task->result != STATUS_OK) {
+        all_sent(s->client, &task->error);
+    } else {
+        live_wake(s->live, 1);
+    }
+}
+
+static const struct task_kind stored_kind = {"a picture's tiles", sizeof(struct stored_task), task_run, task_end, NULL};
 
 /* Is there a place? A client that takes nothing gives up its own; it goes on later. */
 static int make_room(struct live *live, uint64_t now_ns)
@@ -141,8 +155,7 @@ void stored_turn(struct live_client *client, const struct job *job, uint64_t now
     if (w->stored->at < w->stored->bytes.size)
         return;
     if (w->stored->end) {
-        watch_done(client, NULL);
-        stored_end(client);
+        all_sent(client, NULL);
     } else {
         read_more(w->stored);
     }

@@ -86,7 +86,7 @@ static int begin_frame(struct live_client *client, const struct job *job, uint32
     w->frame = number;
     w->epoch = job->epoch_floor;
     w->samples = 0;
-    w->in_turn = w->is_final = 0;
+    w->in_turn = w->is_final = w->is_read = 0;
     if (!picture_begin(&w->picture, job->settings.width, job->settings.height))
         return 0;
     tell_picture(client, job, !farm_frame_find(job, number) && job_frame_is_done(job, number));
@@ -120,11 +120,15 @@ void watch_follow(struct live_client *client, uint64_t now_ns)
         if (w->state == WATCH_STORED)
             stored_end(client);
         w->state = WATCH_FRAME;
+        w->is_read = 0;
     } else if (w->state == WATCH_FRAME && job_frame_is_done(job, number)) {
         if (w->is_final)
             watch_done(client, NULL);
         else
             w->state = WATCH_STORED;
+    } else if (w->state == WATCH_FRAME && !w->is_read) { /* its job is paused, or it had to leave */
+        w->is_read = !store_film_exists(client->live->server->store, job->id, number);
+        w->state = w->is_read ? WATCH_FRAME : WATCH_STORED;
     }
     if (w->state == WATCH_STORED)
         stored_turn(client, job, now_ns);

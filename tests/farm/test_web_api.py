@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
 """The API: every route answers as docs/openapi.yaml says, in states that allow it and in others, for each role;
 submitting over HTTP; files; what strangers may send."""
+import glob
 import hashlib
 import json
 import os
 import random
 import re
+import shutil
 import subprocess
 import time
 
 from contract import Contract
-from farm import Failure, Farm, Tests, read_bytes, wait_for
+from farm import ROOT, Failure, Farm, Skip, Tests, read_bytes, wait_for
 from jobs import SLOW, expect
 from page import Page
 from png import Png
@@ -278,11 +280,15 @@ def slow_readers():
     """clients that read a large file slowly, or vanish, hold up nobody and take no memory"""
     with Farm() as farm:
         api = started(farm)
-        farm.start_worker(threads=2)
-        size = "320x240" if SLOW else "800x600"
-        number = farm.submit(farm.scene(), "--size", size, "--spp", "2", "--format", "exr")
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *SHORT)
         reaches(api, number, "done")
+        # Far more than sockets hold.
+        [path] = glob.glob(farm.path("store", "**", "frame-0001.exr"), recursive=True)
+        with open(path, "wb") as file:
+            file.write(random.Random(1).randbytes(16 << 20))
         whole = api.does(200, "get", FRAME + "/exr", job=number, frame=1).body
+        expect(len(whole) == 16 << 20, "the large file")
         ask = ("GET /api/v1/jobs/%d/frames/1/exr HTTP/1.1\r\nHost: %s\r\nAuthorization: Bearer %s\r\n\r\n" % (
             number, api.page.host, api.page.token)).encode()
         before = resident_kib(farm.coordinator)
@@ -294,11 +300,40 @@ def slow_readers():
         expect(api.does(200, "get", FRAME + "/exr", job=number, frame=1).body == whole, "one that reads gets all of it")
         expect(info(api, number)["state"] == "done", "and other questions are answered")
         grown = resident_kib(farm.coordinator) - before
-        expect(SLOW or grown < 20 * 1536, "%d KiB for 20 slow readers of %d bytes" % (grown, len(whole)))
+        expect(SLOW or grown < 20 * 2048, "%d KiB for 20 slow readers of %d bytes" % (grown, len(whole)))
         for peer in peers:
             peer.close()
-        print("# %.2f s beside 20 slow readers, %d KiB for them" % (time.monotonic() - begun, grown))
+        print("# %.2f s beside 20 slow readers, %d KiB for them, of files of %d KiB" % (
+            time.monotonic() - begun, grown, len(whole) // 1024))
         expect(api.does(200, "get", FRAME + "/exr", job=number, frame=1).body == whole, "afterwards, too")
+
+
+@tests.add
+def examples():
+    """the examples of docs/API.md run as they stand there"""
+    with open(os.path.join(ROOT, "docs", "API.md"), encoding="utf-8") as text:
+        blocks = re.findall(r"^```sh\n(.*?)^```$", text.read(), re.M | re.S)
+    expect(len(blocks) >= 6, "the examples were found")
+    if not shutil.which("curl"):
+        raise Skip("curl is needed")
+    with Farm() as farm:
+        api = started(farm)
+        farm.start_worker()
+        for options in (SHORT, ENDLESS):
+            farm.submit(farm.scene("scene.gltf"), *options)
+        with open(farm.path("blob.bin"), "wb") as file:
+            file.write(b"a blob")
+        script = "set -eu\n" + "".join(blocks).replace("127.0.0.1:7421", api.page.host).replace(
+            "azulejo-store/", farm.path("store") + "/")
+        done = subprocess.run(["sh", "-c", script], cwd=farm.folder, capture_output=True, text=True, timeout=300, check=False)
+        expect(done.returncode == 0, "%s\n%s" % (done.stdout[-2000:], done.stderr))
+        for words in ('"code":"not-found"', '"software":"azulejo', '"job":3', '"state":"paused"'):
+            expect(words in done.stdout, "%s in %s" % (words, done.stdout))
+        for name, begin in (("picture.png", b"\x89PNG"), ("picture.exr", b"\x76\x2f\x31\x01"), ("agx.png", b"\x89PNG")):
+            expect(read_bytes(farm.path(name)).startswith(begin), name)
+        expect(not os.path.exists(farm.path("unchanged")) or not read_bytes(farm.path("unchanged")), "what has not changed")
+        names = [j["name"] for j in api.does(200, "get", "/api/v1/jobs").json()["jobs"]]
+        expect("by-curl" in names, names)
 
 
 # ---- what strangers may send --------------------------------------------------------------------------------------

@@ -37,9 +37,9 @@ class Answer:
         return "%d %s" % (self.status, self.body[:2000].decode("utf-8", "replace"))
 
 
-def start(farm, *options, listen="127.0.0.1:0"):
+def start(farm, *options, listen="127.0.0.1:0", env=None):
     """A coordinator with its page; farm.page: the page's address, with its token."""
-    farm.start_coordinator("--web", "127.0.0.1:0", *options, listen=listen)
+    farm.start_coordinator("--web", "127.0.0.1:0", *options, listen=listen, env=env)
     farm.page = farm.coordinator.wait_line("page: ")
 
 
@@ -60,7 +60,10 @@ class Api:
         if isinstance(body, (dict, list)):
             body = json.dumps(body).encode()
             headers["Content-Type"] = "application/json"
-        connection.request(method, "/api/v1/" + path, body=body, headers=headers)
+        try:
+            connection.request(method, "/api/v1/" + path, body=body, headers=headers)
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # refused before all of it was sent: there is an answer
         response = connection.getresponse()
         answer = Answer(response.status, response.headers, response.read())
         connection.close()
@@ -526,6 +529,28 @@ def memory():
         api.put(number, "large.bin", bytes(256 << 20))
         expect(peak() - before < (24 << 20) * PATIENCE, "%d MiB more" % ((peak() - before) >> 20))
         expect(os.path.getsize(os.path.join(farm.store, "imports", str(number), "files", "large.bin")) == 256 << 20, "its size")
+
+
+@tests.add
+def side_by_side():
+    """files that arrive faster than the disk takes them are all answered, and soon"""
+    with Farm() as farm:
+        start(farm, env={"UV_THREADPOOL_SIZE": "1"})
+        api = Api(farm)
+        number = api.begin()
+        slowest = []
+        def send(which):
+            for turn in range(20):
+                began = time.monotonic()
+                answer = ignore(api.put, number, "%d/%d.bin" % (which, turn), bytes((1 << 20) + 8192 * turn), None)
+                slowest.append((time.monotonic() - began, str(answer)[:100]))
+        threads = [threading.Thread(target=send, args=(which,)) for which in range(6)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        expect(all(answer.startswith("201") for _, answer in slowest), sorted(slowest)[-3:])
+        expect(max(slowest)[0] < 10 * PATIENCE, sorted(slowest)[-3:])
 
 
 tests.run()

@@ -314,6 +314,33 @@ def an_extended_job_goes_on():
 
 
 @tests.add
+def a_paused_job_shows_what_it_has():
+    """the picture of a paused job comes from its film on disk, and goes on when it is resumed"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "100x70", "--spp", "4096")
+        farm.start_worker()
+        with page.socket().watch(job) as live:
+            live.until(lambda: live.picture and live.picture.is_whole(), "the whole picture")
+            farm.cli("pause", job, expect=0)
+            path = "/api/v1/jobs/%d/frames/1/tiles" % job
+            with page.socket().watch(job) as other:
+                other.until(lambda: other.picture and other.picture.is_whole(), "the paused job's picture")
+                expect(other.told[0][1]["complete"] is False and len(other.told) == 1, other.told)
+                while other.step(0.5):
+                    pass
+                status, told = page.get(path)
+                expect(status == 200, told)
+                expect({t: s["samples"] for t, s in enumerate(told["tiles"])} == other.picture.samples(),
+                       "other samples than the tiles' list")
+                before = other.picture.samples()
+                farm.cli("resume", job, expect=0)
+                other.until(lambda: other.picture.samples() != before, "the picture to go on")
+                expect(all(other.picture.samples()[t] >= before[t] for t in before), "samples were lost")
+                expect(len(other.told) == 1, other.told)
+
+
+@tests.add
 def a_restart_is_survived():
     """a killed coordinator: resuming gives a reset, and the picture goes on"""
     with Farm() as farm:
@@ -365,7 +392,7 @@ def a_client_that_never_reads_costs_little():
             live.watch(jobs[0]).until_done()
             expect(live.picture.is_whole(), len(live.picture.pixels))
             for i in range(40):
-                farm.cli("priority", jobs[1], i, expect=0)
+                farm.cli("priority", jobs[1], "--to", i % 7, expect=0)
             grown = memory_of(farm.coordinator) - before
             # A queue of one mebibyte and a message each; two that are read, and what the C library keeps.
             expect(grown < 16 * (3 << 19) + (12 << 20), "%d bytes more" % grown)

@@ -57,6 +57,12 @@ export function storeView(node) {
 /* ---- who may do what -------------------------------------------------------------------------------- */
 
 const ROLES = [['view', 'view: look at everything'], ['submit', 'submit: and submit jobs, steer its own'], ['operate', 'operate: and steer all jobs and workers'], ['admin', 'admin: and tokens, webhooks, the store']];
+/* A secret that is stored nowhere. */
+function once(title, words, secret) {
+  const button = h('button', { onclick: () => copy(secret, button) }, 'Copy');
+  return open(title, (close) => [h('p', null, `${words} It is shown only now.`), h('div', { class: 'command' }, h('code', null, secret), button),
+    h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => close(true) }, 'I have it'))]);
+}
 const when = (at) => (Number(at) > 0 ? moment(Number(at)) : 'never');
 
 export function accessView(node) {
@@ -72,11 +78,15 @@ export function accessView(node) {
     hooks, h('div', { class: 'buttons' }, h('button', { onclick: () => add() }, 'Add a webhook')));
   const read = () => get('/tokens').then((answer) => children(tokens, [table(['token', 'role', 'owner', 'created', 'used', 'expires', ''], listOf(answer, 'tokens').map((t) => h('tr', null,
     h('th', { scope: 'row' }, t.name || `token ${t.token}`), cell('role', t.role), cell('owner', t.owner || '–'), cell('created', when(t.made_at)), cell('used', when(t.used_at)), cell('expires', when(t.expires_at)),
-    verbCell(h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
+    verbCell(h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke'), h('button', { onclick: () => renew(t) }, 'Renew')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
   const revoke = async (t) => {
     const own = t.token === state.session.token;
     if (await confirm(`Revoke ${t.name || `token ${t.token}`}?`, ['Pages and scripts that use it lose access at once, and it cannot be brought back.', own ? 'You are signed in with it: you will be signed out.' : ''].filter(Boolean), 'Revoke'))
       del(`/tokens/${t.token}`).then(() => { say('The token is revoked.'); read(); }).catch(trouble);
+  };
+  const renew = async (t) => {
+    if (await confirm(`Renew ${t.name || `token ${t.token}`}?`, ['Its old secret is refused at once: pages and scripts that use it lose access until they have the new one.', t.token === state.session.token ? 'You are signed in with it: sign in again with the new one.' : ''].filter(Boolean), 'Renew'))
+      post(`/tokens/${t.token}/renew`).then((made) => once('The new token', 'It replaces the old one.', made.secret)).catch(trouble);
   };
   const create = async () => {
     const want = await form('Create a token', [], [
@@ -86,16 +96,11 @@ export function accessView(node) {
       { name: 'days', label: 'Expires after days', type: 'number', min: 1, hint: 'empty: never' }], 'Create',
     (v) => ({ name: v.name, role: v.role, owner: v.owner, expires_at: v.days ? Math.round(Date.now() / 1000 + Number(v.days) * 86400) : 0 }));
     if (!want) return;
-    try {
-      const { secret } = await post('/tokens', want);
-      read();
-      const button = h('button', { onclick: () => copy(secret, button) }, 'Copy');
-      await open('The token', (close) => [h('p', null, 'It is shown only now. Whoever has it can do what its role may.'), h('div', { class: 'command' }, h('code', null, secret), button), h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => close(true) }, 'I have it'))]);
-    } catch (why) { trouble(why); }
+    post('/tokens', want).then((made) => { read(); return once('The token', 'Whoever has it can do what its role may.', made.secret); }).catch(trouble);
   };
   const readHooks = () => get('/webhooks').then((answer) => {
     const list = listOf(answer, 'webhooks');
-    children(hooks, [list.length ? table(['address', 'last', ''], list.map((w) => h('tr', null, h('th', { scope: 'row' }, w.url), cell('sent', count(Number(w.sent))), cell('waiting', String(w.waiting)), cell('last error', w.last_error || '–'),
+    children(hooks, [list.length ? table(['address', 'sent', 'waiting', 'last error', ''], list.map((w) => h('tr', null, h('th', { scope: 'row' }, w.url), cell('sent', count(Number(w.sent))), cell('waiting', String(w.waiting)), cell('last error', w.last_error || '–'),
       verbCell(h('button', { onclick: () => post(`/webhooks/${w.webhook}/test`).then(() => say(`${w.url} took the test message.`), trouble).then(readHooks) }, 'Test'), h('button', { class: 'danger', onclick: () => del(`/webhooks/${w.webhook}`).then(() => { say(`No more messages to ${w.url}.`); readHooks(); }).catch(trouble) }, 'Remove')))), 'Webhooks') : h('p', null, 'None.')]);
   }).catch((why) => children(hooks, [h('p', { class: 'problem' }, why.message)]));
   const add = async () => {
@@ -103,7 +108,7 @@ export function accessView(node) {
     if (!want) return;
     post('/webhooks', want).then((made) => {
       readHooks();
-      if (made.secret) open('The webhook’s secret', (close) => [h('p', null, 'Messages are signed with it. It is shown only now.'), h('div', { class: 'command' }, h('code', null, made.secret)), h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => close(true) }, 'I have it'))]);
+      if (made.secret) once('The webhook’s secret', 'Messages are signed with it.', made.secret);
     }).catch(trouble);
   };
   read();
