@@ -94,7 +94,7 @@ class Controls {
           button('fit', 'Fit (0)', view((v) => v.fit())), button('\u2922', 'Full screen (F)', () => picture.fullScreen()))),
       h('div', { class: 'row' }, this.operator, picture.screen && this.wipe, this.other,
         labelled('exposure', this.exposure, this.exposureOut), labelled('white', this.white, this.whiteOut),
-        h('details', { class: 'more' }, h('summary', null, 'More'), h('div', { class: 'popover' }, this.source, this.parameters,
+        h('details', { class: 'more', onkeydown: (event) => { if (event.key === 'Escape') event.currentTarget.open = false; } }, h('summary', null, 'More'), h('div', { class: 'popover' }, this.source, this.parameters,
           h('div', { class: 'row' }, labelled('automatic exposure', this.metering), this.percentile,
             picture.screen && h('button', { type: 'button', onclick: () => picture.save() }, 'Save what is seen'))))));
   }
