@@ -3,13 +3,14 @@
 #
 # Debian and Ubuntu: apt-get, through sudo when not root. Elsewhere: if everything is there
 # already, nothing; else the packages' names are printed and the exit status is 1.
-# --tests: also the shells whose completion is tested, and the browser that the page is tested in (on Debian).
+# --tests: also the shells whose completion is tested, the browser that the page is tested in, and what the API's
+# description is checked with (on Debian).
 set -eu
 
 debian=(gcc make libc6-dev pkg-config python3 protobuf-c-compiler librsvg2-bin
         libuv1-dev libopenexr-dev libembree-dev libprotobuf-c-dev libssl-dev libsqlite3-dev
         libjansson-dev libwebsockets-dev libwebsockets-evlib-uv libcurl4-openssl-dev libpng-dev libjpeg-dev libwebp-dev zlib1g-dev libzstd-dev libcmocka-dev)
-if [ "${1:-}" = --tests ]; then debian+=(zsh fish chromium); fi
+if [ "${1:-}" = --tests ]; then debian+=(zsh fish chromium curl python3-yaml python3-jsonschema); fi
 fedora=(gcc make glibc-devel pkgconf-pkg-config python3 protobuf-c-compiler librsvg2-tools
         libuv-devel openexr-devel embree-devel protobuf-c-devel openssl-devel sqlite-devel
         jansson-devel libwebsockets-devel libcurl-devel libpng-devel libjpeg-turbo-devel libwebp-devel zlib-devel libzstd-devel libcmocka-devel)

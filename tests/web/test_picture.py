@@ -181,7 +181,7 @@ def pixels_are_pixels_of_the_screen():
         with Stage() as site, Browser() as browser:
             page = browser.page(site.url(), width=1300, height=800, scale=scale)
             begin(page, light, tiles=range(0, 14))
-            page.click("=Pixel by pixel (1)")
+            page.click("~Pixel by pixel")
             page.frames()
             rows = seen(page)
             for x, y in ((0, 0), (15, 15), (16, 0), (40, 31), (66, 20)):
@@ -242,7 +242,7 @@ def a_pixel_is_read():
         begin(page, light)
         label = page.js("document.querySelector('canvas.picture').getAttribute('aria-label')")
         expect("helmet" in label and "frame 1" in label and "67 by 45" in label, label)
-        page.click("=Pixel by pixel (1)")
+        page.click("~Pixel by pixel")
         page.frames()
         at = page.place("canvas.picture")
         x, y = page.js("[stage.picture.view.x, stage.picture.view.y]")
@@ -270,7 +270,7 @@ def overlays_have_a_legend():
     with Stage() as site, Browser() as browser:
         page = browser.page(site.url(), width=1300, height=800)
         begin(page, light)
-        page.click("=Pixel by pixel (1)")
+        page.click("~Pixel by pixel")
         page.js("stage.picture.opacity = 1")
         began = time.monotonic()
         for name, word in (("workers", "<img src=x onerror=alert(1)> 7"), ("error", "1.5/255"), ("time", "1.5 s"), ("samples", "16"),
@@ -296,7 +296,7 @@ def layers_are_shown_as_what_they_are():
     with Stage() as site, Browser() as browser:
         page = browser.page(site.url(), width=1300, height=800)
         begin(page, light, layers=("color", "normal", "depth"))
-        page.click("=Pixel by pixel (1)")
+        page.click("~Pixel by pixel")
         for name, picture, want in (("normal", normals, {(128, 128, 0)}), ("depth", depth, {(255, 255, 255), (26, 26, 26)})):
             page.js("(() => { const {layer} = stage.picture.controls; layer.value = '%s'; layer.dispatchEvent(new Event('change')); })()" % name)
             expect(page.js("stage.watches.at(-1).want.layer") == name and page.js("stage.watches.length") == 1, "the layer is asked for")
@@ -321,7 +321,7 @@ def the_farm_develops_what_the_page_cannot():
         site.answers["/api/v1/jobs/1/frames/1/preview.png"] = ("image/png", data)
         page = browser.page(site.url(), width=1300, height=800)
         begin(page, light)
-        page.click("=Pixel by pixel (1)")
+        page.click("~Pixel by pixel")
         page.js("stage.picture.controls.choose('mantiuk06'); stage.picture.controls.setExposure(1)")
         page.wait_text("developed by the coordinator", ".picture-note")
         page.frames()
@@ -343,7 +343,7 @@ def a_look_is_applied_and_taken_back():
     with Stage() as site, Browser() as browser:
         page = browser.page(site.url(), width=1300, height=800)
         begin(page, light)
-        page.click("=Pixel by pixel (1)")
+        page.click("~Pixel by pixel")
         page.frames()
         before = seen(page)
         page.js("(() => { const {exposure} = stage.picture.controls; exposure.value = 1; exposure.dispatchEvent(new Event('input')); })()")
@@ -379,6 +379,28 @@ def a_look_is_applied_and_taken_back():
 
 
 @tests.add
+def another_job_is_another_picture():
+    """a chosen job never shows the picture of the one before; a frame that comes again keeps its tiles"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.click("~Pixel by pixel")
+        page.frames()
+        before = seen(page)
+        show(page, light, tiles=[])  # the connection came back
+        expect(seen(page) == before, "the picture stays")
+        show(page, light, tiles=[], frame=2)
+        expect(len({p for row in seen(page) for p in row}) == 1, "another frame begins empty")
+        send(page, light)
+        expect(seen(page) == before, "and fills")
+        page.js("stage.job = 2; stage.info = {...stage.info, job: 2, name: 'kitchen'}; stage.emit('select')")
+        page.frames(3)
+        expect(len({p for row in seen(page) for p in row}) == 1, "nothing of the job before")
+        expect(page.js("document.querySelector('canvas.picture').getAttribute('aria-label')") == "No picture", "and no words of it")
+
+
+@tests.add
 def a_lost_context_comes_back():
     """a graphics card that was taken away and given back shows the same picture"""
     light = soft_light(67, 45)
@@ -386,7 +408,7 @@ def a_lost_context_comes_back():
         page = browser.page(site.url(), width=1300, height=800)
         page.allow("CONTEXT_LOST|context lost")
         begin(page, light)
-        page.click("=Pixel by pixel (1)")
+        page.click("~Pixel by pixel")
         page.frames()
         before = seen(page)
         page.js("window.lose = stage.picture.screen.gl.getExtension('WEBGL_lose_context'); lose.loseContext()")

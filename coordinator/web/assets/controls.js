@@ -92,9 +92,9 @@ class Controls {
         picture.screen && h('span', { class: 'zoom' }, this.scale, button('\u2212', 'Zoom out (-)', view((v) => v.zoom(Math.SQRT1_2))),
           button('+', 'Zoom in (+)', view((v) => v.zoom(Math.SQRT2))), button('1:1', 'Pixel by pixel, 1:1 (1)', view((v) => v.zoomTo(1))),
           button('fit', 'Fit (0)', view((v) => v.fit())), button('\u2922', 'Full screen (F)', () => picture.fullScreen()))),
-      h('div', { class: 'row' }, this.operator, picture.screen && this.wipe, this.other,
+      this.lookRow = h('div', { class: 'row' }, this.operator, picture.screen && this.wipe, this.other,
         labelled('exposure', this.exposure, this.exposureOut), labelled('white', this.white, this.whiteOut),
-        h('details', { class: 'more' }, h('summary', null, 'More'), h('div', { class: 'popover' }, this.source, this.parameters,
+        h('details', { class: 'more', onkeydown: (event) => { if (event.key === 'Escape') event.currentTarget.open = false; } }, h('summary', null, 'More'), h('div', { class: 'popover' }, this.source, this.parameters,
           h('div', { class: 'row' }, labelled('automatic exposure', this.metering), this.percentile,
             picture.screen && h('button', { type: 'button', onclick: () => picture.save() }, 'Save what is seen'))))));
   }
@@ -171,6 +171,7 @@ class Controls {
     if (this.layerKey !== key) options(this.layer, layers.map((name) => [name, name === 'color' ? 'picture' : name]));
     this.layerKey = key;
     this.layer.value = layer;
+    this.lookRow.inert = layer !== 'color';  /* operators are for light */
     show(this.layerField, layers.length > 1);
   }
 

@@ -109,7 +109,7 @@ function ticks(low, high) {
 }
 /* Round times. */
 function timeTicks(low, high) {
-  const all = [0.01, 0.1, 1, 3, 10, 30, 60, 180, 600, 1800, 3600, 10800, 36000, 1e2 * 3600, 1e3 * 3600, 1e4 * 3600].filter((t) => t >= low && t <= high);
+  const all = [0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 60, 180, 600, 1800, 3600, 10800, 36000, 1e2 * 3600, 1e3 * 3600, 1e4 * 3600].filter((t) => t >= low && t <= high);
   return all.filter((_, i) => (all.length - 1 - i) % Math.ceil(all.length / 5) === 0);
 }
 const coreTick = (t) => t < 60 ? `${t} s` : t < 3600 ? `${t / 60} min` : `${t / 3600} h`;

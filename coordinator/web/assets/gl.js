@@ -57,7 +57,7 @@ void main() {
   ivec2 pixel = ivec2(floor(at));
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size))) { result = vec4(around, 1.); return; }
   /* A canvas pixel that covers several: their mean, in which bright ones weigh less, as on a display. */
-  int n = view.z < 1. ? min(int(ceil(1. / view.z - .01)), 4) : 1;
+  int n = view.z < 1. ? min(int(ceil(1. / view.z - .2)), 4) : 1;
   vec4 sum = vec4(0.);
   float all = 0.;
   for (int i = 0; i < n * n; i++) {

@@ -109,17 +109,13 @@ class Picture {
     if (this.stop) this.stop();
     this.stop = null;
     if (job !== this.job) {
-      this.map = null;
-      this.layer = 'color';
-      this.lookOfJob = null;
+      /* Another job's picture is never shown under this one's name. */
+      Object.assign(this, { map: null, layer: 'color', lookOfJob: null, pixels: null, layerLook: null });
+      this.pointed(null);
     }
     if (job !== this.job || frame !== this.frame) this.developed.clear();
     Object.assign(this, { job, frame });
-    if (!job) {
-      this.pixels = null;
-      this.redraw();
-      return;
-    }
+    if (!job) { this.redraw(); return; }
     if (this.screen)
       this.stop = this.context.live.watch({ job, frame, layer: this.layer }, {
         picture: (data) => this.begin(data), tiles: (buffer) => this.take(buffer), done: () => { this.complete = true; this.redraw(); },
@@ -183,6 +179,7 @@ class Picture {
   draw() {
     const { screen, view, pixels, canvas } = this, column = (this.split * canvas.width);
     if (!pixels) {
+      for (const part of [this.handle, this.crosshair]) show(part, false);
       screen.gl.clearColor(...screen.colors.around, 1);
       screen.gl.clear(screen.gl.COLOR_BUFFER_BIT);
       this.describe();
@@ -232,7 +229,8 @@ class Picture {
     query.set('metering', look.metering);
     query.set('metering_percentile', look.percentile);
     query.set('white_kelvin', look.kelvin);
-    return `/jobs/${this.job}/frames/${this.context.shownFrame()}/preview.png?${query}`;
+    const frame = this.pixels ? this.shown.frame : this.context.shownFrame();
+    return `/jobs/${this.job}/frames/${frame}/preview.png?${query}`;
   }
 
   develop(look) {
@@ -337,7 +335,8 @@ class Picture {
 
   readAt() {
     if (!this.at) return;
-    const [x, y] = this.at, linear = this.pixels.at(x, y), words = [`${x}, ${y}`], pane = this.panes()[0];
+    const [x, y] = this.at, linear = this.pixels.at(x, y), words = [`${x}, ${y}`], panes = this.panes();
+    const pane = panes.at(this.view.screen(this.at)[0] < this.split * this.canvas.width ? 0 : -1);
     const short = (n) => Math.abs(n) >= 1e4 || (n !== 0 && Math.abs(n) < 1e-3) ? n.toExponential(2) : String(Number(n.toPrecision(3)));
     const tile = Math.floor(y / 16) * this.pixels.across + Math.floor(x / 16);
     if (!linear) words.push('no samples yet');

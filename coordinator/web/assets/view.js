@@ -99,6 +99,7 @@ export class View {
     if (event.button !== 0) return;
     this.canvas.setPointerCapture(event.pointerId);
     this.fingers.set(event.pointerId, this.place(event));
+    if (event.pointerType === 'touch') this.point(this.pixel(this.place(event)));
   }
 
   move(event) {
