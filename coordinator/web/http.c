@@ -9,6 +9,8 @@
 #include "coordinator/net/server.h"
 #include "coordinator/web/http_parts.h"
 
+enum { NEVER_S = 300000000 };
+
 _Static_assert(HTTP_PIECE_ROOM >= LWS_PRE, "the library's framing fits in front of a piece");
 
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in, size_t size)
@@ -27,6 +29,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     case LWS_CALLBACK_HTTP_WRITEABLE: return http_on_writable(c);
     case LWS_CALLBACK_CLOSED_HTTP: http_request_gone(c); return 0;
     case LWS_CALLBACK_ESTABLISHED: return http_socket_open(c);
+    case LWS_CALLBACK_RECEIVE_PONG: http_socket_heard(c); return 0;
     case LWS_CALLBACK_RECEIVE: return http_socket_receive(c, in, size);
     case LWS_CALLBACK_SERVER_WRITEABLE: return http_socket_writable(c);
     case LWS_CALLBACK_CLOSED: http_socket_gone(c); return 0;
@@ -51,7 +54,8 @@ static void on_log(int level, const char *line)
 static status make_context(struct http *http, struct error *err)
 {
     static const struct lws_protocols protocols[] = {{"http", on_event, 0, HTTP_PIECE_MAX, 0, NULL, 0}, {0}};
-    static const lws_retry_bo_t liveness = {.secs_since_valid_ping = 30, .secs_since_valid_hangup = 60};
+    /* The library would end streams and long uploads that it takes for dead; we look ourselves. */
+    static const lws_retry_bo_t liveness = {.secs_since_valid_ping = UINT16_MAX - 1, .secs_since_valid_hangup = UINT16_MAX};
     const struct web_options *options = &http->web->options;
     void *loops[1] = {&http->web->server->loop};
     struct lws_context_creation_info info = {
@@ -66,9 +70,9 @@ static status make_context(struct http *http, struct error *err)
         .max_http_header_pool = (unsigned short)(http->connections_max + HTTP_ACCEPTS_PER_TURN),
         .fd_limit_per_thread = http->connections_max + 2 * HTTP_ACCEPTS_PER_TURN, /* some of its own */
         .pt_serv_buf_size = HTTP_PIECE_MAX,
-        .keepalive_timeout = 2 * HTTP_IDLE_MS / 1000, /* ours are shorter */
-        .timeout_secs = 2 * HTTP_BODY_MS / 1000,
-        .timeout_secs_ah_idle = 2 * HTTP_HEADERS_MS / 1000,
+        .keepalive_timeout = NEVER_S, /* a connection's deadline is ours alone */
+        .timeout_secs = NEVER_S,
+        .timeout_secs_ah_idle = NEVER_S,
         .uid = -1,
         .gid = -1,
         .retry_and_idle_policy = &liveness,
@@ -145,6 +149,8 @@ void http_tick(struct http *http, uint64_t now_ns)
 {
     for (struct http_connection *c = http->first, *next; c; c = next) {
         next = c->next;
+        if (c->socket)
+            http_socket_tick(c, now_ns);
         if (c->deadline_ns && now_ns >= c->deadline_ns)
             http_end_now(c);
         else if (c->was_refused)

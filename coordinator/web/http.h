@@ -25,6 +25,8 @@ enum {
     HTTP_BODY_MS = 30000,          /* a body that is held in memory within this, */
     HTTP_STALL_MS = 20000,         /* and of streams something within this, in either direction */
     HTTP_IDLE_MS = 75000,          /* between requests */
+    HTTP_PING_MS = 10000,          /* a WebSocket that has said nothing for so long is asked, */
+    HTTP_SILENCE_MS = 30000,       /* and after this, with no answer, ended */
     HTTP_LINGER_MS = 2000,         /* bodies that are refused are skipped for so long, */
     HTTP_LINGER_BYTES = 8 << 20,   /* and so far */
 };

@@ -155,6 +155,7 @@ int http_on_writable(struct http_connection *c)
         if (lws_write(c->wsi, data, size, LWS_WRITE_HTTP) < 0)
             return -1;
         http_queue_taken(out, size);
+        lws_validity_confirmed(c->wsi);
         http_deadline(c, out->bytes > 0 || c->ended ? HTTP_STALL_MS : 0);
     }
     if (c->request && c->request->base.on_writable && c->begun && out->bytes < WEB_QUEUE_HIGH / 2)

@@ -2,6 +2,8 @@
  * before it spends anything on them. */
 #include <errno.h>
 #include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -37,6 +39,7 @@ static int make_room(struct http *http)
 
 static void adopt(struct http *http, int fd, const char *peer)
 {
+    static const unsigned gone_ms = HTTP_SILENCE_MS; /* a peer that acknowledges nothing is gone */
     struct http_connection *c = http_connection_new(http, peer);
     lws_adopt_desc_t how = {
         .vh = http->vhost, .type = LWS_ADOPT_HTTP | LWS_ADOPT_SOCKET | LWS_ADOPT_ALLOW_SSL, .fd.sockfd = fd, .opaque = c};
@@ -46,6 +49,7 @@ static void adopt(struct http *http, int fd, const char *peer)
         return;
     }
     http_deadline(c, HTTP_HEADERS_MS);
+    setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &gone_ms, sizeof gone_ms);
     /* On failure the library closes the socket. Its last event comes at the end of this turn of the loop, or not at
      * all: http_tick frees what is left. */
     if (!lws_adopt_descriptor_vhost_via_info(&how) && http->first == c) {

@@ -54,6 +54,8 @@ struct http_connection {
     int is_dead;                        /* to be ended; */
     int is_ending;                      /* the library ends it, once the loop has closed its socket */
     int was_refused;                    /* by the library, when it was new */
+    uint64_t heard_ns, pinged_ns;       /* of a WebSocket */
+    int ping_wanted;
     unsigned close_code;                /* of a WebSocket; 0: not closing */
     char close_reason[64];
 };
@@ -117,6 +119,8 @@ void http_resume_body(struct http_connection *c); /* if it is paused */
 int http_on_writable(struct http_connection *c);
 /* ---- http_socket.c ---- */
 int http_socket_open(struct http_connection *c);
+void http_socket_heard(struct http_connection *c);
+void http_socket_tick(struct http_connection *c, uint64_t now_ns); /* asks, or marks it for its end */
 int http_socket_receive(struct http_connection *c, const void *data, size_t size);
 int http_socket_writable(struct http_connection *c);
 void http_socket_gone(struct http_connection *c);

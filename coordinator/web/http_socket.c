@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "coordinator/web/http_parts.h"
 
@@ -14,9 +15,28 @@ int http_socket_open(struct http_connection *c)
     *socket = (struct web_socket){.web = c->http->web, .caller = c->caller, .peer = c->peer, .connection = c};
     c->socket = socket;
     c->state = HTTP_SOCKET;
+    c->heard_ns = clock_monotonic_ns();
     http_deadline(c, 0);
     c->route->open(socket);
     return c->is_dead ? -1 : 0;
+}
+
+void http_socket_heard(struct http_connection *c)
+{
+    c->heard_ns = clock_monotonic_ns();
+}
+
+void http_socket_tick(struct http_connection *c, uint64_t now_ns)
+{
+    if (now_ns < c->heard_ns + HTTP_PING_MS * NS_PER_MS || c->is_dead)
+        return;
+    if (now_ns >= c->heard_ns + HTTP_SILENCE_MS * NS_PER_MS) {
+        http_kill(c);
+    } else if (now_ns >= c->pinged_ns + HTTP_PING_MS * NS_PER_MS) {
+        c->pinged_ns = now_ns;
+        c->ping_wanted = 1;
+        lws_callback_on_writable(c->wsi);
+    }
 }
 
 void http_socket_gone(struct http_connection *c)
@@ -43,6 +63,7 @@ int http_socket_receive(struct http_connection *c, const void *data, size_t size
 
     if (!c->socket || c->is_dead)
         return -1;
+    http_socket_heard(c);
     if (c->close_code)
         return 0; /* it is told soon */
     if (lws_frame_is_binary(c->wsi))
@@ -66,10 +87,15 @@ int http_socket_writable(struct http_connection *c)
     enum http_piece_kind kind;
     int is_start, is_end;
     size_t size;
-    uint8_t *data;
+    uint8_t *data, ping[LWS_PRE];
 
     if (!c->socket || c->is_dead || out->failed)
         return -1;
+    if (c->ping_wanted && (!out->first || out->first->taken == 0)) {
+        c->ping_wanted = 0;
+        if (lws_write(c->wsi, ping + LWS_PRE, 0, LWS_WRITE_PING) < 0)
+            return -1;
+    }
     data = http_queue_next(out, HTTP_PIECE_MAX, &size, &kind, &is_start, &is_end);
     if (data) {
         enum lws_write_protocol type = kind == HTTP_PIECE_TEXT ? LWS_WRITE_TEXT : LWS_WRITE_BINARY;

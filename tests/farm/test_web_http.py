@@ -266,6 +266,11 @@ def slow():
 
         threads = [threading.Thread(target=f, daemon=True) for f in (drip, ask_much)]
         before = resident_bytes(farm.coordinator)
+        stream = page.connect()
+        stream.sendall(request_bytes(page, "/api/v1/events", more=authorized))
+        status, dumb = handshake(page, "/api/v1/live", page.origin, sign_in(page))
+        expect(status == 101, status)
+        begun = time.monotonic()
         for thread in threads:
             thread.start()
         expect(is_closed(headers, 20), "headers that drip")
@@ -277,8 +282,10 @@ def slow():
         expect(not threads[1].is_alive(), "a reader that reads nothing")
         if PATIENCE == 1:
             expect(resident_bytes(farm.coordinator) - before < 8 << 20, "memory grew")
+        expect(is_closed(dumb, 45), "a WebSocket whose client answers no ping")
+        expect(not is_closed(stream, (65 - (time.monotonic() - begun)) / PATIENCE), "a stream of events lives on")
         stop.set()
-        for peer in (headers, body, reader, silent):
+        for peer in (headers, body, reader, silent, stream, dumb):
             peer.close()
 
 
