@@ -45,7 +45,7 @@ class Busy:
             farm.start_worker("--name", name)
         farm.wait_for_workers(3)
         self.done = submit(farm, helmet, "helmet", "--env", studio, "--size", "480x360", "--spp", "24",
-                           "--keep", "films", "--tonemap", "agx")
+                           "--tonemap", "agx")
         farm.wait_for_job(self.done, limit_s=300)
         self.ended = submit(farm, box, "box tests", "--size", "64x64", "--spp", "8")
         farm.wait_for_job(self.ended)

@@ -40,6 +40,13 @@ def made(farm, job, operator, parameters, options):
     return png_rows(read_bytes(path))
 
 
+def control(page, name, value):
+    """Choose this in one of the lists below the picture."""
+    page.js("%s.controls.%s.id = 'to-choose'" % (PICTURE, name))
+    page.choose("#to-choose", value)
+    page.js("document.getElementById('to-choose').removeAttribute('id')")
+
+
 def at_one_to_one(page):
     """Wait until all of the picture is there, and show it pixel by pixel."""
     page.wait(PICTURE, "the part that shows the picture")
@@ -84,7 +91,7 @@ def the_display_shows_what_fetch_gives():
         wanted = made(farm, job, "lut", {}, {"lut": cube})
         made(farm, job, "linear", {}, {})
         same_look(page, "linear")
-        page.choose("#" + page.js(PICTURE + ".controls.operator.id"), "lut")
+        control(page, "operator", "lut")
         page.wait("document.querySelector('#picture input[type=file]')")
         page.give_files("#picture input[type=file]", [cube])
         page.wait(PICTURE + ".controls.look.file", "the .cube file to be read")
@@ -148,12 +155,12 @@ def overlays_and_the_pixel_under_the_pointer():
         kinds = page.js("[...%s.controls.overlay.options].map(o => o.value)" % PICTURE)
         expect(len(kinds) >= 5, kinds)
         for kind in kinds[1:]:
-            page.choose("#" + page.js("%s.controls.overlay.id" % PICTURE), kind)
+            control(page, "overlay", kind)
             page.wait("%s.legend.checkVisibility() && %s.legend.innerText.trim().length > 2" % (PICTURE, PICTURE), kind)
             wait_for(lambda: look(page) != plain, "the overlay '%s' to be seen" % kind)
             if kind == "workers":
                 page.wait("/ana/.test(%s.legend.innerText) && /rui/.test(%s.legend.innerText)" % (PICTURE, PICTURE))
-        page.choose("#" + page.js("%s.controls.overlay.id" % PICTURE), kinds[0])
+        control(page, "overlay", kinds[0])
         left, top, width, height = canvas_place(page)
         page.mouse("mouseMoved", left + width / 2, top + height / 2)
         page.wait("/linear .*display .*samples/s.test(%s.reading.textContent)" % PICTURE, "the pixel's values")
@@ -166,7 +173,7 @@ def overlays_and_the_pixel_under_the_pointer():
                 break
         else:
             layer = [n for n in layers if n != "color"][0]
-        page.choose("#" + page.js("%s.controls.layer.id" % PICTURE), layer)
+        control(page, "layer", layer)
         wait_for(lambda: look(page) != plain, "the layer '%s' of %s to be seen" % (layer, layers))
 
 
