@@ -104,13 +104,7 @@ static void test_origins(void **state)
         unsigned answer;
     } rows[] = {
         {NULL, NULL, NULL, 0, 0, 0, 0},                                  /* a program reads */
-<<<<<<< Updated upstream
         {NULL, NULL, NULL, 1, 0, 0, 0},                                  /* a program writes, with its token */
-||||||| Stash base
-        {NULL, NULL, NULL, 1, 0, 0, 0},                                  /* a program writes, with its bearer token */
-=======
-        {NULL, NULL, NULL, 1, 0, 0, 0},                                  /* a program writes, with its own token */
->>>>>>> Stashed changes
         {"http://localhost:7421", "same-origin", "cors", 1, 0, 1, 0},    /* our page writes */
         {"http://localhost:7421", "same-origin", "websocket", 0, 1, 1, 0},
         {NULL, "same-origin", "cors", 0, 0, 1, 0},                       /* our page reads */
