@@ -145,7 +145,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale studio-day layers circles words openapi numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -354,6 +354,8 @@ bench-preview: all ## how soon a picture can be recognised
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_preview.py
 bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_echo ## the figures in docs/SCALE.md: many workers, a long queue
 	@python3 -B tests/bench/bench_scale.py $(SCALE_ARGS)
+bench-page: all $(BUILD)/tests/bench/bench_scale ## the page in Chromium: first paint, frames, what it costs the coordinator (docs/WEB.md)
+	@BUILD=$(BUILD) python3 -B tests/bench/bench_page.py $(PAGE_ARGS)
 studio-day: $(BUILD)/tests/bench/studio_day ## a simulated day in a studio: who waits how long (docs/OPERATIONS.md)
 	@$(BUILD)/tests/bench/studio_day
 bench-accuracy: all ## efficiency over another commit's: AGAINST=COMMIT

@@ -118,7 +118,7 @@ void imports_stop(struct imports *imports)
         if (i->child)
             web_child_abandon(i->child);
         i->child = NULL;
-        i->asker = NULL;
+        i->asking = NULL;
     }
 }
 

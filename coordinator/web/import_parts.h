@@ -23,7 +23,7 @@ struct import {
     char who[WEB_WHO_MAX + 1];
     char *scene;                  /* "./path"; with the words, of the last request to run it */
     struct import_words words;
-    struct web_request *asker;    /* who waits for the job; NULL: vanished */
+    struct web_request *asking;    /* who waits for the job; NULL: vanished */
     struct web_child *child;          /* RUNNING */
     struct buffer answer;         /* DONE */
 };
@@ -47,7 +47,7 @@ void import_drop(struct import *import);
 void import_settle(struct import *import);
 void import_fail(struct web_request *request, const struct error *why);
 void import_answer(struct web_request *request, unsigned http_status, json_t *body);
-/* Its asker vanished, or it is dropped: stop running it. */
+/* Who asks vanished, or it is dropped: stop running it. */
 void import_stop_running(struct import *import);
 /* Begin what waits while there is a place. */
 void imports_pump(struct imports *imports);

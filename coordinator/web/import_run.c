@@ -121,28 +121,28 @@ static void on_end(void *user, const struct web_child_result *r)
 {
     struct import *import = user;
     struct imports *all = import->all;
-    struct web_request *asker = import->asker;
+    struct web_request *asking = import->asking;
     struct error err = {0};
     json_t *answer = answer_of(import, r);
     uint64_t job = (uint64_t)json_integer_value(json_object_get(answer, "job"));
 
     import->child = NULL;
-    import->asker = NULL;
+    import->asking = NULL;
     import->state = IMPORT_OPEN;
     all->running--;
     if (!answer)
         explain(import, r, &err);
-    note(import, asker ? asker->peer : "", job, answer ? NULL : &err);
+    note(import, asking ? asking->peer : "", job, answer ? NULL : &err);
     if (!answer)
         log_info("an upload of %s was not submitted: %s", import->who, err.text);
     if (answer && !import->removed)
         done(import, answer);
-    if (asker)
-        asker->state = NULL;
-    if (asker && answer)
-        import_answer(asker, 201, json_incref(answer));
-    else if (asker)
-        import_fail(asker, &err);
+    if (asking)
+        asking->state = NULL;
+    if (asking && answer)
+        import_answer(asking, 201, json_incref(answer));
+    else if (asking)
+        import_fail(asking, &err);
     json_decref(answer);
     import_settle(import);
     imports_pump(all);
@@ -254,7 +254,7 @@ void imports_pump(struct imports *imports)
 {
     while (!imports->stopped && imports->running < IMPORTS_RUNNING_MAX) {
         struct import *first = NULL;
-        struct web_request *asker;
+        struct web_request *asking;
         struct error err = {0};
         for (struct import *i = imports->list; i; i = i->next)
             if (i->state == IMPORT_WAITING)
@@ -267,18 +267,18 @@ void imports_pump(struct imports *imports)
             continue;
         }
         first->state = IMPORT_OPEN;
-        asker = first->asker;
-        first->asker = NULL;
-        if (asker) {
-            asker->state = NULL;
-            import_fail(asker, &err);
+        asking = first->asking;
+        first->asking = NULL;
+        if (asking) {
+            asking->state = NULL;
+            import_fail(asking, &err);
         }
     }
 }
 
 void import_stop_running(struct import *import)
 {
-    struct web_request *asker = import->asker;
+    struct web_request *asking = import->asking;
     struct error err = {0};
 
     if (import->state == IMPORT_RUNNING && import->child)
@@ -286,12 +286,12 @@ void import_stop_running(struct import *import)
     if (import->state != IMPORT_WAITING)
         return;
     import->state = IMPORT_OPEN;
-    import->asker = NULL;
-    if (!asker)
+    import->asking = NULL;
+    if (!asking)
         return;
-    asker->state = NULL;
+    asking->state = NULL;
     error_set(&err, STATUS_ERR_REFUSED, "the upload was removed before it was imported");
-    import_fail(asker, &err);
+    import_fail(asking, &err);
 }
 
 static void on_gone(struct web_request *request)
@@ -301,7 +301,7 @@ static void on_gone(struct web_request *request)
     if (!import)
         return;
     request->state = NULL;
-    import->asker = NULL;
+    import->asking = NULL;
     import_stop_running(import);
 }
 
@@ -374,7 +374,7 @@ void import_run(struct web_request *request)
         return;
     }
     import->state = IMPORT_WAITING;
-    import->asker = request;
+    import->asking = request;
     request->state = import;
     request->on_gone = on_gone;
     imports_pump(import->all);

@@ -231,24 +231,12 @@ static int is_up_to_date(const struct live_watch *w, const struct job_frame *fra
     return w->samples == film_samples(frame->film) && !w->in_turn;
 }
 
-static int film_slice(struct live_client *client, const struct job_frame *frame, int begins_turn)
+/* Send the next tiles. 1: there may be more for this turn. */
+static int send_tiles(struct live_client *client, const struct job_frame *frame, int *again)
 {
     struct live *live = client->live;
     struct live_watch *w = &client->watch;
-    uint64_t begin_ns;
 
-    if (is_up_to_date(w, frame)) {
-        w->is_final = frame->end != FRAME_END_NONE;
-        return 0;
-    }
-    if (!w->in_turn && !begins_turn)
-        return 0;
-    if (!w->in_turn) {
-        picture_turn(&w->picture);
-        w->samples = film_samples(frame->film); /* what changes from here on is for the next turn */
-        w->in_turn = 1;
-    }
-    begin_ns = clock_monotonic_ns();
     for (int i = 0; i < LIVE_SLICE_TILES; i++) {
         const struct tile_cache_entry *e;
         int is_first;
@@ -262,15 +250,36 @@ static int film_slice(struct live_client *client, const struct job_frame *frame,
         }
         e = encode(live, w, frame, (uint32_t)tile);
         watch_add(w, e->record, e->size);
-        if (!is_first) {
-            uint64_t end_ns = clock_monotonic_ns();
-            live->share_ns -= (int64_t)(end_ns - begin_ns);
-            begin_ns = end_ns;
-        }
+        *again += !is_first;
         if (w->message.size >= LIVE_MESSAGE_BYTES)
             watch_flush(client);
     }
     return 1;
+}
+
+static int film_slice(struct live_client *client, const struct job_frame *frame, int begins_turn)
+{
+    struct live_watch *w = &client->watch;
+    uint64_t begin_ns;
+    int again = 0, more;
+
+    if (is_up_to_date(w, frame)) {
+        w->is_final = frame->end != FRAME_END_NONE;
+        return 0;
+    }
+    if (!w->in_turn && !begins_turn)
+        return 0;
+    if (begins_turn)
+        picture_turn(&w->picture, w->in_turn);
+    if (!w->in_turn) {
+        w->samples = film_samples(frame->film); /* what changes from here on is for the next turn */
+        w->in_turn = 1;
+    }
+    begin_ns = clock_thread_cpu_ns(); /* on a busy machine much more time passes than is used */
+    more = send_tiles(client, frame, &again);
+    if (again > 0)
+        client->live->share_ns -= (int64_t)(clock_thread_cpu_ns() - begin_ns);
+    return more;
 }
 
 int watch_slice(struct live_client *client, uint64_t now_ns, int begins_turn)

@@ -29,10 +29,11 @@ void picture_end(struct picture *p)
     memset(p, 0, sizeof *p);
 }
 
-void picture_turn(struct picture *p)
+void picture_turn(struct picture *p, int goes_on)
 {
     p->fresh_left = p->unseen > 0 ? p->tiles : 0;
-    p->next_left = p->tiles;
+    if (!goes_on)
+        p->next_left = p->tiles;
 }
 
 static uint32_t step(const struct picture *p, uint32_t *place)

@@ -24,8 +24,9 @@ struct picture {
 int picture_begin(struct picture *p, uint32_t width, uint32_t height);
 void picture_end(struct picture *p);
 
-/* Begin to look at all tiles once. */
-void picture_turn(struct picture *p);
+/* Begin to look at all tiles once. `goes_on`: the last turn did not come to its end; then the search for changed tiles
+ * goes on, and that for unseen ones begins again: these never wait for the others. */
+void picture_turn(struct picture *p, int goes_on);
 /* The next tile to send in this turn, of which `shown` has the samples now; PICTURE_NO_TILE: no other. The client
  * counts as having seen it. *is_first: it never saw it before. */
 int64_t picture_next(struct picture *p, const uint32_t *shown, int *is_first);

@@ -21,7 +21,8 @@ from webfarm import WebFarm  # noqa: E402
 
 IMAGES = os.path.join(ROOT, "docs", "images")
 BYTES_MAX = 120000
-WIDE, PHONE = {"width": 1600, "height": 1000}, {"width": 390, "height": 844, "scale": 2, "phone": True}
+WIDE, SMALL = {"width": 1600, "height": 1000}, {"width": 800, "height": 600}
+PHONE = {"width": 390, "height": 844, "scale": 2, "phone": True}
 AT = {"USER": "maria"}
 
 
@@ -45,7 +46,7 @@ class Busy:
             farm.start_worker("--name", name)
         farm.wait_for_workers(3)
         self.done = submit(farm, helmet, "helmet", "--env", studio, "--size", "480x360", "--spp", "24",
-                           "--keep", "films", "--tonemap", "agx")
+                           "--tonemap", "agx")
         farm.wait_for_job(self.done, limit_s=300)
         self.ended = submit(farm, box, "box tests", "--size", "64x64", "--spp", "8")
         farm.wait_for_job(self.ended)
@@ -110,17 +111,64 @@ def main():
         camera = Camera(farm, browser, options.only)
         busy.wait_for_samples(8)
         views(farm, browser, busy, camera)
+    empty(camera)
+
+
+def overlay(page):
+    page.wait("document.getElementById('picture').picture?.map || document.querySelector('canvas')")
+    page.js("(() => { const p = document.getElementById('picture').picture; p.controls.overlay.value = 'workers';"
+            " p.controls.overlay.dispatchEvent(new Event('change')); })()")
+    page.wait("/ana/.test(document.getElementById('picture').innerText)")
+
+
+def details(page):
+    page.click("#tabs [data-tab=details]")
+
+
+def queue(page):
+    page.click("#tabs [data-tab=queue]")
+
+
+def all_tiles(page):
+    page.wait("(p => p && p.pixels && p.pixels.arrived === p.pixels.tiles)(document.getElementById('picture').picture)")
+
+
+def then_overlay(page):
+    all_tiles(page)
+    overlay(page)
 
 
 def views(farm, browser, busy, camera):
     job = "#/job/%d" % busy.car
-    camera.take("farm", job, WIDE)
-    camera.take("done", "#/job/%d" % busy.done, WIDE)
+    camera.take("farm", job, WIDE, all_tiles)
+    camera.take("overlay", job, WIDE, then_overlay)
+    camera.take("done", "#/job/%d" % busy.done, WIDE, all_tiles)
     for name in ("workers", "events", "store", "access", "submit"):
         camera.take(name, "#/" + name, WIDE)
     camera.take("worker", "#/worker/ana", WIDE)
-    camera.take("phone-queue", "#/", PHONE)
-    camera.take("phone-picture", job, PHONE)
+    camera.take("phone-queue", job, PHONE, queue)
+    camera.take("phone-picture", job, PHONE, all_tiles)
+    camera.take("phone-details", job, PHONE, details)
+    if re.search(camera.only, "login"):
+        with Browser() as fresh:
+            page = fresh.page(farm.origin(), **SMALL)
+            page.allow("401")
+            page.wait("document.querySelector('main.login')")
+            camera.take("login", None, SMALL, page=page)
+    if re.search(camera.only, "lost"):
+        page = farm.page(browser, job, **WIDE)
+        page.allow("WebSocket|ERR_|Failed to")
+        all_tiles(page)
+        farm.coordinator.kill()
+        page.wait("document.getElementById('connection-bar').checkVisibility()")
+        camera.take("lost", None, WIDE, page=page)
+
+
+def empty(camera):
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator(listen="127.0.0.1:7420")
+        camera.farm, camera.browser = farm, browser
+        camera.take("empty", "#/", WIDE)
 
 
 main()

@@ -295,7 +295,8 @@ def slow_readers():
         peers = [api.page.connect() for _ in range(20)]
         for peer in peers:
             peer.sendall(ask)
-            expect(peer.recv(64).startswith(b"HTTP/1.1 200"), "it begins")
+            begin = peer.recv(64)
+            expect(begin.startswith(b"HTTP/1.1 200"), "it begins: %r" % begin)
         begun = time.monotonic()
         expect(api.does(200, "get", FRAME + "/exr", job=number, frame=1).body == whole, "one that reads gets all of it")
         expect(info(api, number)["state"] == "done", "and other questions are answered")

@@ -27,6 +27,8 @@ class Page:
 
     def __init__(self, farm, *options):
         self.farm = farm
+        # Any free port: after a restart that of the page may be somebody else's.
+        options += ("--web", "127.0.0.1:0")
         if farm.address is None:
             farm.start_coordinator(*options)
         else:

@@ -28,6 +28,7 @@ def five_hundred_jobs_and_a_thousand_tiles():
         page.wait("document.querySelectorAll('[data-job]').length > 0", "rows of jobs")
         with Crowd(farm, coordinator, WORKERS, RATE) as crowd:
             page.open("%s/#/job/%d" % (farm.origin(), crowd.job))
+            page.wait("document.body.innerText.includes('%d workers')" % WORKERS, "all workers")
             crowd.wait(2000, page)
             page.collect_garbage()
             before = page.metrics()

@@ -73,7 +73,7 @@ export function accessView(node) {
   const tokens = h('div'), hooks = h('div');
   node.append(h('h1', null, 'Access'), h('h2', null, 'Tokens'),
     h('p', null, 'A token opens this page and its API. Each person and each script gets its own, with no more than it needs.'),
-    tokens, h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => create() }, 'Create a token')),
+    h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => create() }, 'Create a token')), tokens,
     h('h2', null, 'Webhooks'), h('p', null, 'The coordinator posts a signed message to these addresses when a job ends or needs a person.'),
     hooks, h('div', { class: 'buttons' }, h('button', { onclick: () => add() }, 'Add a webhook')));
   const read = () => get('/tokens').then((answer) => children(tokens, [table(['token', 'role', 'owner', 'created', 'used', 'expires', ''], listOf(answer, 'tokens').map((t) => h('tr', null,

@@ -242,6 +242,8 @@ export function mountJob(node) {
     part('none', 'p', { class: 'empty', hidden: true }, 'There is no such job on this farm: it was removed, or the link is of another farm.'),
     part('all', 'div', { class: 'job', hidden: true },
       h('header', null, h('h2', null, part('name', 'span'), ' ', part('frame', 'small')),
+        /* Above all that may take another line: a button must not move under the pointer. */
+        part('verbs', 'div', { class: 'buttons', role: 'toolbar', 'aria-label': 'Verbs' }),
         part('state', 'p', { class: 'state' }, h('span', { class: 'mark', 'aria-hidden': 'true' }), part('stateWords', 'span')),
         h('p', { class: 'line' }, part('progress', 'progress', { max: 1, 'aria-label': 'How much of the job is done' }), part('percent', 'b')),
         h('p', { class: 'hint' }, part('owner', 'span'), ' · ', part('sinceWord', 'span'), ' ', part('since', 'time', { class: 'moment' }))),
@@ -249,7 +251,6 @@ export function mountJob(node) {
         h('div', null, h('dt', null, 'error'), h('dd', null, part('error', 'b', { class: 'big' }), part('errorMore', 'small'))),
         h('div', null, h('dt', null, 'good enough'), part('when', 'dd')),
         h('div', null, h('dt', null, 'spent'), h('dd', null, part('spent', 'span'), part('rate', 'small')))),
-      part('verbs', 'div', { class: 'buttons', role: 'toolbar', 'aria-label': 'Verbs' }),
       part('frames', 'section', { class: 'frames', hidden: true },
         h('div', { class: 'line' }, part('framesHead', 'span'), h('label', null, 'Frame ', part('number', 'input', { type: 'number', onchange: number })),
           part('follow', 'button', { class: 'chip', title: 'Show the frame in work', onclick: () => go(jobLink(context.job()), true) }, 'Follow')),

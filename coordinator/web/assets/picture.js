@@ -160,6 +160,7 @@ class Picture {
     const info = this.context.info(), look = info && this.controls.ready && lookOf(info.output, this.controls.operators);
     if (look && (force || !this.lookOfJob || !sameLook(look, this.lookOfJob))) {
       this.lookOfJob = look;
+      this.developed.clear(); /* made with the settings from before */
       this.controls.setLook(look, info.output?.camera_ev || 0);
     }
     this.controls.refresh();
@@ -239,6 +240,10 @@ class Picture {
     const made = { at: null };
     for (const [old] of [...this.developed].slice(0, -3)) this.developed.delete(old);
     this.developed.set(path, made);
+    if (OPERATORS[look.operator]?.file && look.operator !== this.lookOfJob?.operator) {
+      made.why = 'it needs a .cube file, to be chosen under \u201cMore of the operator\u201d.';
+      return made;
+    }
     clearTimeout(this.developTimer);
     /* Not at each step of a slider. */
     this.developTimer = setTimeout(() => this.ask(path, made), 250);

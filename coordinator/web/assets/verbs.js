@@ -4,7 +4,7 @@
  * Verbs that lose nothing ask nothing, and offer the way back. The others say what is lost.
  */
 import { get, post, del } from './api.js';
-import { state, takeAnswer, takeRemoved } from './state.js';
+import { state, takeAnswer, takeRemoved, loadJob } from './state.js';
 import { say, trouble } from './notice.js';
 import { confirm, form } from './dialog.js';
 import { frameList, errorTarget, milliseconds, target } from './format.js';
@@ -162,11 +162,16 @@ async function settled(numbers) {
 /* A verb, for one job or several. `body`: what it would ask for. Resolves with whether all of it was done. */
 export async function act(name, numbers, body, quiet) {
   const verb = verbs[name];
-  const jobs = [numbers].flat().map(state.job).filter(Boolean);
+  let jobs = [numbers].flat().map(state.job).filter(Boolean);
   if (!verb || !jobs.length) return false;
+  /* What the page knows may be a moment old: an answer can overtake an event. */
+  const doubted = jobs.filter((j) => may('operate', j) && !allows(verb, j));
+  await Promise.all(doubted.map((j) => loadJob(j.job).catch(() => {})));
+  jobs = jobs.map((j) => state.job(j.job)).filter(Boolean);
   const unfit = jobs.filter((j) => !allows(verb, j));
-  if (unfit.length) {
-    trouble(new Error(!may('operate', unfit[0])
+  if (unfit.length || !jobs.length) {
+    if (!unfit.length) trouble(new Error('There is no such job any more: it was removed.'));
+    else trouble(new Error(!may('operate', unfit[0])
       ? `Your token may not ${verb.verb} jobs of others: it has the role “${state.session?.role}”.`
       : `${names(unfit)} cannot be told to ${verb.verb}: ${unfit.length === 1 ? 'it is' : 'some are'} ${unfit[0].state}.`));
     return false;

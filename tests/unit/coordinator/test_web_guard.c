@@ -104,7 +104,7 @@ static void test_origins(void **state)
         unsigned answer;
     } rows[] = {
         {NULL, NULL, NULL, 0, 0, 0, 0},                                  /* a program reads */
-        {NULL, NULL, NULL, 1, 0, 0, 0},                                  /* a program writes, with its bearer token */
+        {NULL, NULL, NULL, 1, 0, 0, 0},                                  /* a program writes, with its token */
         {"http://localhost:7421", "same-origin", "cors", 1, 0, 1, 0},    /* our page writes */
         {"http://localhost:7421", "same-origin", "websocket", 0, 1, 1, 0},
         {NULL, "same-origin", "cors", 0, 0, 1, 0},                       /* our page reads */
@@ -148,7 +148,7 @@ static void test_tokens(void **state)
     (void)state;
     assert_true(guard_bearer("Bearer azt_12", out));
     assert_string_equal(out, "azt_12");
-    assert_true(guard_bearer("bearer  a.b-c~d+e/f=", out));
+    assert_true(guard_bearer("BEARER  a.b-c~d+e/f=", out));
     assert_string_equal(out, "a.b-c~d+e/f=");
     assert_false(guard_bearer(NULL, out) || guard_bearer("", out) || guard_bearer("Bearer", out) || guard_bearer("Bearer ", out));
     assert_false(guard_bearer("Basic dXNlcg==", out) || guard_bearer("Bearer a\"b", out) || guard_bearer("Bearer \xc3\xa4", out));

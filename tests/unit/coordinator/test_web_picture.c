@@ -30,7 +30,7 @@ static void a_new_client_gets_tiles_spread_over_the_picture(void **state)
     assert_int_equal(p.tiles, TILES);
     for (uint32_t i = 0; i < TILES; i++)
         shown[i] = 4;
-    picture_turn(&p);
+    picture_turn(&p, 0);
     for (int i = 0; i < 4; i++) {
         int64_t tile = picture_next(&p, shown, &first);
         assert_true(tile >= 0 && first);
@@ -53,20 +53,20 @@ static void only_changes_are_sent_and_the_newest(void **state)
 
     (void)state;
     assert_true(picture_begin(&p, WIDTH, HEIGHT));
-    picture_turn(&p);
+    picture_turn(&p, 0);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE); /* nothing is rendered */
     shown[13] = 2;
-    picture_turn(&p);
+    picture_turn(&p, 0);
     assert_int_equal(picture_next(&p, shown, &first), 13);
     assert_true(first);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
     shown[13] = 4;
     shown[13] = 8; /* the client was slow: it gets one of the two */
-    picture_turn(&p);
+    picture_turn(&p, 0);
     assert_int_equal(picture_next(&p, shown, &first), 13);
     assert_false(first);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
-    picture_turn(&p);
+    picture_turn(&p, 0);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
     picture_end(&p);
 }
@@ -84,7 +84,7 @@ static void each_tile_gets_its_turn(void **state)
         shown[i] = 1;
     for (uint32_t turn = 0; turn < 3 * TILES; turn++) {
         int64_t tile;
-        picture_turn(&p);
+        picture_turn(&p, 0);
         tile = picture_next(&p, shown, &first);
         assert_true(tile >= 0);
         got[tile]++;
@@ -106,20 +106,44 @@ static void unseen_tiles_come_first(void **state)
     assert_true(picture_begin(&p, WIDTH, HEIGHT));
     for (uint32_t i = 0; i < 20; i++)
         shown[i] = 2;
-    picture_turn(&p);
+    picture_turn(&p, 0);
     for (int i = 0; i < 20; i++)
         assert_true(picture_next(&p, shown, &first) >= 0);
     for (uint32_t i = 0; i < 20; i++)
         shown[i] = 4;
     for (uint32_t i = 20; i < TILES; i++)
         shown[i] = 2;
-    picture_turn(&p);
+    picture_turn(&p, 0);
     for (uint32_t i = 20; i < TILES; i++) {
         assert_true(picture_next(&p, shown, &first) >= 20);
         assert_true(first);
     }
     assert_in_range(picture_next(&p, shown, &first), 0, 19);
     assert_false(first);
+    picture_end(&p);
+}
+
+/* A turn that did not come to its end, as the client takes little, does not hold up tiles that were just rendered. */
+static void unseen_tiles_do_not_wait_for_the_turns_end(void **state)
+{
+    struct picture p = {0};
+    uint32_t shown[TILES] = {0};
+    int first;
+
+    (void)state;
+    assert_true(picture_begin(&p, WIDTH, HEIGHT));
+    shown[3] = shown[4] = 2;
+    picture_turn(&p, 0);
+    assert_true(picture_next(&p, shown, &first) >= 0);
+    assert_true(picture_next(&p, shown, &first) >= 0);
+    shown[3] = shown[4] = 4;
+    assert_in_range(picture_next(&p, shown, &first), 3, 4); /* changed ones: the search for unseen ones is over */
+    shown[20] = 2;
+    picture_turn(&p, 1);
+    assert_int_equal(picture_next(&p, shown, &first), 20);
+    assert_true(first);
+    assert_in_range(picture_next(&p, shown, &first), 3, 4);
+    assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
     picture_end(&p);
 }
 
@@ -277,6 +301,7 @@ int main(void)
         cmocka_unit_test(only_changes_are_sent_and_the_newest),
         cmocka_unit_test(each_tile_gets_its_turn),
         cmocka_unit_test(unseen_tiles_come_first),
+        cmocka_unit_test(unseen_tiles_do_not_wait_for_the_turns_end),
         cmocka_unit_test(pixels_are_the_means_and_their_errors),
         cmocka_unit_test(a_film_in_work_has_them_too),
         cmocka_unit_test(light_that_a_half_cannot_hold_is_the_largest_half),
