@@ -117,6 +117,7 @@ static void test_origins(void **state)
         {"http://evil.example", NULL, NULL, 0, 1, 1, 403},
         {"null", NULL, NULL, 1, 0, 1, 403},                              /* a sandboxed frame */
         {"https://localhost:7421", NULL, NULL, 1, 0, 1, 403},            /* another scheme */
+        {"evil://localhost:7421", NULL, NULL, 1, 0, 1, 403},
         {"http://localhost:7422", NULL, NULL, 1, 0, 1, 403},             /* another service of this machine */
         {"http://127.0.0.1:7421", NULL, NULL, 1, 0, 1, 403},             /* not the host that was asked */
         {"http://localhost:7421.evil.example", NULL, NULL, 1, 0, 1, 403},
