@@ -39,7 +39,7 @@ static char *client_beside(void)
 /* Its files go to the trash, so that nobody waits for the disk. */
 static void discard(const struct imports *all, const char *folder)
 {
-    if (!trash_take(store_folder(all->server->store), folder) && errno != ENOENT)
+    if (!trash_take(all->store, folder) && errno != ENOENT)
         log_warn("%s: cannot be removed: %s", folder, strerror(errno));
 }
 
@@ -51,7 +51,8 @@ status imports_open(struct imports **out, struct server *server, const char *cli
     if (!all)
         return error_no_memory(err, "uploads");
     all->server = server;
-    all->folder = file_join(store_folder(server->store), "imports");
+    all->store = store_folder(server->store);
+    all->folder = file_join(all->store, "imports");
     all->client = client ? mem_strdup(client) : client_beside();
     if (!all->folder) {
         imports_free(all);

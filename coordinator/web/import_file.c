@@ -173,7 +173,7 @@ static void write_free(struct import_write *w, int whole)
     if (!whole) {
         import->bytes -= w->bytes;
         if (w->temporary)
-            (void)trash_unlink(store_folder(all->server->store), w->temporary);
+            (void)trash_unlink(all->store, w->temporary);
     }
     all->writes--;
     import->writes--;

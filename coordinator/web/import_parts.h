@@ -29,7 +29,8 @@ struct import {
 };
 
 struct imports {
-    struct server *server;
+    struct server *server;        /* until the loop has ended */
+    const char *store;            /* its folder */
     char *client;                 /* the program `azulejo` */
     char *folder;                 /* STORE/imports */
     struct import *list;          /* newest first */

@@ -113,7 +113,7 @@ static void done(struct import *import, json_t *answer)
     buffer_puts(&import->answer, text ? text : "{}");
     free(text);
     import->bytes = 0;
-    if (!trash_take(store_folder(import->all->server->store), import->folder))
+    if (!trash_take(import->all->store, import->folder))
         log_warn("%s: cannot be removed: %s", import->folder, strerror(errno));
 }
 

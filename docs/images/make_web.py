@@ -109,7 +109,7 @@ def main():
     with WebFarm() as farm, Browser() as browser:
         busy = Busy(farm, options.models, options.skies)
         camera = Camera(farm, browser, options.only)
-        busy.wait_for_samples(8)
+        busy.wait_for_samples(6)
         views(farm, browser, busy, camera)
     empty(camera)
 
@@ -143,9 +143,11 @@ def views(farm, browser, busy, camera):
     camera.take("farm", job, WIDE, all_tiles)
     camera.take("overlay", job, WIDE, then_overlay)
     camera.take("done", "#/job/%d" % busy.done, WIDE, all_tiles)
-    for name in ("workers", "events", "store", "access", "submit"):
-        camera.take(name, "#/" + name, WIDE)
-    camera.take("worker", "#/worker/ana", WIDE)
+    camera.take("events", "#/events", WIDE, lambda page: page.wait("document.querySelectorAll('.log li').length > 5"))
+    for name in ("workers", "store", "access"):
+        camera.take(name, "#/" + name, WIDE, lambda page: page.wait("document.querySelector('#view tbody tr')"))
+    camera.take("submit", "#/submit", WIDE)
+    camera.take("worker", "#/worker/ana", WIDE, lambda page: page.wait("document.querySelectorAll('.log li').length > 1"))
     camera.take("phone-queue", job, PHONE, queue)
     camera.take("phone-picture", job, PHONE, all_tiles)
     camera.take("phone-details", job, PHONE, details)

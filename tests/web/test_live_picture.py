@@ -14,7 +14,6 @@ from webfarm import WebFarm, connected  # noqa: E402
 tests = Tests()
 WIDTH, HEIGHT = 70, 50  # tiles at the right and below are cut
 PICTURE = "document.getElementById('picture').picture"
-OPERATOR = "#picture label[for]"
 
 # Each operator that the page draws itself, with options that tell it from its presets.
 DRAWN = {
