@@ -289,7 +289,7 @@ test: tests layers circles words openapi ## every test; the end says "N passed, 
 
 test-web: tests ## the page in a real Chromium; axe-core is fetched from npm (docs/WEB.md)
 	@scripts/fetch-axe.sh || true
-	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh tests/web/
+	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) TEST_WEB=required tests/run.sh tests/web/
 
 check-asan: ## the tests under AddressSanitizer and UndefinedBehaviorSanitizer
 	$(MAKE) SANITIZE=address,undefined test

@@ -15,7 +15,7 @@ if ! command -v npm >/dev/null; then
 fi
 rm -rf $folder
 mkdir -p $folder
-if ! (cd $folder && npm pack --silent "axe-core@$version" >/dev/null); then
+if ! (cd $folder && timeout 60 npm pack --silent "axe-core@$version" >/dev/null); then
     echo "fetch-axe: the npm registry did not give axe-core $version" >&2
     exit 1
 fi
