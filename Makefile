@@ -356,6 +356,7 @@ bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_ech
 	@python3 -B tests/bench/bench_scale.py $(SCALE_ARGS)
 bench-page: all $(BUILD)/tests/bench/bench_scale ## the page in Chromium: first paint, frames, what it costs the coordinator (docs/WEB.md)
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_page.py $(PAGE_ARGS)
+	@BUILD=$(BUILD) python3 -B tests/bench/bench_page_cost.py
 studio-day: $(BUILD)/tests/bench/studio_day ## a simulated day in a studio: who waits how long (docs/OPERATIONS.md)
 	@$(BUILD)/tests/bench/studio_day
 bench-accuracy: all ## efficiency over another commit's: AGAINST=COMMIT
