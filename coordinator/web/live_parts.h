@@ -78,6 +78,7 @@ struct live_watch {
     uint32_t asked;              /* frame; 0: the one in work */
     int layer;
     uint32_t frame;              /* that is shown */
+    uint32_t frames_done;        /* the job's, when the newest of them was looked for */
     uint64_t epoch;              /* of the job when it was begun (struct job, epoch_floor) */
     struct picture picture;
     uint64_t samples;            /* of the film when all of its tiles had been sent */

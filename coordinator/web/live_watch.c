@@ -64,17 +64,28 @@ static void give_up(struct live_client *client, const struct error *why)
 
 /* ---- which frame ------------------------------------------------------------------------------ */
 
-/* The frame in work; else the one that was shown last, or the newest that is done. */
-static uint32_t frame_to_follow(const struct live_watch *w, const struct job *job)
+/* The newest frame that is done, from `from` on. */
+static uint32_t newest_done(const struct job *job, uint32_t from)
 {
+    uint32_t number = job->last_frame;
+
+    while (number > from && !job_frame_is_done(job, number))
+        number--;
+    return number;
+}
+
+/* The frame in work; else the newest that is done. One that is shown and not done stays: it goes on some time.
+ * Frames may end between two looks, and in another order, so the one that is shown may not be the last. */
+static uint32_t frame_to_follow(struct live_watch *w, const struct job *job)
+{
+    uint32_t from = w->picture.tiles > 0 ? w->frame : job->first_frame;
+
     if (job->frames)
         return job->frames->number;
-    if (w->picture.tiles > 0)
-        return w->frame;
-    for (uint64_t number = job->last_frame; number > job->first_frame; number--)
-        if (job_frame_is_done(job, (uint32_t)number))
-            return (uint32_t)number;
-    return job->first_frame;
+    if (w->picture.tiles > 0 && (!job_frame_is_done(job, from) || w->frames_done == job->frames_done_count))
+        return from;
+    w->frames_done = job->frames_done_count;
+    return newest_done(job, from);
 }
 
 /* The client sees another frame, or this one from its beginning. */

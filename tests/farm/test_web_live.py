@@ -259,6 +259,21 @@ def frame_zero_follows_the_animation():
 
 
 @tests.add
+def frame_zero_ends_with_the_last_frame():
+    """a watch of frame 0 ends with the last frame, also if frames end together or in another order"""
+    with Farm() as farm:
+        page = Page(farm)
+        farm.start_worker(threads=2)
+        for _ in range(10):  # frames of one tile: both often end between two looks of the page's server
+            job = farm.submit(farm.scene(), "--size", "16x16", "--spp", "2", "--frames", "1-2")
+            with page.socket().watch(job) as live:
+                farm.wait_for_job(job)
+                live.until(lambda: live.picture and live.picture.told["frame"] == 2 and live.told[-1][0] == "picture-done",
+                           "frame 2 of job %d" % job, 5)
+                expect(live.picture.is_whole(), len(live.picture.pixels))
+
+
+@tests.add
 def a_new_watch_replaces_the_old_one():
     """a client has one picture; what it cannot have is said; a watch of 0 ends it"""
     with Farm() as farm:
