@@ -81,19 +81,27 @@ int http_socket_receive(struct http_connection *c, const void *data, size_t size
     return c->is_dead ? -1 : 0;
 }
 
+/* With a byte in it: the library says nothing of an answer without one. */
+static int write_ping(struct lws *wsi)
+{
+    uint8_t ping[LWS_PRE + 1] = {0};
+
+    return lws_write(wsi, ping + LWS_PRE, 1, LWS_WRITE_PING);
+}
+
 int http_socket_writable(struct http_connection *c)
 {
     struct http_queue *out = &c->out;
     enum http_piece_kind kind;
     int is_start, is_end;
     size_t size;
-    uint8_t *data, ping[LWS_PRE];
+    uint8_t *data;
 
     if (!c->socket || c->is_dead || out->failed)
         return -1;
     if (c->ping_wanted && (!out->first || out->first->taken == 0)) {
         c->ping_wanted = 0;
-        if (lws_write(c->wsi, ping + LWS_PRE, 0, LWS_WRITE_PING) < 0)
+        if (write_ping(c->wsi) < 0)
             return -1;
     }
     data = http_queue_next(out, HTTP_PIECE_MAX, &size, &kind, &is_start, &is_end);

@@ -18,6 +18,7 @@ from disk import SmallDisk
 from farm import Failure, Farm, PATIENCE, Skip, Tests, wait_for
 from jobs import expect
 from page import Page, need_page
+from websocket import Closed, WebSocket
 from strangers import descriptors_of, need_descriptors, resident_bytes
 
 tests = Tests()
@@ -264,8 +265,16 @@ def slow():
             except OSError:
                 pass
 
-        threads = [threading.Thread(target=f, daemon=True) for f in (drip, ask_much)]
+        def answer_pings():
+            try:
+                while not stop.is_set():
+                    polite.receive(0.5)
+            except (Closed, OSError):
+                pass
+
+        threads = [threading.Thread(target=f, daemon=True) for f in (drip, ask_much, answer_pings)]
         before = resident_bytes(farm.coordinator)
+        polite = WebSocket(page.host, "/api/v1/live", page.token)  # asks for nothing, so it gets nothing but pings
         stream = page.connect()
         stream.sendall(request_bytes(page, "/api/v1/events", more=authorized))
         status, dumb = handshake(page, "/api/v1/live", page.origin, sign_in(page))
@@ -284,7 +293,10 @@ def slow():
             expect(resident_bytes(farm.coordinator) - before < 8 << 20, "memory grew")
         expect(is_closed(dumb, 45), "a WebSocket whose client answers no ping")
         expect(not is_closed(stream, (65 - (time.monotonic() - begun)) / PATIENCE), "a stream of events lives on")
+        expect(threads[2].is_alive(), "a WebSocket whose client answers its pings lives on")
         stop.set()
+        threads[2].join()
+        polite.drop()
         for peer in (headers, body, reader, silent, stream, dumb):
             peer.close()
 
