@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """The page by keyboard, on a phone, after a reload, for screen readers; axe-core looks at every view."""
+import json
 import os
 import sys
 
@@ -48,6 +49,62 @@ def links_back_and_reload():
         other = browser.page(link, width=1600, height=1000)
         connected(other)
         other.wait_text("frame 7", "#side")
+
+
+@tests.add
+def an_address_pasted_into_an_open_page():
+    """the whole address signs in where the page, or its form, is already open; it does not stay in the address"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        page = farm.page(browser, role="view")
+
+        def paste(role):
+            page.open("%s/#token=%s" % (farm.origin(), farm.token(role)))
+            page.wait("document.body && document.body.dataset.role === '%s'" % role, "the page to be signed in as " + role)
+            connected(page)
+            expect("token" not in page.url(), page.url())
+        paste("operate")
+        number = [t["token"] for t in farm.api("GET", "/tokens")["tokens"] if t["name"] == "operate"][0]
+        page.allow("401|WebSocket|connection")
+        farm.api("DELETE", "/tokens/%d" % number, expect=(200, 204))
+        page.wait("document.querySelector('main.login')", "the form")
+        page.open("%s/#token=azt_wrong" % farm.origin())
+        page.wait("!location.hash.includes('token') && document.querySelector('main.login .problem').innerText",
+                  "the wrong token to be refused")
+        paste("view")
+
+
+@tests.add
+def events_are_shown_once():
+    """events that come live and those of the jobs' logs are one list, newest first, each line once"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        first = farm.submit(farm.scene(), *SMALL, "--name", "early")
+        page = farm.page(browser, "#/events")
+        second = farm.submit(farm.scene(), *SMALL, "--name", "late")
+        for verb in (("pause", ), ("resume", ), ("pause", ), ("resume", ), ("priority", "--to", "7")):
+            farm.cli(verb[0], second, *verb[1:], expect=0)
+        farm.start_worker()
+        for job in (first, second):
+            farm.wait_for_job(job)
+
+        def same():
+            for job in (second, first):
+                told = [e["text"] for e in farm.api("GET", "/jobs/%d/log?after=0" % job)["events"]
+                        if not e["from_worker"]]
+                shown = """[...document.querySelectorAll('ol.log li')].filter(l =>
+                    l.querySelector('a').hash === '#/job/%d').map(l => l.lastChild.textContent).reverse()""" % job
+                try:
+                    page.wait("JSON.stringify(%s) === %s" % (shown, json.dumps(json.dumps(
+                        told, separators=(",", ":"), ensure_ascii=False))), "the log of job %d" % job, 5)
+                except Failure as failure:
+                    raise Failure("%s:\ntold  %s\nshown %s" % (failure, told, page.js(shown))) from failure
+        same()
+        for _ in range(2):
+            page.open(farm.origin() + "/#/workers")
+            page.wait_text("thread", "#view")
+            page.open(farm.origin() + "/#/events")
+            same()
 
 
 @tests.add

@@ -2,9 +2,12 @@
 import { h } from './dom.js';
 import { get, post, del } from './api.js';
 
+const TOKEN = /[#&]token=([^&]+)/;
+export const hasToken = () => TOKEN.test(location.hash);
+
 /* The session {role, who, ...}, or null: the form is to be shown, with `why` in words. */
 export async function begin() {
-  const m = location.hash.match(/[#&]token=([^&]+)/);
+  const m = location.hash.match(TOKEN);
   if (m) {
     history.replaceState(null, '', '#/');
     try { await post('/session', { token: decodeURIComponent(m[1]) }); } catch (error) { return { session: null, why: error.message }; }

@@ -11,7 +11,7 @@ import { eventsView } from './log.js';
 import { storeView, accessView } from './admin.js';
 import { submitView, beginDrops } from './submit.js';
 import { emptyJobs } from './empty.js';
-import { begin, leave, loginForm } from './login.js';
+import { begin, hasToken, leave, loginForm } from './login.js';
 import { act, may, owns } from './verbs.js';
 import { addKeys, allKeys, keysAreOn, switchKeys } from './keys.js';
 import { open } from './dialog.js';
@@ -285,4 +285,11 @@ async function start() {
   setTimeout(() => state.loaded || load().catch(trouble), 1500);
   header();
 }
+/* A token put into the address of a page that is open signs in as it does on opening, and is removed from there. */
+addEventListener('hashchange', async (event) => {
+  if (!hasToken()) return;
+  event.stopImmediatePropagation(); /* it is no place to go to */
+  const { session, why } = await begin();
+  if (session) location.reload(); else signIn(why);
+});
 start();
