@@ -36,15 +36,17 @@ def main():
     style = STYLE.read_text()
     schemes = {"light": colours(style, ":root"), "dark": colours(style, ":root[data-theme=dark]")}
     failed = 0
-    for scheme, found in schemes.items():
+    print("1..%d" % len(schemes))
+    for number, (scheme, found) in enumerate(schemes.items(), 1):
+        faint = [(ink, ground, least) for ink, ground, least in PAIRS
+                 if contrast(found[ink], found[ground]) < least]
         worst = min((contrast(found[a], found[b]) / least, a, b) for a, b, least in PAIRS)
-        print("%s: %d pairs; nearest to its limit is %s on %s: %.2f" % (
+        print("# %s: %d pairs; nearest to its limit is %s on %s: %.2f" % (
             scheme, len(PAIRS), worst[1], worst[2], contrast(found[worst[1]], found[worst[2]])))
-        for ink, ground, least in PAIRS:
-            value = contrast(found[ink], found[ground])
-            if value < least:
-                print("  %s on %s: %.2f is less than %.1f" % (ink, ground, value, least))
-                failed += 1
+        for ink, ground, least in faint:
+            print("# %s on %s: %.2f is less than %.1f" % (ink, ground, contrast(found[ink], found[ground]), least))
+        print("%sok %d - the colours of the %s scheme can be read (WCAG AA)" % ("not " if faint else "", number, scheme))
+        failed += len(faint)
     return failed
 
 
