@@ -327,6 +327,9 @@ static status take_path(const struct web_request *request, ProtobufCMessage *bod
         snprintf(name, sizeof name, "%.*s", (int)strcspn(at, "}"), at);
         if (json_wire_is_set(body, name))
             return error_set(err, STATUS_ERR_INPUT, "%s: stands in the path already", name);
+        /* Without a number a message asks for all jobs, which the path of one job does not mean. */
+        if (strcmp(name, "job") == 0 && strspn(request->parameters[i], "0") == strlen(request->parameters[i]))
+            return error_set(err, STATUS_ERR_NOT_FOUND, "there is no job 0: 'azulejo list' prints their numbers");
         s = json_wire_set(body, name, request->parameters[i], err);
     }
     return s;

@@ -75,6 +75,9 @@ def every_route():
             api.does(200, "get", FRAME + "/" + file, job=done, frame=1)
             api.does(404, "get", FRAME + "/" + file, job=done, frame=2)
             api.does(404, "get", FRAME + "/" + file, job=999, frame=1)
+        for number in ("0", "000"):
+            answer = api.does(404, "get", JOB, job=number)  # not the list: a message without a number asks for that
+            expect("no job 0" in answer.json()["detail"], answer)
         for what in ("log", "trace"):
             api.does(200, "get", JOB + "/" + what, job=done, query={"after": 0})
             api.does(404, "get", JOB + "/" + what, job=999)
