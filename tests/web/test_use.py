@@ -108,6 +108,26 @@ def events_are_shown_once():
 
 
 @tests.add
+def a_paused_job_keeps_its_figures():
+    """of a paused picture the error, the time and the samples stay, also of one that was open from its start"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        job = farm.submit(farm.scene(), *LONG)
+        page = farm.page(browser, "#/job/%d" % job, width=1600, height=1000)
+        page.wait_text("not known yet", "#side")
+        farm.start_worker()
+        known = r"error\s+[0-9.]+/255.*spent\s+[0-9.]+ core-"
+        page.wait_text(known, "#side")
+        wait_for(lambda: farm.api("GET", "/jobs/%d/frames/1/history" % job)["points"], "a point of its history")
+        farm.cli("pause", job, expect=0)
+        page.wait_text("paused by", "#side")
+        page.wait_text(known + r".*[1-9][0-9.]* ?[kMG]? samples", "#side")
+        page.reload()
+        connected(page)
+        page.wait_text(known + r".*[1-9][0-9.]* ?[kMG]? samples", "#side")
+
+
+@tests.add
 def everything_by_keyboard():
     """j and k move, p pauses, / searches, ? lists the keys; Tab reaches every control and shows where it is"""
     with WebFarm() as farm, Browser() as browser:

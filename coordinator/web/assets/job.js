@@ -22,8 +22,9 @@ let asked = '';
 /* ---- figures ----------------------------------------------------------------------------------- */
 
 function pointOf(job, frame) {
-  if (frame === job.now_frame) return job.now;
-  const key = `${job.job}/${frame}/${job.frames_done}`;
+  if (frame === job.now_frame && job.now) return job.now;
+  /* A job that rests has no figures of now: its last ones are in the history, which grows between two rests. */
+  const key = `${job.job}/${frame}/${job.frames_done}/${['running', 'finishing', 'cancelling'].includes(job.state) ? '' : job.seconds_active}`;
   if (!points.has(key)) {
     if (points.size > 100) points.clear();
     points.set(key, undefined);
@@ -58,7 +59,7 @@ function figures(job, frame) {
   text(ui.when, whenWords(job));
   const spent = point ? point.core_seconds : 0;
   text(ui.spent, coreTime(frameCount(job) > 1 ? (job.core_seconds || 0) + (ended(job) ? 0 : spent) : spent || job.core_seconds || 0));
-  text(ui.rate, job.state === 'running' ? `${samplesRate(job.samples_per_second)} on ${plural(job.workers, 'worker')}` : plural(Number(job.samples_done), 'sample'));
+  text(ui.rate, job.state === 'running' ? `${samplesRate(job.samples_per_second)} on ${plural(job.workers, 'worker')}` : plural(frameCount(job) === 1 && Number(point?.samples) > Number(job.samples_done) ? Number(point.samples) : Number(job.samples_done), 'sample'));
 }
 
 /* ---- verbs --------------------------------------------------------------------------------------- */
