@@ -100,7 +100,7 @@ class WebFarm(Farm):
 
 def connected(page):
     """Wait until the page has the farm's state and the live connection."""
-    page.wait("document.documentElement.dataset.connection === 'open'", "the page to be connected")
+    page.wait("document.documentElement?.dataset.connection === 'open'", "the page to be connected")
 
 
 def axe(page, where, rules_off=()):

@@ -1,0 +1,37 @@
+"""Buttons, questions and forms of the page, by the words that people read."""
+
+
+def press_in(page, where, name):
+    """Press the button in `where` whose words, or whose bold ones, are this."""
+    page.wait("""(() => { const b = [...document.querySelectorAll('%s button')].find(e => e.checkVisibility() &&
+        (e.querySelector('b') || e).textContent.trim() === '%s');
+        document.getElementById('to-press')?.removeAttribute('id'); if (b) b.id = 'to-press'; return b; })()""" % (
+            where, name), "a button '%s' in %s" % (name, where))
+    page.click("#to-press")
+
+
+def verb(page, name):
+    """Press a verb of the shown job: in front, or in the menu behind "More"."""
+    page.wait("[...document.querySelectorAll('#side button')].some(b => b.checkVisibility() && "
+              "['%s', 'More'].includes(b.textContent.trim()))" % name, "the verb " + name)
+    if page.js("[...document.querySelectorAll('#side button')].some(b => b.textContent.trim() === '%s')" % name):
+        press_in(page, "#side", name)
+    else:
+        press_in(page, "#side", "More")
+        press_in(page, "[role=menu]", name)
+
+
+def confirm(page, name):
+    """Press a button of the question that is open."""
+    press_in(page, "dialog[open]", name)
+    page.wait("!document.querySelector('dialog[open] #to-press')", "the question to close")
+
+
+def field(page, label, value):
+    """Fill the field of the open form that has this label."""
+    found = page.wait("""(() => { const l = [...document.querySelectorAll('dialog[open] label')].find(e =>
+        e.textContent.trim().startsWith(%r)); return l && '#' + l.htmlFor; })()""" % label, "a field " + label)
+    if page.js("document.querySelector(%r).tagName" % found) == "SELECT":
+        page.choose(found, value)
+    else:
+        page.type(found, value)
