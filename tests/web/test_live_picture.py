@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """The live picture is the picture: what the display shows is compared with the files that the farm makes."""
+import glob
 import os
 import sys
 
@@ -180,6 +181,44 @@ def overlays_and_the_pixel_under_the_pointer():
             layer = [n for n in layers if n != "color"][0]
         control(page, "layer", layer)
         wait_for(lambda: look(page) != plain, "the layer '%s' of %s to be seen" % (layer, layers))
+
+
+@tests.add
+def a_look_becomes_the_files():
+    """A|B shows the picture in two operators; Apply makes the job's files as the page shows them"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        job = farm.submit(AREA, "--size", "%dx%d" % (WIDTH, HEIGHT), "--spp", "16")
+        farm.wait_for_job(job)
+        before = farm.path("before")
+        farm.cli("fetch", job, "-o", before, expect=0)
+        page = farm.page(browser, "#/job/%d" % job, width=1600, height=1000)
+        at_one_to_one(page)
+        plain = canvas_pixels(page, WIDTH, HEIGHT)
+        page.click("=A|B")
+        control(page, "other", "linear")
+        page.js(PICTURE + ".setSplit(0.5)")
+        page.frames(3)
+        both = canvas_pixels(page, WIDTH, HEIGHT)
+        middle, n = WIDTH // 2 * both.channels, both.channels * 14  # what is under the border's handle
+        sides = [sum(p != q for a, b in zip(plain.codes, both.codes) for p, q in zip(a[part], b[part]))
+                 for part in (slice(middle - n), slice(middle + n, None))]
+        expect(min(sides) == 0 and max(sides) > WIDTH * HEIGHT / 8, "pixels that differ left and right: %s" % sides)
+        page.click("=A|B")
+        control(page, "operator", "aces")
+        page.click("=Apply to the job")
+        wait_for(lambda: farm.api("GET", "/jobs/%d" % job)["jobs"][0]["output"]["tonemap"] == "aces", "the operator")
+        same_look(page, "aces")
+        farm.wait_for_job(job)
+        shown = picture_pixels(page, WIDTH, HEIGHT)
+        path = farm.path("after")
+        wait_for(lambda: farm.job(job).get("frames_to_develop", 0) == 0, "the files")
+        farm.cli("fetch", job, "-o", path, expect=0)
+        first, after = (png_rows(read_bytes(glob.glob(p + "/**/*.png", recursive=True)[0])) for p in (before, path))
+        expect(largest_difference(first, after)[0] > 8, "the file did not change")
+        got = largest_difference(shown, after)
+        expect(got[0] <= 2, "the file differs from the page by %d at %d, %d" % got)  # it is dithered
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 /* admin: what takes the store's room, and who may do what. */
 import { h, children, moment, facts, copy, property } from './dom.js';
 import { get, post, del } from './api.js';
-import { state, ended } from './state.js';
+import { state, ended, loadOlder } from './state.js';
 import { may, act, listOf } from './verbs.js';
 import { bytes, span, plural, count } from './format.js';
 import { say, trouble } from './notice.js';
@@ -47,8 +47,10 @@ export function storeView(node) {
       { name: 'days', label: 'Ended more than this many days ago', type: 'number', min: 0, step: 'any', value: '30', required: true },
       { name: 'state', label: 'State', options: [['', 'done, failed or cancelled'], ['done', 'done'], ['failed', 'failed'], ['cancelled', 'cancelled']] }], 'Show which', (v) => v);
     if (!want) return;
+    /* The oldest jobs are those that the page has not loaded. */
+    try { while (state.older) await loadOlder(); } catch (why) { trouble(why); return; }
     const old = [...state.jobs.values()].filter((j) => ended(j) && may('operate', j) && (!want.state || j.state === want.state) && j.finished_at && j.finished_at < Date.now() / 1000 - want.days * 86400);
-    if (!old.length) say('No job that the page has loaded is that old.');
+    if (!old.length) say('No such job is that old.');
     else if (await act('remove', old.map((j) => j.job))) read();
   };
   read();

@@ -17,7 +17,7 @@
  *       "select"      another job or frame is shown
  *       "job"         the shown job's JobInfo changed
  *       "workers"     the list of workers changed
- *       "connection"  fn("open" | "lost")
+ *       "connection"  fn("open" | "lost" | "blocked": requests get through, WebSockets do not)
  *       "theme"       fn("dark" | "light")
  *   context.keys(map, where)  keys of a part for the help and for keys.js: {"e": {text: "exposure up", run}}
  *

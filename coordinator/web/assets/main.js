@@ -20,6 +20,7 @@ import { count, samplesRate, plural, display } from './format.js';
 
 const VIEWS = { workers: workersView, worker: workerView, events: eventsView, store: storeView, access: accessView, submit: submitView };
 const TITLES = { workers: 'Workers', events: 'Events', store: 'Store', access: 'Access', submit: 'Submit' };
+const ASK_MS = 4000;                  /* without a live connection */
 const byId = (id) => document.getElementById(id);
 
 /* ---- theme -------------------------------------------------------------------------------------- */
@@ -55,13 +56,18 @@ async function askNotify(value) {
 }
 function notify(job) {
   if (wants() === 'off' || (wants() === 'mine' && !owns(job)) || !('Notification' in window) || Notification.permission !== 'granted') return;
-  const note = new Notification(`${job.name}: ${job.state}`, { body: reason(job) || (job.now?.figures ? `error ${display(job.now.figures.display)}` : ''), tag: `job-${job.job}`, icon: '/assets/icon.svg' });
+  let note;
+  try { note = new Notification(`${job.name}: ${job.state}`, { body: reason(job) || (job.now?.figures ? `error ${display(job.now.figures.display)}` : ''), tag: `job-${job.job}`, icon: '/assets/icon.svg' }); } catch { /* phones have the permission, but let no page use it */
+    localStorage.setItem('notify', 'off');
+    say('This browser cannot show notifications of a page: they are off.');
+    return;
+  }
   note.onclick = () => { focus(); go(jobLink(job.job)); note.close(); };
 }
 
 /* ---- header --------------------------------------------------------------------------------------- */
 
-let lostAt = 0;
+let lostAt = 0, through = false, asking = 0; /* through: requests are answered all the same */
 function header() {
   const threads = state.workers.reduce((n, w) => n + w.threads, 0), rate = state.workers.reduce((n, w) => n + w.samples_per_second, 0);
   const jobs = [...state.jobs.values()], of = (...s) => jobs.filter((j) => s.includes(j.state)).length;
@@ -90,14 +96,38 @@ function connection(now, first) {
     lostAt = Date.now() / 1000;
     tell('Connection lost');
     get401();
+    asking = setTimeout(askInstead, ASK_MS);
   } else if (now === 'open') {
     if (lostAt) { tell('Connected again'); refreshed(); }
     lostAt = 0;
+    through = false;
+    clearTimeout(asking);
     if (first) load().catch(trouble);
   }
-  text(byId('lost-words'), lostAt ? `No connection since ${clockText(lostAt)}. What you see is from then; the page tries again by itself.` : '');
-  show(byId('connection-bar'), lostAt);
+  lostWords();
   title();
+}
+function lostWords() {
+  text(byId('lost-words'), !lostAt ? '' : through
+    ? `The live connection does not get through (a proxy without WebSockets?). The lists are read again every ${ASK_MS / 1000} s; the picture is a preview.`
+    : `No connection since ${clockText(lostAt)}. What you see is from then; the page tries again by itself.`);
+  show(byId('connection-bar'), lostAt);
+}
+/* A proxy may let requests through, but no WebSocket. */
+async function askInstead() {
+  if (!byId('app').hidden) {
+    try {
+      await load();
+      through = true;
+      emit('connection', 'blocked');
+    } catch (why) {
+      through = false;
+      if (why.status === 401) get401();
+    }
+  }
+  if (!lostAt) return;
+  lostWords();
+  asking = setTimeout(askInstead, ASK_MS);
 }
 /* Lost because the token was revoked? */
 async function get401() {

@@ -41,7 +41,13 @@ class Picture {
     context.on('select', () => this.select());
     context.on('job', () => this.jobChanged());
     context.on('theme', () => this.takeTheme());
-    context.on('connection', (how) => how === 'open' && this.loadOperators());
+    context.on('connection', (how) => {
+      if (how === 'open') { this.loadOperators(); this.withScreen(); }
+      if (how === 'blocked' && this.screen) {
+        this.resting = { screen: this.screen, canvas: this.canvas };
+        this.withoutScreen(new Error('the live connection does not get through'));
+      }
+    });
     this.loadOperators();
     this.select();
   }
@@ -384,6 +390,7 @@ class Picture {
   codes() { return this.screen.codes(this.panes()[0]); }
 
   async save() {
+    if (!this.screen) { this.context.say('Only the preview is there: the menu of the browser saves it.'); return; }
     const image = this.codes(), canvas = h('canvas', { width: image.width, height: image.height });
     canvas.getContext('2d').putImageData(image, 0, 0);
     const url = URL.createObjectURL(await new Promise((done) => canvas.toBlob(done)));
@@ -403,6 +410,22 @@ class Picture {
     this.showPreview();
   }
 
+  /* The live connection is back. */
+  withScreen() {
+    if (!this.resting) return;
+    this.canvas.replaceWith(this.resting.canvas);
+    Object.assign(this, this.resting, { resting: null, pixels: null, previewShown: null });
+    this.select();
+  }
+
+  /* Asked for, not named as src: the same address is another picture a moment later. */
+  async fetchPreview(path, image) {
+    let url;
+    try { url = URL.createObjectURL(await (await this.context.api.ask(path)).blob()); } catch { return; } /* as before, until the next time */
+    image.onload = image.onerror = () => URL.revokeObjectURL(url);
+    if (path === this.previewShown) image.src = url;
+  }
+
   showPreview() {
     const info = this.context.info(), now = Date.now(), look = this.controls?.look;
     this.note.textContent = `The coordinator's preview: ${this.whyNot}.`;
@@ -411,7 +434,7 @@ class Picture {
     if (path === this.previewShown && now < this.previewAgain) return;
     this.previewShown = path;
     this.previewAgain = now + DRAWN_AGAIN_MS;
-    this.image.src = `${this.context.api.url(path)}&_=${info.samples_done}`;
+    this.fetchPreview(path, this.image);
     this.image.alt = `${info.name}, frame ${this.context.shownFrame()}`;
   }
 }
