@@ -3,8 +3,6 @@
 import contextlib
 import hashlib
 import hmac
-import http.server
-import json
 import socket
 import sqlite3
 import ssl
