@@ -131,7 +131,7 @@ def a_paused_job_keeps_its_figures():
 def everything_by_keyboard():
     """j and k move, p pauses, / searches, ? lists the keys; Tab reaches every control and shows where it is"""
     with WebFarm() as farm, Browser() as browser:
-        _, second, third = busy(farm)
+        first, second, _ = busy(farm)
         page = farm.page(browser, "#/job/%d" % second, width=1600, height=1000)
         page.wait_text("kitchen", "#side")
         page.press("j")
@@ -154,6 +154,11 @@ def everything_by_keyboard():
                   "one job to be found")
         page.press("Escape")
         page.js("document.activeElement.blur()")
+        # A job that has ended, so that its verbs stay what they are.
+        page.js("location.hash = '#/job/%d'" % first)
+        page.wait_text("done", "#side")
+        page.wait("document.querySelector('#side') && !/Pause/.test(document.querySelector('#side').innerText)",
+                  "the verbs of a job that is done")
         # Not beyond the last one: there Tab would leave the page for the browser's own controls.
         count = page.js("""(() => { window.stops = [...document.querySelectorAll(
                 'button, a[href], input, select, summary, canvas, [tabindex]')].filter(e => e.tabIndex >= 0 && !e.disabled
