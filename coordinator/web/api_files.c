@@ -155,22 +155,27 @@ static int must_develop(const struct job *job, uint32_t frame)
     return job_frame_is_done(job, frame) && !(job->output.png && job_frame_is_developed(job, frame));
 }
 
+/* What a message's output settings point at, until it was sent. */
+struct look {
+    struct output_settings settings;
+    struct wire_output wire;
+};
+
 /* A preview with settings of its own, or of a frame whose job makes no PNG. */
-static status set_output(struct web_request *request, Azulejo__Wire__OutputGet *get, struct wire_output *wire,
+static status set_output(struct web_request *request, Azulejo__Wire__OutputGet *get, struct look *look,
                          struct error *err)
 {
     const struct job *job = queue_find(&request->web->server->farm.queue, get->job);
-    struct output_settings output;
     status s;
 
     if (!job || get->frame < job->first_frame || get->frame > job->last_frame ||
         (!web_query_at(request, 0) && !must_develop(job, get->frame)))
         return STATUS_OK;
-    output = job->output;
-    s = take_settings(request, &output, err);
+    look->settings = job->output;
+    s = take_settings(request, &look->settings, err);
     if (s == STATUS_OK) {
-        wire_output_set(wire, &output);
-        get->output = &wire->message;
+        wire_output_set(&look->wire, &look->settings);
+        get->output = &look->wire.message;
     }
     return s;
 }
@@ -197,7 +202,7 @@ void api_picture(struct web_request *request)
     uint8_t have[DIGEST_BYTES];
     Azulejo__Wire__Envelope envelope;
     Azulejo__Wire__OutputGet *get = NULL;
-    static struct wire_output wire; /* what get->output points at, until it was sent */
+    static struct look look;
     struct error err = {0};
     ProtobufCMessage *body;
     status s = web_call_message(request, &envelope, &body, &err);
@@ -208,7 +213,7 @@ void api_picture(struct web_request *request)
     }
     get = envelope.output_get;
     if (get->kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG) {
-        s = set_output(request, get, &wire, &err);
+        s = set_output(request, get, &look, &err);
     } else if (get->kind != AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR) {
         client_has(request, have);
         get->have = (ProtobufCBinaryData){DIGEST_BYTES, have};
