@@ -73,7 +73,8 @@ export function accessView(node) {
     return;
   }
   const tokens = h('div'), hooks = h('div');
-  node.append(h('h1', null, 'Access'), h('h2', null, 'Tokens'),
+  node.append(h('h1', null, 'Access'));
+  const show = () => node.append(h('h2', null, 'Tokens'),
     h('p', null, 'A token opens this page and its API. Each person and each script gets its own, with no more than it needs.'),
     h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => create() }, 'Create a token')), tokens,
     h('h2', null, 'Webhooks'), h('p', null, 'The coordinator posts a signed message to these addresses when a job ends or needs a person.'),
@@ -113,6 +114,5 @@ export function accessView(node) {
       if (made.secret) once('The webhook’s secret', 'Messages are signed with it.', made.secret);
     }).catch(trouble);
   };
-  read();
-  readHooks();
+  Promise.all([read(), readHooks()]).then(show); /* no button moves away under the pointer */
 }
