@@ -434,8 +434,8 @@ def slow_client_gets_the_newest():
             live.until_done()
             expect(live.picture.is_whole(), len(live.picture.pixels))
             expect_same_pixels(live.picture, exr_of(farm, job), ["R", "G", "B"])
-            # Far fewer than all states that tiles had: 80 tiles, about 24 results each.
-            expect(live.picture.count < 80 * 16, live.picture.count)
+            # How many states it got is the kernel's matter: its buffer of 4 MiB holds 2,000 tiles. That only the
+            # newest are queued is test_web_picture's.
 
 
 @tests.add

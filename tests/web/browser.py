@@ -258,7 +258,12 @@ class Page:
         """Wait until the expression is true, and return its value (true for an object)."""
         end = time.monotonic() + limit_s * PATIENCE
         while True:
-            value = self.js("(() => { const v = (%s); return v instanceof Object && !Array.isArray(v) ? true : v; })()" % expression)
+            try:
+                value = self.js("(() => { const v = (%s); return v instanceof Object && !Array.isArray(v) ? true : v; })()" % expression)
+            except Failure as failure:  # a part that is not there yet
+                if "TypeError: Cannot read properties of" not in str(failure) or time.monotonic() > end:
+                    raise
+                value = None
             if value:
                 return value
             if time.monotonic() > end:

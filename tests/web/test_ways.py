@@ -60,7 +60,7 @@ def over_tls():
             page.open(origin + "/#token=" + token)
             connected(page)
             page.js("location.hash = '#/job/%d'" % job)
-            page.wait("%s.pixels && %s.pixels.arrived === %s.pixels.tiles" % (PICTURE, PICTURE, PICTURE), "the picture")
+            page.wait("%s?.pixels && %s.pixels.arrived === %s.pixels.tiles" % (PICTURE, PICTURE, PICTURE), "the picture")
             expect(page.sockets and all(s.startswith("wss://") for s in page.sockets), page.sockets)
             cookies = page.call("Network.getCookies")["cookies"]
             expect(cookies and all(c["secure"] and c["httpOnly"] and c["sameSite"] == "Strict" for c in cookies), cookies)
@@ -81,7 +81,7 @@ def many_windows_at_once():
             connected(page)
             pages.append(page)
         for page in pages[:3]:
-            page.wait("%s.pixels && %s.pixels.arrived === %s.pixels.tiles" % (PICTURE, PICTURE, PICTURE), "the picture")
+            page.wait("%s?.pixels && %s.pixels.arrived === %s.pixels.tiles" % (PICTURE, PICTURE, PICTURE), "the picture")
         for page in pages:
             expect(page.js("fetch('/api/v1/farm', {signal: AbortSignal.timeout(%d)}).then(r => r.status)" % (
                 10000 * PATIENCE)) == 200, "a request")
