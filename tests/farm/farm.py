@@ -210,7 +210,11 @@ class Farm:
         return self.coordinator
 
     def restart_coordinator(self, *options, env=None):
-        """Again at the same address, as a service manager would."""
+        """Again at the same address, as a service manager would; its page at any: the port after that of its
+        address may be somebody else's."""
+        if not hasattr(self, "page_address") and "noweb" not in BUILD and \
+                not any(str(o).startswith(("--web", "--no-web")) for o in options):
+            options += ("--web", "127.0.0.1:0")
         return self.start_coordinator(*options, listen=self.address, env=env)
 
     def start_worker(self, *options, key=None, threads=1, env=None, cache=None):

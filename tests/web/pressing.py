@@ -1,13 +1,25 @@
 """Buttons, questions and forms of the page, by the words that people read."""
+import time
+
+from farm import PATIENCE, Failure
 
 
-def press_in(page, where, name):
-    """Press the button in `where` whose words, or whose bold ones, are this."""
-    page.wait("""(() => { const b = [...document.querySelectorAll('%s button')].find(e => e.checkVisibility() &&
-        (e.querySelector('b') || e).textContent.trim() === '%s');
-        document.getElementById('to-press')?.removeAttribute('id'); if (b) b.id = 'to-press'; return b; })()""" % (
-            where, name), "a button '%s' in %s" % (name, where))
-    page.click("#to-press")
+def press_in(page, where, name, words=""):
+    """Press the button in `where`, of those the first with these words, whose own words, or whose bold ones, are
+    `name`; also if it is drawn anew meanwhile."""
+    end = time.monotonic() + 15 * PATIENCE
+    while True:
+        page.wait("""(() => { const b = [...document.querySelectorAll('%s')].filter(e => e.innerText.includes(%r))
+            .flatMap(e => [...e.querySelectorAll('button')]).find(e => e.checkVisibility() &&
+            (e.querySelector('b') || e).textContent.trim() === '%s');
+            document.getElementById('to-press')?.removeAttribute('id'); if (b) b.id = 'to-press'; return b; })()""" % (
+                where, words, name), "a button '%s' in %s" % (name, where))
+        try:
+            page.click("#to-press", limit_s=1)
+            return
+        except Failure:
+            if time.monotonic() > end:
+                raise
 
 
 def verb(page, name):
