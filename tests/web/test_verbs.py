@@ -138,6 +138,8 @@ def tokens_and_the_store():
     with WebFarm() as farm, Browser() as browser, Browser() as other:
         farm.start_coordinator()
         page = farm.page(browser, "#/access")
+        page.wait_text("this coordinator's", "tr th[scope=row]")
+        expect("Renew" in page.text("#main") and "Revoke" not in page.text("#main"), "its own token cannot be revoked")
         page.click("=Create a token")
         field(page, "Name", "guest")
         field(page, "Role", "view")

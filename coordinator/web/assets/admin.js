@@ -59,6 +59,7 @@ export function storeView(node) {
 /* ---- who may do what -------------------------------------------------------------------------------- */
 
 const ROLES = [['view', 'view: look at everything'], ['submit', 'submit: and submit jobs, steer its own'], ['operate', 'operate: and steer all jobs and workers'], ['admin', 'admin: and tokens, webhooks, the store']];
+const OWN = 1; /* the coordinator's own token: it can be renewed, not revoked */
 /* A secret that is stored nowhere. */
 function once(title, words, secret) {
   const button = h('button', { onclick: () => copy(secret, button) }, 'Copy');
@@ -81,7 +82,7 @@ export function accessView(node) {
     hooks, h('div', { class: 'buttons' }, h('button', { onclick: () => add() }, 'Add a webhook')));
   const read = () => get('/tokens').then((answer) => children(tokens, [table(['token', 'role', 'owner', 'created', 'used', 'expires', ''], listOf(answer, 'tokens').map((t) => h('tr', null,
     h('th', { scope: 'row' }, t.name || `token ${t.token}`), cell('role', t.role), cell('owner', t.owner || '–'), cell('created', when(t.made_at)), cell('used', when(t.used_at)), cell('expires', when(t.expires_at)),
-    verbCell(h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke'), h('button', { onclick: () => renew(t) }, 'Renew')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
+    verbCell(Number(t.token) !== OWN && h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke'), h('button', { onclick: () => renew(t) }, 'Renew')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
   const revoke = async (t) => {
     const own = t.token === state.session.token;
     if (await confirm(`Revoke ${t.name || `token ${t.token}`}?`, ['Pages and scripts that use it lose access at once, and it cannot be brought back.', own ? 'You are signed in with it: you will be signed out.' : ''].filter(Boolean), 'Revoke'))
