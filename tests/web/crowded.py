@@ -60,11 +60,11 @@ def frame_times(page, seconds):
 
 def scroll(page, what, seconds):
     """The same while the list that `what` is in scrolls to and fro."""
+    page.wait("""(() => { for (const row of document.querySelectorAll(%r))
+          for (let e = row.parentElement; e; e = e.parentElement)
+            if (e.scrollHeight > e.clientHeight + 1) return window.list = e; })()""" % what, "a list that can scroll")
     return summary(page.js("""new Promise(done => { const out = []; let last = 0; const begin = performance.now();
-        let list = document.querySelector(%r).parentElement;
-        while (list && list.scrollHeight <= list.clientHeight + 1) list = list.parentElement;
-        if (!list) return done([]);
         const f = now => { if (last) out.push(now - last); last = now;
           const at = (now - begin) / 1000 %% 2; list.scrollTop = (at < 1 ? at : 2 - at) * 4000;
           if (now - begin < %d) requestAnimationFrame(f); else { list.scrollTop = 0; done(out); } };
-        requestAnimationFrame(f); })""" % (what, seconds * 1000)))
+        requestAnimationFrame(f); })""" % (seconds * 1000)))
