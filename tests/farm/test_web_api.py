@@ -63,6 +63,10 @@ def every_route():
                      "/api/v1/effects", "/api/v1/openapi.yaml", "/api/v1/session", "/api/v1/store"):
             api.does(200, "get", path)
         api.does(200, "get", "/assets/{file}", file="style.css")
+        # Two programs print the same table: the page and a script read it alike.
+        theirs = json.loads(farm.cli("tonemap", "--list", "--json", connect=False, expect=0).out)["operators"]
+        ours = api.does(200, "get", "/api/v1/operators").json()["operators"]
+        expect([{k: o[k] for k in t} for o, t in zip(ours, theirs)] == theirs and len(ours) == len(theirs), ours)
 
         done = farm.submit(farm.scene(), "--format", "exr,png,jpg", *SHORT)
         reaches(api, done, "done")
