@@ -168,7 +168,7 @@ const struct command command_webhook = {
     .description =
         "The coordinator posts JSON to URL when a job is done or failed, and when something needs a person: a job is\n"
         "parked, or the store cannot be used. It signs what it sends with the webhook's secret, which is shown once, and\n"
-        "tries again for a day. Whoever may add webhooks can make the coordinator send requests to any address that it\n"
-        "reaches.",
+        "tries again for a day. A person who may add webhooks can make the coordinator send requests to any address\n"
+        "that it reaches.",
     .run = run,
 };

@@ -36,7 +36,7 @@ struct import_options {
     const char *animation;  /* by name or number from 0, "none"; NULL: all of the file's */
     const char *light_units;        /* of glTF's lights: a word of LIGHT_UNITS_WORDS */
     struct option_list outside;     /* folders beside the scene's own that it may read from */
-    const char *only_below;         /* in place of the scene's own, and nothing is told of others; NULL: no */
+    const char *only_below;         /* in place of the scene's own; other files are reported as missing; NULL: no */
     int64_t image_megapixels;       /* one image has at most this many 10^6 pixels */
     uint64_t images_bytes;          /* all images have at most this many bytes once decoded */
 };

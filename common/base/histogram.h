@@ -6,7 +6,8 @@
 
 enum { HISTOGRAM_CLASSES = 14 };
 
-/* Seconds: class i has what took no more than this and more than the one before it. The last is infinite. */
+/* The upper bound of each class in seconds; a class holds what took at most this, and more than the bound before.
+ * The last is infinite. */
 extern const double histogram_bounds_s[HISTOGRAM_CLASSES];
 
 struct histogram {

@@ -118,7 +118,7 @@ struct farm_events {
      * with another freezing. NULL: the farm runs it itself. */
     status (*freeze)(void *user, struct freezing *freezing, struct error *err);
     void *user;
-    /* For whoever shows the farm; each may be NULL. */
+    /* For the page; each may be NULL. */
     void (*job_removed)(void *user, uint64_t job);
     void (*job_event)(void *user, const struct job_event *event);
     void (*workers_changed)(void *user); /* one joined, left, was steered, or changed its mode */

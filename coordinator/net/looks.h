@@ -1,5 +1,5 @@
-/* looks: a frame's picture tone mapped with other settings than its job's, for whoever wants to see how it would
- * look. Nothing is kept. */
+/* looks: a frame's picture tone mapped with other settings than its job's, so that people
+ * can compare. Nothing is kept. */
 #ifndef AZULEJO_COORDINATOR_LOOKS_H
 #define AZULEJO_COORDINATOR_LOOKS_H
 

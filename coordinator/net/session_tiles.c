@@ -1,4 +1,4 @@
-/* What a client is told of a frame's tiles. */
+/* Answers questions about a frame's tiles. */
 #include <inttypes.h>
 
 #include "common/base/memory.h"

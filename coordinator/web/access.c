@@ -31,7 +31,7 @@ int access_note_failure(struct web *web, const char *peer)
 
     if (!web_tokens_note_failure(web->tokens, peer, clock_monotonic_ns()))
         return 0;
-    (void)error_set(&why, STATUS_ERR_REFUSED, "a token that is none, or that has ended");
+    (void)error_set(&why, STATUS_ERR_REFUSED, "the token is wrong, revoked or expired");
     access_note(web, "", peer, NULL, &why);
     return 1;
 }

@@ -182,7 +182,8 @@ static status set_output(struct web_request *request, Azulejo__Wire__OutputGet *
 
 /* ---- the request ---------------------------------------------------------------------------------- */
 
-/* The SHA-256 of the file that the client has, from If-None-Match; zeros: none, so that the file's is told. */
+/* The SHA-256 of the file that the client has, from If-None-Match; zeros: it has none, and
+ * the answer names the file's. */
 static void client_has(const struct web_request *request, uint8_t out[DIGEST_BYTES])
 {
     const char *text = web_header(request, "if-none-match");

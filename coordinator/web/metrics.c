@@ -293,7 +293,7 @@ static void put_web(struct buffer *out, const struct web *web)
                (double)counts.answers[0]);
     metric_one(out, "azulejo_web_connections", "gauge", "Connections to the page and the API.", counts.connections);
     metric_one(out, "azulejo_web_sockets", "gauge", "WebSockets among them.", counts.sockets);
-    metric_one(out, "azulejo_web_wrong_tokens_total", "counter", "Requests with a token that is none.",
+    metric_one(out, "azulejo_web_wrong_tokens_total", "counter", "Requests with a wrong token.",
                (double)web_tokens_failures(web->tokens));
     metric_begin(out, "azulejo_webhook_events_total", "counter", "Events for webhooks, by what became of them.");
     metric_value(out, "azulejo_webhook_events_total", (double)hooks.sent, "result", "sent", NULL);

@@ -55,7 +55,7 @@ int web_tokens_find_cookie(struct web_tokens *tokens, const char *cookie, int64_
 /* The cookie of a token; *life_s: how long it is good for. "": there is no such token. */
 void web_tokens_cookie(const struct web_tokens *tokens, uint64_t token, int64_t now_s, char out[COOKIE_SIZE],
                        int64_t *life_s);
-/* Note that this address ("10.0.0.7:512") sent a token that is none. 0: it did too often. A valid token is never
+/* Note that this address ("10.0.0.7:512") sent a wrong token. 0: it did too often. A valid token is never
  * refused for that: tokens cannot be guessed, and nobody may lock out others who share an address. */
 int web_tokens_note_failure(struct web_tokens *tokens, const char *peer, uint64_t now_ns);
 

@@ -25,7 +25,7 @@ struct input_file {
 struct input_files {
     char **folders;         /* canonical; the first is the scene's own */
     size_t folder_count, folder_capacity;
-    int is_confined;        /* files elsewhere are not there, as far as anyone is told */
+    int is_confined;        /* files elsewhere are reported as missing */
     struct input_file *files;
     size_t count, capacity;
 };
