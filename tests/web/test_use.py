@@ -180,6 +180,16 @@ def everything_by_keyboard():
 
 
 @tests.add
+def errors_in_words():
+    """an error is never rounded to none"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        page = farm.page(browser)
+        told = page.js("import('/assets/format.js').then(f => [0, 7.9e-16, .004, .006, .5, 3.14, 12, NaN].map(f.display))")
+        expect(told == ["0/255", "under 0.01/255", "under 0.01/255", "0.01/255", "0.50/255", "3.1/255", "12/255", "?"], told)
+
+
+@tests.add
 def a_phone_has_no_sideways_scroll():
     """at 390 and 320 pixels no view is wider than the window, and the bottom bar changes between the views"""
     with WebFarm() as farm, Browser() as browser:

@@ -30,8 +30,12 @@ export function span(s) {
 }
 export const coreTime = (s) => (s < 99.5 ? `${s.toFixed(s < 9.95 ? 1 : 0)} core-s` : s < 5940 ? `${Math.round(s / 60)} core-min` : `${(s / 3600).toFixed(1)} core-h`);
 export const percent = (share) => `${Math.floor(100 * Math.min(1, Math.max(0, share)))} %`;
-/* An error in display codes: "3.1/255". */
-export const display = (e) => (typeof e === 'number' && e >= 0 ? `${e < 0.995 ? e.toFixed(2) : e < 9.95 && !Number.isInteger(e) ? e.toFixed(1) : e.toFixed(0)}/255` : '?');
+/* An error in display codes: "3.1/255"; never rounded to none. */
+export function display(e) {
+  if (!(typeof e === 'number' && e >= 0)) return '?';
+  if (e > 0 && e < 0.005) return 'under 0.01/255';
+  return `${e > 0 && e < 0.995 ? e.toFixed(2) : e < 9.95 && !Number.isInteger(e) ? e.toFixed(1) : e.toFixed(0)}/255`;
+}
 
 /* StopRules' target in words; "" without one. */
 export function target(stop) {
