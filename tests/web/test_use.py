@@ -154,7 +154,9 @@ def everything_by_keyboard():
                   "one job to be found")
         page.press("Escape")
         page.js("document.activeElement.blur()")
-        # A job that has ended, so that its verbs stay what they are.
+        # Nothing in work, so that the list keeps its order; a job that has ended, so that its verbs stay what they are.
+        farm.cli("pause", second, expect=0)
+        page.wait_text("paused", "[data-job=\"%d\"]" % second)
         page.js("location.hash = '#/job/%d'" % first)
         page.wait_text("done", "#side")
         page.wait("document.querySelector('#side') && !/Pause/.test(document.querySelector('#side').innerText)",
