@@ -145,7 +145,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi docs-check test-docs numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -284,7 +284,7 @@ else
 tests: all $(TESTS) $(ROW_TEST) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 endif
 
-test: tests layers circles words openapi ## every test; the end says "N passed, N failed"
+test: tests layers circles words openapi docs-check ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh
 
 test-web: tests ## the page in a real Chromium; axe-core is fetched from npm (docs/WEB.md)
@@ -304,6 +304,12 @@ words: ## prove that the glossary of docs/ARCHITECTURE.md is true
 
 openapi: ## prove that docs/openapi.yaml is what scripts/openapi.py makes
 	@scripts/openapi.py --check
+
+docs-check: all ## prove that the documents name only what exists: links, pictures, commands, options
+	@scripts/check-docs.py --bin $(BIN)
+
+test-docs: tests ## run every command of the documents that can be run (10 minutes; make test runs the quick ones)
+	@BUILD=$(BUILD) DOCS=all tests/run.sh tests/farm/test_docs
 
 layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 	@scripts/check-layers.sh
