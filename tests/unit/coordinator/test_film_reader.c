@@ -199,7 +199,7 @@ static void cells_say_what_tiles_have(void **state)
     (void)state;
     film_note_cost(film, 2, 0, 0, 5, 1000);
     film_note_cost(film, 2, 1, 2, 6, 500);
-    assert_int_equal(tile_map_new(&map, WIDTH, HEIGHT, &err), STATUS_OK);
+    assert_int_equal(tile_map_new(&map, WIDTH, HEIGHT, 0, &err), STATUS_OK);
     assert_int_equal(map.count, TILES);
     for (uint32_t t = 0; t < TILES; t++)
         assert_int_equal(tile_map_take(&map, film, t, &err), STATUS_OK);
@@ -214,7 +214,108 @@ static void cells_say_what_tiles_have(void **state)
     assert_int_equal(map.workers[map.cells[2].worker - 1].number, film_deliverer(film, 2, 1, 2));
     assert_true(map.cells[2].error > 0);
     tile_map_release(&map);
-    assert_int_equal(tile_map_new(&map, 65536, 65536 / 8, &err), STATUS_ERR_LIMIT);
+    assert_int_equal(tile_map_new(&map, 65536, 65536 / 8, 0, &err), STATUS_ERR_LIMIT);
+    film_free(film);
+}
+
+static void send_unit(struct film *film, uint32_t group, uint32_t pass, uint32_t deliverer, uint32_t thread)
+{
+    float sums[TILE_FLOATS_MAX];
+    struct unit_result unit = film_data_unit(film, 4, group, pass, sums);
+    enum film_merge_result result;
+
+    assert_int_equal(film_merge(film, &unit, deliverer, &result, NULL), STATUS_OK);
+    film_note_cost(film, 4, group, pass, thread, 1000);
+}
+
+static void check_share(const struct tile_map *map, uint32_t i, const char *label, uint32_t thread, uint32_t units,
+                        uint32_t samples)
+{
+    const struct tile_share *share = &map->shares[map->cells[4].first_share + i];
+
+    assert_true(i < map->cells[4].share_count);
+    assert_string_equal(map->workers[share->worker - 1].label, label);
+    assert_int_equal(share->thread, thread);
+    assert_int_equal(share->units, units);
+    assert_int_equal(share->samples, samples);
+}
+
+static void shares_say_who_sent_what(void **state)
+{
+    struct film *film = film_data_new(WIDTH, HEIGHT, SPP, 0);
+    struct tile_map map;
+    struct error err = {0};
+
+    (void)state;
+    /* Passes 0 to 3 have 2, 2, 4 and 8 samples. Ana is 5, and 9 after she connected again; Rui is 6. */
+    send_unit(film, 0, 0, 6, 1);
+    send_unit(film, 1, 0, 5, 2);
+    send_unit(film, 0, 1, 5, 2);
+    send_unit(film, 1, 1, 9, 2);
+    send_unit(film, 0, 2, 9, 1);
+    send_unit(film, 1, 2, 6, 3);
+    send_unit(film, 0, 3, 6, 1);
+    assert_int_equal(tile_map_new(&map, WIDTH, HEIGHT, 1, &err), STATUS_OK);
+    for (uint32_t t = 0; t < TILES; t++)
+        assert_int_equal(tile_map_take(&map, film, t, &err), STATUS_OK);
+    assert_int_equal(map.worker_count, 3);
+    for (uint32_t i = 0; i < map.worker_count; i++) {
+        struct deliverer *worker = &map.workers[i];
+        worker->process = worker->number; /* it was started again, under its name */
+        snprintf(worker->host, sizeof worker->host, "lab");
+        snprintf(worker->label, sizeof worker->label, "%s", worker->number == 6 ? "rui" : "ana");
+    }
+    assert_int_equal(tile_map_join(&map, &err), STATUS_OK);
+    assert_int_equal(map.worker_count, 2);
+    assert_int_equal(map.cells[0].share_count, 0);
+    assert_int_equal(map.cells[4].share_count, 4);
+    check_share(&map, 0, "rui", 1, 2, 2 + 8);
+    check_share(&map, 1, "rui", 3, 1, 4);
+    check_share(&map, 2, "ana", 2, 3, 2 + 2 + 2);
+    check_share(&map, 3, "ana", 1, 1, 4);
+    assert_string_equal(map.workers[map.cells[4].worker - 1].label, "rui");
+    assert_int_equal(map.workers[map.shares[map.cells[4].first_share + 2].worker - 1].process, 9);
+    tile_map_release(&map);
+    film_free(film);
+}
+
+/* Both sent as much: the tile is of the one with the older unit. */
+static void equal_shares_go_to_the_older_unit(void **state)
+{
+    struct film *film = film_data_new(WIDTH, HEIGHT, SPP, 0);
+    struct tile_map map;
+    struct error err = {0};
+
+    (void)state;
+    send_unit(film, 1, 0, 5, 1);
+    send_unit(film, 0, 0, 6, 1);
+    assert_int_equal(tile_map_new(&map, WIDTH, HEIGHT, 1, &err), STATUS_OK);
+    assert_int_equal(tile_map_take(&map, film, 4, &err), STATUS_OK);
+    for (uint32_t i = 0; i < map.worker_count; i++)
+        snprintf(map.workers[i].label, sizeof map.workers[i].label, "%s", map.workers[i].number == 6 ? "rui" : "ana");
+    assert_int_equal(tile_map_join(&map, &err), STATUS_OK);
+    check_share(&map, 0, "rui", 1, 1, 2);
+    check_share(&map, 1, "ana", 1, 1, 2);
+    tile_map_release(&map);
+    film_free(film);
+}
+
+/* Workers that are not known any more are not taken for one another. */
+static void unknown_workers_stay_apart(void **state)
+{
+    struct film *film = film_data_new(WIDTH, HEIGHT, SPP, 0);
+    struct tile_map map;
+    struct error err = {0};
+
+    (void)state;
+    send_unit(film, 0, 0, 5, 1);
+    send_unit(film, 1, 0, 6, 1);
+    assert_int_equal(tile_map_new(&map, WIDTH, HEIGHT, 1, &err), STATUS_OK);
+    assert_int_equal(tile_map_take(&map, film, 4, &err), STATUS_OK);
+    assert_int_equal(tile_map_join(&map, &err), STATUS_OK);
+    assert_int_equal(map.worker_count, 2);
+    assert_int_equal(map.cells[4].share_count, 2);
+    tile_map_release(&map);
     film_free(film);
 }
 
@@ -261,6 +362,9 @@ int main(void)
         cmocka_unit_test(kept_and_unfinished_films_are_read),
         cmocka_unit_test(other_frames_and_damage_are_not_shown),
         cmocka_unit_test(cells_say_what_tiles_have),
+        cmocka_unit_test(shares_say_who_sent_what),
+        cmocka_unit_test(equal_shares_go_to_the_older_unit),
+        cmocka_unit_test(unknown_workers_stay_apart),
         cmocka_unit_test(errors_are_of_the_mean_of_both_groups),
     };
     return cmocka_run_group_tests_name("film_reader", tests, make_folder, remove_folder);
