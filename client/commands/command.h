@@ -27,7 +27,7 @@ extern const struct command command_accuracy, command_cancel, command_compare, c
     command_extend, command_fetch, command_import, command_keygen, command_list, command_render, command_resume, command_show,
     command_submit, command_tonemap, command_watch, command_workers, command_top, command_start,
     command_pause, command_finish, command_priority, command_retry, command_remove, command_log,
-    command_prune, command_gc, command_trace, command_completion, command_token, command_webhook;
+    command_prune, command_gc, command_trace, command_owners, command_completion, command_token, command_webhook;
 
 /* completion completes these. */
 void command_completion_of(const struct command *const *commands, size_t count);

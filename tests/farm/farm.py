@@ -234,7 +234,7 @@ class Farm:
         argv = [os.path.join(BIN, "azulejo")] + [str(a) for a in args]
         if connect and self.address and args[0] in (
                 "submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend",
-                "workers", "top", "estimate", "start", "pause", "finish", "priority", "retry", "remove", "log", "prune", "gc", "trace", "token", "webhook") or (
+                "workers", "top", "estimate", "start", "pause", "finish", "priority", "retry", "remove", "log", "prune", "gc", "trace", "owners", "token", "webhook") or (
                     connect and self.address and args[0] == "debug-pixel" and str(args[1]).isdigit()):
             argv += ["--coordinator", self.address, "--key", key or self.key]
         return argv
@@ -258,6 +258,15 @@ class Farm:
         if expect is not None and result.code != expect:
             raise Failure("expected exit status %d: %s" % (expect, result))
         return result
+
+    def cli_bytes(self, *args):
+        """What `azulejo ARGS...`, which must succeed, writes to standard output."""
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("AZULEJO_")}
+        done = subprocess.run(self.cli_argv(*args), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, timeout=120 * PATIENCE, env=environment, cwd=self.folder)
+        if done.returncode != 0:
+            raise Failure("%s: %s" % (args, done.stderr.decode("utf-8", "replace")))
+        return done.stdout
 
     def start_cli(self, *args, env=None, cwd=None):
         """Run the client in the background; a subprocess.Popen with its own process group."""

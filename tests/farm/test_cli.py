@@ -21,7 +21,7 @@ tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
             "develop", "cancel", "extend", "start", "pause", "resume", "finish",
             "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "token", "webhook", "keygen", "tonemap", "compare", "debug-pixel",
-            "trace", "completion"]
+            "trace", "owners", "completion"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 

@@ -79,6 +79,9 @@ def every_route():
             api.does(200, "get", FRAME + "/" + file, job=done, frame=1)
             api.does(404, "get", FRAME + "/" + file, job=done, frame=2)
             api.does(404, "get", FRAME + "/" + file, job=999, frame=1)
+        plain, shares = (api.does(200, "get", FRAME + "/tiles", job=done, frame=1, query=q).json() for q in (None, {"shares": 1}))
+        expect(all(t["shares"] == [] for t in plain["tiles"]), "only if they are asked for")
+        expect(all(sum(s["samples"] for s in t["shares"]) == t["samples"] > 0 for t in shares["tiles"]), shares)
         for number in ("0", "000"):
             answer = api.does(404, "get", JOB, job=number)  # not the list: a message without a number asks for that
             expect("no job 0" in answer.json()["detail"], answer)
