@@ -161,6 +161,7 @@ def send(page, light, tiles=None):
 
 def seen(page):
     """The picture as it is on the screen at 1:1: rows of (r, g, b)."""
+    page.wait("stage.picture.settled", "all to be drawn")
     left, top, width, height = page.js("(r => [r.x, r.y, r.width, r.height])(document.querySelector('canvas.picture').getBoundingClientRect())")
     x, y, pixels, across, down = page.js("(({view: v, canvas: c}) => [v.x, v.y, c.width, ...v.size])(stage.picture)")
     png = Png(page.screenshot((left, top, width, height)))
@@ -195,6 +196,74 @@ def pixels_are_pixels_of_the_screen():
             expect(all(abs(a - b) <= 1 for a, b in zip(want, rows[9][52])), (want, rows[9][52]))
             want = [srgb(v) for v in light.rows[44][66][:3]]
             expect(all(abs(a - b) <= 1 for a, b in zip(want, rows[44][66])), (want, rows[44][66]))
+
+
+def whole_draws(page):
+    """How often all was drawn, and how often changed tiles alone."""
+    return page.js("[stage.whole, stage.parts]")
+
+
+@tests.add
+def changed_tiles_are_drawn_alone():
+    """a tile that came is drawn alone, as all of it would be: at every scale, with two operators and under an overlay"""
+    light, later = soft_light(167, 95), wild_light(167, 95, 5)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.js("""(() => { const {screen} = stage.picture, draw = screen.draw; stage.whole = stage.parts = 0;
+            screen.draw = (panes, view, opacity, all) => { stage[all ? 'whole' : 'parts']++; draw.call(screen, panes, view, opacity, all); }; })()""")
+
+        def same(where):
+            """What stands there after tiles came, and what is drawn when all is drawn again."""
+            page.wait("stage.picture.settled", where)
+            page.js("stage.whole = stage.parts = 0")
+            send(page, later, tiles=[0, 14, 27, 28])
+            send(page, later, tiles=[65])
+            page.wait("stage.picture.settled", where)
+            whole, parts = whole_draws(page)
+            expect(whole == 0 and parts >= 1, "%s: all was drawn %d times, tiles alone %d" % (where, whole, parts))
+            page.frames()
+            got = page.screenshot((0, 0, 900, 560))
+            page.js("stage.picture.renew()")
+            page.wait("stage.picture.settled", where)
+            page.frames()
+            expect(whole_draws(page)[0] == 1 and page.screenshot((0, 0, 900, 560)) == got, "%s: another picture" % where)
+            send(page, light)
+
+        for scale in (1, 0.31, 0.5, 1.37, 4):
+            page.js("stage.picture.view.zoomTo(%g)" % scale)
+            same("scale %g" % scale)
+        page.js("stage.picture.controls.toggleWipe(); stage.picture.setSplit(0.43)")
+        same("two operators")
+        page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = 'time'; overlay.dispatchEvent(new Event('change')); })()")
+        page.wait("stage.picture.map")
+        same("an overlay")
+
+
+@tests.add
+def a_slow_display_is_spared():
+    """where drawing takes long, what follows the measure of the picture waits, changed tiles and people do not"""
+    light, later = soft_light(67, 45), wild_light(67, 45, 5)
+    look = json.dumps(dict(INFO["output"], tonemap="reinhard02"))
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.js("stage.info = {...stage.info, output: %s}; stage.emit('job')" % look)
+        page.click("~Pixel by pixel")
+        before = seen(page)
+        page.js("stage.picture.pace.until = Infinity")
+        send(page, later, tiles=[3])
+        page.wait("stage.picture.timer && stage.picture.screen.isDone && !stage.picture.screen.waiting.size")
+        page.js("stage.picture.settled = true")
+        between = seen(page)
+        apart = {(x // 16, y // 16) for y, row in enumerate(between) for x, p in enumerate(row) if p != before[y][x]}
+        expect(apart == {(3, 0)}, "tiles that changed: %s" % apart)
+        page.js("clearTimeout(stage.picture.timer); stage.picture.timer = 0; stage.picture.pace.until = 0; stage.picture.redraw()")
+        after = seen(page)
+        expect(sum(p != q for a, b in zip(after, between) for p, q in zip(a, b)) > 500, "the operator measures no more")
+        page.js("stage.picture.pace.until = Infinity; stage.picture.controls.nudge(1)")
+        page.wait("stage.picture.screen.isDone && stage.picture.drawn.chosen === stage.picture.chosen()")
+        expect(seen(page) != after, "the exposure waits")
 
 
 @tests.add

@@ -134,6 +134,7 @@ def everything_by_keyboard():
         first, second, _ = busy(farm)
         page = farm.page(browser, "#/job/%d" % second, width=1600, height=1000)
         page.wait_text("kitchen", "#side")
+        page.wait("document.querySelectorAll('[data-job]').length === 3", "all jobs")
         page.press("j")
         page.wait("location.hash !== '#/job/%d'" % second, "j to move")
         page.press("k")
@@ -155,6 +156,7 @@ def everything_by_keyboard():
         page.press("Escape")
         page.js("document.activeElement.blur()")
         # Nothing in work, so that the list keeps its order; a job that has ended, so that its verbs stay what they are.
+        page.wait("document.querySelector('[data-job=\"%d\"]:not(.paused)')" % second, "the undo to be shown")
         farm.cli("pause", second, expect=0)
         page.wait_text("paused", "[data-job=\"%d\"]" % second)
         page.js("location.hash = '#/job/%d'" % first)

@@ -226,7 +226,7 @@ class Controls {
     try {
       if (file.size > FILE_MAX) throw new Error(`${file.name} is larger than ${FILE_MAX >> 20} MiB`);
       const bytes = await file.arrayBuffer();
-      this.change({ file: { name: file.name, bytes, tables: readCube(new TextDecoder().decode(bytes), file.name) } });
+      this.change({ file: { name: file.name, readAt: Date.now(), bytes, tables: readCube(new TextDecoder().decode(bytes), file.name) } });
     } catch (why) { this.picture.context.trouble(why); }
   }
 }

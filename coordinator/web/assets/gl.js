@@ -1,15 +1,22 @@
 /* gl: draws a picture by WebGL 2: its pixels in a texture, an operator in the fragment shader, a colour a tile
  * over it. Throws where there is no WebGL 2.
  *
- *   screen = new Screen(canvas); screen.setPixels(pixels); screen.changed(tile) ...; screen.draw(panes, view)
+ *   screen = new Screen(canvas); screen.setPixels(pixels); screen.changed(tile) ...; screen.draw(panes, view, opacity, all)
  *
- * All that the graphics card holds is made again from `pixels` when its context was lost.
+ * What was drawn stays on the canvas, so that only changed tiles need to be drawn: without a graphics card the
+ * whole picture takes some 100 ms. All that the card holds is made again from `pixels` when its context was lost.
  */
 import { OPERATORS } from './tonemap.js';
 import { TILE } from './pixels.js';
 
+/* An instance is a rectangle: left, top, right and bottom in canvas pixels. */
 const VERTEX = `#version 300 es
-void main() { gl_Position = vec4(gl_VertexID == 1 ? 3. : -1., gl_VertexID == 2 ? 3. : -1., 0., 1.); }`;
+layout(location = 0) in vec4 place;
+uniform vec2 room;
+void main() {
+  vec2 at = vec2((gl_VertexID & 1) == 0 ? place.x : place.z, (gl_VertexID & 2) == 0 ? place.y : place.w);
+  gl_Position = vec4(at / room * vec2(2., -2.) + vec2(-1., 1.), 0., 1.);
+}`;
 
 /* What is not light is shown as it is: these are operators for layers. p: lowest and highest value. */
 const LAYERS = {
@@ -83,7 +90,7 @@ void main() {
 export class Screen {
   constructor(canvas) {
     this.canvas = canvas;
-    this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false, depth: false, powerPreference: 'low-power' });
+    this.gl = canvas.getContext('webgl2', { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true, powerPreference: 'low-power' });
     if (!this.gl) throw new Error('this browser has no WebGL 2');
     this.colors = { around: [0.118, 0.118, 0.118], empty: [0.14, 0.14, 0.14] };
     this.begin();
@@ -97,8 +104,12 @@ export class Screen {
     this.textures = { picture: gl.createTexture(), tints: gl.createTexture(), scale: gl.createTexture() };
     this.files = new Map();            /* a cube's tables -> textures */
     this.images = new Map();           /* a developed picture -> texture */
-    this.probe = null;
+    this.probe = this.fence = null;
     gl.bindVertexArray(gl.createVertexArray());
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 4, gl.FLOAT, false, 0, 0);
+    gl.vertexAttribDivisor(0, 1);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.pixelStorei(gl.UNPACK_COLORSPACE_CONVERSION_WEBGL, gl.NONE);
     if (this.pixels) this.setPixels(this.pixels);
@@ -218,8 +229,9 @@ export class Screen {
     gl.activeTexture(gl.TEXTURE0);
   }
 
-  /* pane: {operator, exposure, p, file, image, kind}; view: {x, y, scale}; tint: [opacity, standard errors]. */
-  pane(pane, view, height, tint) {
+  /* pane: {operator, exposure, p, file, image, kind}; view: {x, y, scale}; room: [width, height] of what is drawn to,
+   * of which `places` are drawn, four numbers each; tint: [opacity, standard errors]. */
+  pane(pane, view, room, tint, places = [0, 0, ...room]) {
     const { gl } = this, kind = pane.image ? 'developed' : pane.kind || 'light';
     const { program, at } = this.program(kind === 'developed' ? 'raw' : pane.operator, kind);
     const tables = pane.file && this.fileTextures(pane.file);
@@ -237,27 +249,59 @@ export class Screen {
     }
     set('exposure', 'uniformMatrix3fv', true, pane.exposure || [1, 0, 0, 0, 1, 0, 0, 0, 1]);
     set('p', 'uniform1fv', Float32Array.from({ length: 8 }, (_, i) => pane.p?.[i] ?? 0));
-    set('view', 'uniform4f', view.x, view.y, view.scale, height);
+    set('room', 'uniform2f', ...room);
+    set('view', 'uniform4f', view.x, view.y, view.scale, room[1]);
     set('tint', 'uniform2f', ...tint);
     set('codes', 'uniform2f', ...(pane.codes || [0, 1]).map(Math.log));
     set('empty', 'uniform3fv', this.colors.empty);
     set('around', 'uniform3fv', this.colors.around);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(places), gl.STREAM_DRAW);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, places.length / 4);
   }
 
-  /* One pane, or two with view.split, the canvas column where the second begins. */
-  draw(panes, view, opacity) {
-    const { gl, canvas } = this, split = panes.length > 1 ? Math.round(view.split) : canvas.width;
+  /* Where these canvas pixels are that pixels x to x + width, y to y + height have a part in; [] outside. */
+  placeOf({ x, y, width, height }, view) {
+    const { canvas } = this, least = (n) => Math.max(Math.floor(n - 0.01), 0), most = (n, size) => Math.min(Math.ceil(n + 0.01), size);
+    const left = least(view.x + x * view.scale), right = most(view.x + (x + width) * view.scale, canvas.width);
+    const top = least(view.y + y * view.scale), bottom = most(view.y + (y + height) * view.scale, canvas.height);
+    return left < right && top < bottom ? [left, top, right, bottom] : [];
+  }
+
+  /* One pane, or two with view.split, the canvas column where the second begins. Not `all`: only the tiles that
+   * changed since, as the same panes and the same view show them. */
+  draw(panes, view, opacity, all) {
+    const { gl, canvas, pixels } = this, split = panes.length > 1 ? Math.round(view.split) : canvas.width;
     if (gl.isContextLost()) return;
+    const places = all ? this.placeOf({ x: 0, y: 0, width: pixels.width, height: pixels.height }, view)
+      : [...this.waiting].flatMap((tile) => this.placeOf(pixels.place(tile), view));
     this.upload();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, canvas.width, canvas.height);
+    if (all) this.clear();
     gl.enable(gl.SCISSOR_TEST);
     panes.forEach((pane, i) => {
       gl.scissor(i ? split : 0, 0, i ? canvas.width - split : split, canvas.height);
-      this.pane(pane, view, canvas.height, [opacity, 0]);
+      this.pane(pane, view, [canvas.width, canvas.height], [opacity, 0], places);
     });
     gl.disable(gl.SCISSOR_TEST);
+    this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+  }
+
+  clear() {
+    const { gl } = this;
+    gl.clearColor(...this.colors.around, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+  }
+
+  /* Has all been drawn? Until then more would only wait in line, and the page's own drawing behind it. */
+  get isDone() {
+    const { gl } = this;
+    if (!this.fence || gl.isContextLost()) return true;
+    if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return false;
+    gl.deleteSync(this.fence);
+    this.fence = null;
+    return true;
   }
 
   target(width, height, isFloat) {
@@ -281,7 +325,7 @@ export class Screen {
     const { isFloat, buffer } = this.probe, out = isFloat ? new Float32Array(4) : new Uint8Array(4);
     gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
     gl.viewport(0, 0, 1, 1);
-    this.pane({ ...pane, kind: undefined }, { x: -x, y: -y, scale: 1 }, 1, [0, errors]);
+    this.pane({ ...pane, kind: undefined }, { x: -x, y: -y, scale: 1 }, [1, 1], [0, errors]);
     gl.readPixels(0, 0, 1, 1, gl.RGBA, isFloat ? gl.FLOAT : gl.UNSIGNED_BYTE, out);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     return [0, 1, 2].map((c) => isFloat ? 255 * out[c] : out[c]);
@@ -293,7 +337,7 @@ export class Screen {
     this.upload();
     const { buffer, texture } = this.target(width, height, false);
     gl.viewport(0, 0, width, height);
-    this.pane(pane, { x: 0, y: 0, scale: 1 }, height, [0, 0]);
+    this.pane(pane, { x: 0, y: 0, scale: 1 }, [width, height], [0, 0]);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(out.buffer));
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.deleteFramebuffer(buffer);

@@ -2,11 +2,15 @@
  *
  *   select --> watching --picture--> size known --tiles--> drawn, at most once an animation frame
  *
+ * Tiles that came are drawn alone. All is drawn when people change what they look at, and as often as pace.js lets it
+ * when what the operator measures of the picture changed: until then the new tiles are shown as the others are.
+ *
  * The last picture stays while a connection is lost. Without WebGL 2 the coordinator's preview is shown instead.
  */
 import { h, text, show } from './dom.js';
 import { Pixels, eachTile } from './pixels.js';
 import { Screen } from './gl.js';
+import { Pace } from './pace.js';
 import { View } from './view.js';
 import { isHere, prepare, OPERATORS } from './tonemap.js';
 import { OVERLAYS, paint, legend, ramp, codesText, secondsText, samplesText } from './overlays.js';
@@ -19,7 +23,8 @@ const DRAWN_AGAIN_MS = 4000;            /* a preview without WebGL */
 class Picture {
   constructor(element, context) {
     Object.assign(this, { element, context, pixels: null, layer: 'color', layers: ['color'], overlay: 'none', opacity: 0.6,
-      wipe: false, split: 0.5, map: null, mapAsked: 0, orders: new Map(), developed: new Map(), shown: {}, complete: false });
+      wipe: false, split: 0.5, map: null, mapAsked: 0, orders: new Map(), developed: new Map(), shown: {}, complete: false,
+      drawn: {}, version: 0, tints: 0, pace: new Pace(), timer: 0, settled: false });
     this.draw = this.draw.bind(this);
     this.canvas = h('canvas', { class: 'picture', tabindex: 0, role: 'img', 'data-own-keys': true });
     this.crosshair = h('i', { class: 'crosshair', hidden: true });
@@ -64,7 +69,7 @@ class Picture {
 
   prepareScreen() {
     this.screen.setScale(ramp());
-    this.screen.onrestored = () => { this.paintOverlay(); this.redraw(); };
+    this.screen.onrestored = () => { this.paintOverlay(); this.renew(); };
     this.view = new View(this.canvas, () => this.redraw(), (pixel, byKeys) => this.pointed(pixel, byKeys));
     this.takeTheme();
     const drag = (event) => event.buttons && this.setSplit((event.clientX - this.stage.getBoundingClientRect().left) / this.stage.clientWidth);
@@ -95,7 +100,7 @@ class Picture {
     if (!this.screen) return;
     const around = getComputedStyle(this.stage).backgroundColor.match(/[\d.]+/g)?.slice(0, 3).map((c) => c / 255);
     if (around?.length === 3) this.screen.colors = { around, empty: around.map((c) => c + (c > 0.5 ? -0.04 : 0.03)) };
-    this.redraw();
+    this.renew();
   }
 
   setSplit(split) {
@@ -121,7 +126,8 @@ class Picture {
     }
     if (job !== this.job || frame !== this.frame) this.developed.clear();
     Object.assign(this, { job, frame });
-    if (!job) { this.redraw(); return; }
+    this.renew();
+    if (!job) return;
     if (this.screen)
       this.stop = this.context.live.watch({ job, frame, layer: this.layer }, {
         picture: (data) => this.begin(data), tiles: (buffer) => this.take(buffer), done: () => { this.complete = true; this.redraw(); },
@@ -149,7 +155,7 @@ class Picture {
     this.controls.setLayers(this.layers, this.layer);
     this.view.setSize(data.width, data.height);
     this.paintOverlay();
-    this.redraw();
+    this.renew();
   }
 
   take(buffer) {
@@ -168,6 +174,7 @@ class Picture {
       this.lookOfJob = look;
       this.developed.clear(); /* made with the settings from before */
       this.controls.setLook(look, info.output?.camera_ev || 0);
+      this.version++;
     }
     this.controls.refresh();
     if (!this.screen) this.showPreview();
@@ -181,32 +188,77 @@ class Picture {
 
   /* ---- drawing ---- */
 
-  redraw() { if (this.screen) this.context.frameLoop(this.draw); }
+  redraw() {
+    if (!this.screen) return;
+    this.settled = false;
+    this.context.frameLoop(this.draw);
+  }
+
+  /* All of it, though nothing that `chosen` names changed. */
+  renew() {
+    this.version++;
+    this.redraw();
+  }
 
   draw() {
-    const { screen, view, pixels, canvas } = this, column = (this.split * canvas.width);
+    const { screen, pixels } = this;
+    if (!screen) return;
+    this.placeMarks();
     if (!pixels) {
-      for (const part of [this.handle, this.crosshair]) show(part, false);
-      screen.gl.clearColor(...screen.colors.around, 1);
-      screen.gl.clear(screen.gl.COLOR_BUFFER_BIT);
-      this.describe();
+      screen.clear();
+      this.drawn = {};
+      this.settled = true;
+    } else if (!screen.isDone) {
+      this.redraw();
       return;
+    } else {
+      this.pace.end();
+      this.askMap();
+      this.settled = !this.drawWhat() && !this.timer;
     }
-    if (this.tintsOld) this.paintOverlay();
-    this.askMap();
-    const panes = this.panes(), overlay = OVERLAYS[this.overlay];
-    screen.draw(panes, { x: view.x, y: view.y, scale: view.scale, split: column }, this.opacity);
-    show(this.handle, panes.length > 1);
-    this.handle.style.left = `${this.split * 100}%`;
-    this.handle.setAttribute('aria-valuenow', Math.round(this.split * 100));
-    show(this.crosshair, view.cursor);
+    this.describe();
+  }
+
+  /* Draw what is to be drawn now. False: it was all there. */
+  drawWhat() {
+    const { screen, view, pace, drawn } = this, chosen = this.chosen(), isOther = chosen !== drawn.chosen;
+    let all = false;
+    if (isOther || !pace.rest) {
+      pace.begin();
+      if (this.tintsOld) this.paintOverlay();
+      const panes = this.panes(), key = JSON.stringify([this.tints, panes.map((pane) => [pane.exposure, pane.p])]);
+      all = isOther || key !== drawn.key;
+      this.drawn = { chosen, key, panes };
+      if (!all) pace.end();
+      clearTimeout(this.timer);
+      this.timer = 0;
+    } else if (!this.timer) this.timer = setTimeout(() => { this.timer = 0; this.redraw(); }, pace.rest);
+    if (this.at && (this.at !== this.told || !this.timer)) this.readAt();
+    if (!all && !screen.waiting.size) return false;
+    screen.draw(this.drawn.panes, { x: view.x, y: view.y, scale: view.scale, split: this.split * this.canvas.width }, this.opacity, all);
+    this.redraw(); /* to see when it is done, and whether it still is what it should be */
+    return true;
+  }
+
+  /* What people chose and the page itself knows: when it changes, all is drawn at once. */
+  chosen() {
+    const { view, canvas } = this, look = (of) => of && { ...of, file: of.file?.readAt };
+    return JSON.stringify([this.version, look(this.controls.look), this.wipe && [look(this.controls.second()), this.split], this.overlay, this.opacity,
+      this.layer, view.x, view.y, view.scale, canvas.width, canvas.height]);
+  }
+
+  placeMarks() {
+    const { view, handle, crosshair } = this, isTwo = this.pixels && this.wipe && isLight(this.layer);
+    show(handle, isTwo);
+    handle.style.left = `${this.split * 100}%`;
+    handle.setAttribute('aria-valuenow', Math.round(this.split * 100));
+    show(crosshair, this.pixels && view.cursor);
+    if (!this.pixels) return;
     if (view.cursor) {
       const [x, y] = view.screen(view.cursor).map((n) => n / view.ratio), size = Math.max(view.scale / view.ratio, 3);
-      Object.assign(this.crosshair.style, { left: `${x}px`, top: `${y}px`, width: `${size}px`, height: `${size}px` });
+      Object.assign(crosshair.style, { left: `${x}px`, top: `${y}px`, width: `${size}px`, height: `${size}px` });
     }
-    if (overlay.needsMap || this.at) this.readAt();
     this.controls.setScale(view.scale);
-    this.describe();
   }
 
   panes() {
@@ -262,10 +314,10 @@ class Picture {
       made.image = await createImageBitmap(await answer.blob(), { colorSpaceConversion: 'none', premultiplyAlpha: 'none' });
       made.at = new Date();
     } catch (why) { made.why = why.message; }
-    this.redraw();
+    this.renew();
   }
 
-  developAgain() { this.developed.clear(); this.redraw(); }
+  developAgain() { this.developed.clear(); this.renew(); }
 
   /* What must be said about what is seen; a button if it can be made again. */
   describe() {
@@ -313,6 +365,7 @@ class Picture {
     if (!this.orders.has(job)) this.orders.set(job, []);
     const painted = paint(this.overlay, { pixels: this.pixels, map: this.map }, this.orders.get(job));
     this.screen.setTints(painted.tiles);
+    this.tints++;
     legend(this.controls.legend, this.overlay, painted, this.mapTrouble);
   }
 
@@ -346,7 +399,8 @@ class Picture {
 
   readAt() {
     if (!this.at) return;
-    const [x, y] = this.at, linear = this.pixels.at(x, y), words = [`${x}, ${y}`], panes = this.panes();
+    const [x, y] = this.at, linear = this.pixels.at(x, y), words = [`${x}, ${y}`], { panes } = this.drawn;
+    this.told = this.at;
     const pane = panes.at(this.view.screen(this.at)[0] < this.split * this.canvas.width ? 0 : -1);
     const short = (n) => Math.abs(n) >= 1e4 || (n !== 0 && Math.abs(n) < 1e-3) ? n.toExponential(2) : String(Number(n.toPrecision(3)));
     const tile = Math.floor(y / 16) * this.pixels.across + Math.floor(x / 16);

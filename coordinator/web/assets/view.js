@@ -30,9 +30,10 @@ export class View {
     const width = pixels(exact?.[0].inlineSize, contentRect.width), height = pixels(exact?.[0].blockSize, contentRect.height);
     if (!width || !height) return;
     const before = [this.canvas.width, this.canvas.height];
+    this.pixelRatio = width / contentRect.width;
+    if (before[0] === width && before[1] === height) return; /* setting them again would empty it */
     this.canvas.width = width;
     this.canvas.height = height;
-    this.pixelRatio = width / contentRect.width;
     if (this.fitted) this.fit();
     else { this.x += (width - before[0]) >> 1; this.y += (height - before[1]) >> 1; this.settle(); }
   }
