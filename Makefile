@@ -13,7 +13,7 @@ DESTDIR ?=
 CC ?= cc
 PKG_CONFIG ?= pkg-config
 PROTOC_C ?= protoc-c
-VERSION := 0.2.0-dev
+VERSION := 0.2.0
 
 SANITIZE ?=
 DEBUG ?=
@@ -68,7 +68,7 @@ EMBREE := $(shell echo '$(hash)include <embree4/rtcore.h>' | $(CC) -E -x c - >/d
 
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition \
   -Wpointer-arith -Wwrite-strings -Wundef -Wvla -Wformat=2 -Werror
-CPPFLAGS += -D_GNU_SOURCE -DAZULEJO_VERSION='"$(VERSION)"' -DAZULEJO_EMBREE=$(EMBREE) -I. -I$(GEN)
+CPPFLAGS += -D_GNU_SOURCE -DAZULEJO_EMBREE=$(EMBREE) -I. -I$(GEN)
 # System headers are not ours to warn about.
 CPPFLAGS += $(patsubst -I%,-isystem %,$(shell $(PKG_CONFIG) --cflags $(PACKAGES) 2>/dev/null))
 # The determinism contract: no contraction, no fast-math (docs/NUMERICS.md).
@@ -145,7 +145,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi docs-check test-docs numerics invariance precision install uninstall clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi docs-check test-docs numerics invariance precision install uninstall dist clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -188,6 +188,16 @@ endif
 $(BUILD)/obj/%.o: %.c | $(PROTO_HDR)
 	@mkdir -p $(@D)
 	$(call show,CC)$(CC) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+
+# What names the release is compiled again when it changes: programs of two releases refuse each other.
+VERSIONED := $(shell grep -rl AZULEJO_VERSION --include='*.c' client common coordinator protocol worker)
+VERSIONED_OBJ := $(patsubst %.c,$(BUILD)/obj/%.o,$(VERSIONED)) $(patsubst %.c,$(BUILD)/row/obj/%.o,$(VERSIONED))
+$(VERSIONED_OBJ): CPPFLAGS += -DAZULEJO_VERSION='"$(VERSION)"'
+$(VERSIONED_OBJ): $(BUILD)/version
+.PHONY: always
+$(BUILD)/version: always
+	@mkdir -p $(@D)
+	@echo '$(VERSION)' | cmp -s - $@ || echo '$(VERSION)' >$@
 
 define archive
 	@mkdir -p $(@D)
@@ -404,6 +414,9 @@ uninstall:
 	rm -f $(patsubst docs/man/%,$(DESTDIR)$(PREFIX)/share/man/man1/%,$(wildcard docs/man/*.1))
 	rm -rf $(DESTDIR)$(PREFIX)/share/azulejo
 	rm -f $(foreach p,$(notdir $(PROGRAMS)),$(addprefix $(DESTDIR)$(PREFIX)/share/,$(BASH_COMPLETIONS)/$(p) $(ZSH_COMPLETIONS)/_$(p) $(FISH_COMPLETIONS)/$(p).fish))
+
+dist: ## the last commit as out/azulejo-VERSION.tar.gz, the same bytes from every clone
+	@scripts/dist.sh $(VERSION)
 
 clean: ## remove everything that was built
 	rm -rf build out
