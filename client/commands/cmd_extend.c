@@ -1,4 +1,4 @@
-/* azulejo extend: more samples for a finished job. */
+/* azulejo extend: other rules about when frames have enough samples. */
 #include <inttypes.h>
 #include <stdio.h>
 
@@ -39,7 +39,7 @@ static status check(const struct stop_options *options, struct stop_rules *rules
 
     if (result == STATUS_OK && *spp == 0)
         return error_set(err, STATUS_ERR_USAGE,
-                         "say how much better the pictures must be: --spp N, --target-error E, "
+                         "say when the pictures are good enough: --spp N, --target-error E, "
                          "--time-limit T or --core-limit T");
     return result;
 }
@@ -90,7 +90,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     else if (result == STATUS_OK && how.json)
         result = json_print(json_pack("{s:I}", "job", (json_int_t)job), err);
     else if (result == STATUS_OK)
-        printf("job %" PRIu64 ": goes on\n", job);
+        printf("job %" PRIu64 ": has the new rules\n", job);
     connection_close(connection);
     frame_list_free(&frames);
     return result;
@@ -100,10 +100,12 @@ const struct command command_extend = {
     .name = "extend",
     .group = COMMAND_JOBS,
     .usage = "azulejo extend JOB [OPTION]...",
-    .summary = "render more samples of a finished job",
+    .summary = "give a job in work, or a done one, another target",
     .description =
-        "Go on with all frames of a finished job, or some, from the films that the coordinator kept, until they have\n"
-        "more samples or a smaller error. The pictures are those that the options would have given at once;\n"
-        "they replace the job's own.",
+        "Change when the frames of a job have enough samples. The new rules replace the old ones. Frames in work go on,\n"
+        "or end if they are good enough. Done frames go on from the films that the coordinator kept, if the new rules\n"
+        "want more of them; of a job that is done all go on, or some (--frames), and the rules must be stricter. The\n"
+        "pictures are those that the options would have given at once; a frame that has more samples than they want\n"
+        "keeps them.",
     .run = run,
 };

@@ -11,7 +11,6 @@
 
 /* With a target: 4 or 8 samples a pixel do not show yet how the error will fall
  * (docs/ACCURACY.md). */
-enum { SPP_MIN_DEFAULT = 16 };
 
 static status rules_check(const struct job_options *o, struct job_request *out, struct error *err)
 {

@@ -75,6 +75,27 @@ int stop_target_is_stricter(const struct allocation_target *a, const struct allo
            (measures[a->measure].falls ? a->value < b->value : a->value > b->value);
 }
 
+const char *stop_rules_text(char out[STOP_RULES_TEXT_SIZE], const struct stop_rules *rules, uint32_t spp)
+{
+    char text[STOP_TEXT_SIZE], duration[DURATION_TEXT_SIZE];
+    size_t used = 0;
+    int more = rules->has_target || rules->time_limit_ms > 0 || rules->core_limit_ms > 0;
+
+    out[0] = 0;
+    if (rules->has_target)
+        used += (size_t)snprintf(out, STOP_RULES_TEXT_SIZE, "%s", stop_target_text(text, &rules->target));
+    if (!more || spp < SETTINGS_SPP_MAX)
+        used += (size_t)snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%s%u samples a pixel", used ? ", " : "",
+                                 more ? "at most " : "", spp);
+    if (rules->time_limit_ms > 0)
+        used += (size_t)snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%s a frame", used ? ", " : "",
+                                 duration_text(duration, (int64_t)(rules->time_limit_ms / 1000)));
+    if (rules->core_limit_ms > 0)
+        snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%s of core time a frame", used ? ", " : "",
+                 duration_text(duration, (int64_t)(rules->core_limit_ms / 1000)));
+    return out;
+}
+
 /* ---- durations ------------------------------------------------------------------------------ */
 
 status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,

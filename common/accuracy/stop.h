@@ -14,7 +14,10 @@
 #include "common/accuracy/allocate.h"
 #include "common/base/status.h"
 
-enum { STOP_TEXT_SIZE = 64 };
+enum {
+    STOP_TEXT_SIZE = 64,
+    SPP_MIN_DEFAULT = 16, /* spp_min of rules with a target */
+};
 #define STOP_LIMIT_MS_MAX ((uint64_t)1 << 40) /* 34 years */
 
 struct stop_rules {
@@ -41,6 +44,10 @@ status stop_target_parse(const char *text, struct allocation_target *out, struct
 const char *stop_target_text(char out[STOP_TEXT_SIZE], const struct allocation_target *target);
 /* Does `a` demand a better picture than `b`? Only targets of one measure compare. */
 int stop_target_is_stricter(const struct allocation_target *a, const struct allocation_target *b);
+
+/* "2/255, at most 4096 samples a pixel, 10m a frame", for people. */
+enum { STOP_RULES_TEXT_SIZE = 192 };
+const char *stop_rules_text(char out[STOP_RULES_TEXT_SIZE], const struct stop_rules *rules, uint32_t spp);
 
 /* "90s", "10m", "1.5h", "2d". `option` is named in the error, ERR_USAGE. */
 status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,

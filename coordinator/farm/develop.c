@@ -34,6 +34,7 @@ static status development_new(struct development **out, const struct job *job, u
         return error_no_memory(err, "a picture");
     scene_init(&d->description);
     d->job = job->id;
+    d->epoch_floor = job->epoch_floor;
     memcpy(d->name, job->name, sizeof d->name);
     memcpy(d->scene_name, job->scene_name, sizeof d->scene_name);
     memcpy(d->kernel, job->kernel, sizeof d->kernel);
@@ -256,7 +257,7 @@ status develop_frame(struct development *d, struct store *store, struct error *e
     if (s == STATUS_OK)
         s = store_output_write(store, d->job, d->frame, MANIFEST_EXTENSION, &json, err);
     if (s == STATUS_OK)
-        s = store_frame_done(store, d->job, d->frame, development_revision(d), d->end,
+        s = store_frame_done(store, d->job, d->epoch_floor, d->frame, development_revision(d), d->end,
                              development_is_full(d) ? NULL : &d->coverage, &d->work, err);
     buffer_release(&exr);
     buffer_release(&json);

@@ -11,6 +11,7 @@
 
 struct development {
     uint64_t job;
+    uint64_t epoch_floor;    /* of the job: another one means other rules */
     char name[JOB_NAME_MAX + 1], scene_name[JOB_NAME_MAX + 1], kernel[KERNEL_NAME_MAX + 1];
     char source[JOB_SOURCE_MAX + 1];
     struct stop_rules stop;

@@ -13,14 +13,11 @@ static unsigned long long id_of(const struct job *job)
 static status check_state(const struct job *job, struct error *err)
 {
     if (job->state != JOB_STATE_DONE)
-        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a finished job can be extended; %s",
+        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a job in work or a done one can be extended; %s",
                          id_of(job), job_state_word(job->state),
-                         job_state_ended(job->state) ? "'retry' goes on with it"
-                         : job->state == JOB_STATE_PAUSED || job->state == JOB_STATE_PARKED
-                             ? "'resume' it first, and let it end"
+                         job_state_ended(job->state)              ? "'retry' goes on with it"
                          : job->state == JOB_STATE_CANCELLING ? "when its pictures are made, 'retry' goes on with it"
-                         : job->state == JOB_STATE_FINISHING ? "let it end"
-                                                              : "let it end, or 'finish' it");
+                                                              : "let it end");
     if (job->to_develop)
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu: its pictures are being developed again; wait for that, then "
@@ -59,8 +56,7 @@ static status check_films(const struct farm *farm, const struct job *job,
     return STATUS_OK;
 }
 
-/* The smallest cap that allows all samples that were rendered. */
-static uint32_t least_cap(const struct job *job)
+uint32_t extend_least_cap(const struct job *job)
 {
     uint32_t most = 0;
 
@@ -113,10 +109,10 @@ static status check_rules(const struct job *job, const struct job_reopening *cho
                          "without --frames",
                          id_of(job), job->output.tonemap.temporal);
 
-    if (spp < least_cap(job))
+    if (spp < extend_least_cap(job))
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu has up to %u samples a pixel already: give --spp %u or more",
-                         id_of(job), least_cap(job), least_cap(job));
+                         id_of(job), extend_least_cap(job), extend_least_cap(job));
     if (is_looser(job, chosen, rules))
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu was rendered to %s: give a smaller error in the same unit, or "

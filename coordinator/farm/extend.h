@@ -1,4 +1,4 @@
-/* extend: some or all frames of a DONE job continue from their kept films.
+/* extend: some or all frames of a DONE job continue from their kept films (retarget.h has jobs that have not ended).
  *
  * Complete frames that do not continue are noted as cut short by the old cap.
  *
@@ -25,6 +25,8 @@ struct job_extension {
 status farm_extend(struct farm *farm, struct job *job, const struct job_extension *extension,
                    struct error *err) MUST_CHECK;
 
+/* The smallest cap that allows all samples that the done frames have. */
+uint32_t extend_least_cap(const struct job *job);
 /* ERR_REFUSED: another release rendered the job, whose samples do not mix with ours. */
 status extend_check_release(const struct job *job, struct error *err) MUST_CHECK;
 /* Store the job with its changed settings, and continue the chosen frames: it is QUEUED. The caller

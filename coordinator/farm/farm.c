@@ -269,7 +269,7 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
                 farm_frame_advance(farm, frame, now_ns);
             if (frame->state == FRAME_RENDERING)
                 figures_tick(farm, frame, now_ns);
-            farm_frame_leave(farm, frame);
+            farm_frame_leave(farm, frame, now_ns);
         }
         if (job->leases > 0 && now_ns - job->saved_ns >= PROGRESS_SAVE_MS * NS_PER_MS)
             farm_job_save(farm, job, now_ns);

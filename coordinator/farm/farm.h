@@ -214,8 +214,11 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
 int farm_may_begin(const struct farm *farm);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns);
-/* Close a frame that makes room for others, once what was merged is on disk. */
-void farm_frame_leave(struct farm *farm, struct job_frame *frame);
+/* Close a frame that makes room for others, or returns, once what was merged is on disk. */
+void farm_frame_leave(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
+/* Its job has other rules: the frame is closed like that, and opened again with them from its film. Pictures
+ * that are being made of it do not count. */
+void farm_frame_renew(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* The frame leaves its job: its leases are revoked and unacknowledged results disowned, for
  * `reason`. It is freed now, or when its last commit or develop ends. */
 void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *reason);

@@ -28,6 +28,8 @@ void farm_frame_advance(struct farm *farm, struct job_frame *frame, uint64_t now
     struct error err = {0};
     status s;
 
+    if (frame->returns)
+        return;
     if (frame->end == FRAME_END_NONE && rounds_are_over(&frame->rounds) &&
         film_complete(frame->film))
         farm_frame_end(farm, frame, rounds_end(&frame->rounds));

@@ -137,12 +137,29 @@ static void make_room(struct farm *farm, const struct job *job)
     farm_frame_revoke(farm, victim, "its frame makes room for another");
 }
 
-void farm_frame_leave(struct farm *farm, struct job_frame *frame)
+void farm_frame_leave(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
 {
-    if (!frame->leaving || frame->state != FRAME_RENDERING || frame->dirty_count > 0 || frame->in_flight > 0)
+    struct job *job = frame->job;
+    uint32_t number = frame->number;
+    int returns = frame->returns;
+
+    if (!frame->leaving || (frame->state != FRAME_RENDERING && !returns) || frame->dirty_count > 0 ||
+        frame->in_flight > 0)
         return;
-    farm_frame_close(farm, frame, "its frame makes room for another");
+    farm_frame_close(farm, frame, returns ? "the job has other rules" : "its frame makes room for another");
     farm->pump_wanted = 1;
+    /* Now, because it may have enough samples: no worker would ask for it then. */
+    if (returns && job_state_is_open(job->state) && farm->store &&
+        store_film_exists(farm->store, job->id, number))
+        (void)farm_frame_open(farm, job, number, now_ns);
+}
+
+void farm_frame_renew(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
+{
+    farm_frame_revoke(farm, frame, "the job has other rules");
+    farm->leaving += !frame->leaving;
+    frame->leaving = frame->returns = 1;
+    farm_frame_leave(farm, frame, now_ns);
 }
 
 struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint64_t now_ns)

@@ -142,6 +142,11 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
         farm_frame_unpin(farm, frame);
         return;
     }
+    if (frame->returns) { /* whatever the store noted is deleted there, or was refused */
+        farm_frame_unpin(farm, frame);
+        farm_frame_leave(farm, frame, now_ns);
+        return;
+    }
     if (result != STATUS_OK) {
         farm_frame_unpin(farm, frame);
         job_frame_set_state(frame, FRAME_COMPLETE);

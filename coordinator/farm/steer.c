@@ -7,7 +7,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/closing.h"
-#include "coordinator/farm/extend.h"
+#include "coordinator/farm/retarget.h"
 #include "coordinator/farm/waiting.h"
 
 /* ERR_REFUSED: what cannot be done to a job in its state, and what can. */
@@ -122,6 +122,40 @@ status steer_start(struct farm *farm, struct job *job, const char *who, uint64_t
     farm_note(farm, job, who, "started: it waits for no other job and for no time");
     farm_job_save_now(farm, job, now_ns);
     farm->events.job_changed(farm->events.user, job);
+    return STATUS_OK;
+}
+
+/* ---- extend ---------------------------------------------------------------------------------- */
+
+static void note_rules(struct farm *farm, const struct job *job, const char *who, const struct stop_rules *before,
+                       uint32_t spp_before, const struct retarget_result *result)
+{
+    char now[STOP_RULES_TEXT_SIZE], was[STOP_RULES_TEXT_SIZE], frames[128] = "";
+
+    if (result->reopened > 0)
+        snprintf(frames, sizeof frames, "; %" PRIu32 " done frame%s go%s on", result->reopened,
+                 result->reopened == 1 ? "" : "s", result->reopened == 1 ? "es" : "");
+    else if (result->without_film > 0)
+        snprintf(frames, sizeof frames, "; done frames whose films were not kept stay as they are");
+    stop_rules_text(now, &job->stop, job->settings.spp);
+    stop_rules_text(was, before, spp_before);
+    log_info("job %" PRIu64 " (%s) is extended by %s to %s, was %s%s", job->id, job->name, who, now, was, frames);
+    farm_note(farm, job, who, "extended to %s, was %s%s", now, was, frames);
+}
+
+status steer_extend(struct farm *farm, struct job *job, const struct job_extension *extension, const char *who,
+                    uint64_t now_ns, struct error *err)
+{
+    const struct stop_rules before = job->stop;
+    uint32_t spp_before = job->settings.spp;
+    struct retarget_result result = {0};
+    status s = retarget_takes(job->state) ? farm_retarget(farm, job, extension, &result, now_ns, err)
+                                          : farm_extend(farm, job, extension, err);
+
+    if (s != STATUS_OK || result.same)
+        return s;
+    note_rules(farm, job, who, &before, spp_before, &result);
+    farm_job_save_now(farm, job, now_ns);
     return STATUS_OK;
 }
 

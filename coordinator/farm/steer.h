@@ -6,6 +6,7 @@
  *   finish    | FINISHING FINISHING FINISHING -       (same)     -           -        -       -
  *   start     | (same)    (same)    (same)    (same)  (same)     (same)      -        -       -
  *   priority  | (same)    (same)    (same)    (same)  (same)     (same)      -        -       -
+ *   extend    | (same)    (same)    (same)    (same)  -          -           QUEUED   -       -
  *   retry     | -         -         -         -       -          -           QUEUED*  QUEUED  QUEUED
  *   remove    | -         -         -         -       -          -           gone     gone    gone
  *   cancel    | CANCELLING from all that have not ended; nothing happens to those that have
@@ -14,13 +15,13 @@
  *   or with frames. finish is refused if no frame is in work.
  *
  * Each function returns when the change and its line in the job's log are on disk, or, if the store
- * cannot be written, noted for later (remove and retry fail instead: ERR_IO). `who` is for the log.
+ * cannot be written, noted for later (remove, retry and extend fail instead: ERR_IO). `who` is for the log.
  * `now_ns`: the monotonic clock. Beyond the table's ERR_REFUSED, errors are those at the function.
  */
 #ifndef AZULEJO_COORDINATOR_STEER_H
 #define AZULEJO_COORDINATOR_STEER_H
 
-#include "coordinator/farm/farm.h"
+#include "coordinator/farm/extend.h"
 
 status steer_pause(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
                    struct error *err) MUST_CHECK;
@@ -40,6 +41,10 @@ status steer_priority(struct farm *farm, struct job *job, int32_t priority, cons
  * happens to an active job that waits for neither. */
 status steer_start(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
                    struct error *err) MUST_CHECK;
+/* The job gets other rules about when its frames have enough samples: farm_extend, or farm_retarget. The log says
+ * which, and what they were; nothing happens if the job in work has them. */
+status steer_extend(struct farm *farm, struct job *job, const struct job_extension *extension, const char *who,
+                    uint64_t now_ns, struct error *err) MUST_CHECK;
 /* The frames that are not done, and those that a person cut short, continue with the films that are
  * there; or only these `frames`, if count is not 0: they ascend. A frame without a film begins
  * again. ERR_INPUT: no such frame; ERR_IO, ERR_LIMIT, ERR_NO_MEMORY. */

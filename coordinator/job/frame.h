@@ -118,7 +118,8 @@ struct job_frame {
     struct trouble trouble;      /* its film or outputs cannot be written */
     int in_flight;               /* commits and develops that hold this frame */
     int closing;                 /* free it when nothing is in flight */
-    int leaving;                 /* close it when it is on disk: it makes room for another */
+    int leaving;                 /* close it when it is on disk: it makes room for another, or */
+    int returns;                 /* its job has other rules: it is opened again with them */
 };
 
 /* NULL when out of memory. The film is new and empty; `file` stays the caller's on failure. */

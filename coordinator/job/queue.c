@@ -395,14 +395,12 @@ static void choose_whole(struct job_reopening *r, const struct job *job, uint32_
         bit_clear(r->whole, job->cuts[i].frame - job->first_frame);
 }
 
-status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
-                          size_t count, uint32_t new_spp, struct error *err)
+status job_reopening_of(struct job_reopening *r, const struct job *job, const uint32_t *frames,
+                        size_t count, uint32_t new_spp, struct error *err)
 {
     size_t bytes = job_frame_count(job) / 8 + 1;
 
     *r = (struct job_reopening){0};
-    if (count == 0)
-        return STATUS_OK;
     for (size_t i = 0; i < count; i++)
         if (frames[i] < job->first_frame || frames[i] > job->last_frame)
             return error_set(err, STATUS_ERR_INPUT, "job %llu has frames %u to %u, not %u",
@@ -418,6 +416,13 @@ status job_reopening_init(struct job_reopening *r, const struct job *job, const 
         bit_set(r->chosen, frames[i] - job->first_frame);
     choose_whole(r, job, new_spp);
     return STATUS_OK;
+}
+
+status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
+                          size_t count, uint32_t new_spp, struct error *err)
+{
+    *r = (struct job_reopening){0};
+    return count == 0 ? STATUS_OK : job_reopening_of(r, job, frames, count, new_spp, err);
 }
 
 void job_reopening_release(struct job_reopening *r)
@@ -462,9 +467,8 @@ static void reopen_cuts(struct job *job, const struct job_reopening *r)
                 (struct cut_frame){job->first_frame + i, FRAME_END_CAP, r->coverage};
 }
 
-void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r)
+static void reopen_frames(struct job *job, const struct job_reopening *r)
 {
-    assert(change_is_allowed(job->state, JOB_STATE_QUEUED) && job_state_ended(job->state));
     for (uint32_t i = 0; i < job_frame_count(job); i++) {
         if (!job_reopening_has(r, job, job->first_frame + i))
             continue;
@@ -478,6 +482,20 @@ void job_reopen(struct queue *queue, struct job *job, const struct job_reopening
         job->samples_done -= job_frame_samples(job) - job->cuts[i].coverage.samples;
     memset(&job->work, 0, sizeof job->work); /* the films or the store have it */
     job_figures_release(&job->figures);
+}
+
+void job_reopen_frames(struct queue *queue, struct job *job, const struct job_reopening *r)
+{
+    assert(!job_state_ended(job->state));
+    reopen_frames(job, r);
+    job->begin_from = job->first_frame;
+    queue_frames_changed(queue, job);
+}
+
+void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r)
+{
+    assert(change_is_allowed(job->state, JOB_STATE_QUEUED) && job_state_ended(job->state));
+    reopen_frames(job, r);
     job->finished_at = 0;
     job->marks = 0;
     job->state = JOB_STATE_QUEUED;

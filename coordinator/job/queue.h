@@ -259,7 +259,7 @@ uint32_t job_frames_wanted(const struct job *job); /* that do not rest */
 int job_frame_is_left(const struct job *job, uint32_t frame);
 uint32_t job_frames_left(const struct job *job);
 
-/* Which frames of a job that has ended continue. Zero-initialised: all of them. */
+/* Which frames of a job that are done continue, or of one that has ended. Zero-initialised: all of them. */
 struct job_reopening {
     uint8_t *chosen;               /* a bit a frame; NULL: all */
     uint8_t *whole;                /* of the others, those that have all samples of the old cap, and
@@ -269,6 +269,9 @@ struct job_reopening {
 /* Choose frames of the job; count 0 means all. ERR_INPUT: it has no such frame; ERR_NO_MEMORY. */
 status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
                           size_t count, uint32_t new_spp, struct error *err) MUST_CHECK;
+/* The same, and the list may be empty: none. */
+status job_reopening_of(struct job_reopening *r, const struct job *job, const uint32_t *frames,
+                        size_t count, uint32_t new_spp, struct error *err) MUST_CHECK;
 void job_reopening_release(struct job_reopening *r);
 int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame);
 int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame);
@@ -277,6 +280,9 @@ status job_reopen_check(struct queue *queue, struct job *job, struct error *err)
 /* The chosen frames of a job that has ended continue with its present settings: it is QUEUED again. Call
  * job_reopen_check first. */
 void job_reopen(struct queue *queue, struct job *job, const struct job_reopening *r);
+/* The chosen frames of a job that has not ended continue with its present settings. `cuts` has room for all
+ * frames. */
+void job_reopen_frames(struct queue *queue, struct job *job, const struct job_reopening *r);
 /* Mark every frame's pictures to be made again with the present job->output. */
 void job_revise(struct job *job);
 /* Find a done frame whose pictures must be made and can be, because the frames that its statistics

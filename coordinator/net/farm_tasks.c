@@ -174,7 +174,7 @@ static void develop_end(struct task *task)
 
     note_task(task, TRACE_DEVELOP, t->job, t->number);
     t->job->map_max = development_map_max(t->development);
-    if (task->result == STATUS_OK && !t->frame->closing)
+    if (task->result == STATUS_OK && !t->frame->closing && !t->frame->returns)
         figures_finished(farm, t->job, t->number, development_point(t->development));
     farm_frame_developed(farm, t->frame, development_revision(t->development), task->result,
                          &task->error, clock_monotonic_ns());

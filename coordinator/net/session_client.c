@@ -4,9 +4,8 @@
 
 #include "common/base/clock.h"
 #include "common/base/memory.h"
-#include "coordinator/farm/extend.h"
-#include "coordinator/farm/report.h"
 #include "coordinator/farm/steer.h"
+#include "coordinator/farm/report.h"
 #include "coordinator/farm/waiting.h"
 #include "coordinator/job/wire.h"
 #include "coordinator/net/server.h"
@@ -260,10 +259,7 @@ static status extend(struct session *session, const Azulejo__Wire__Envelope *mes
         s = error_set(err, STATUS_ERR_INPUT, "%u samples a pixel: must be 1..%d", wanted->spp,
                       SETTINGS_SPP_MAX);
     if (s == STATUS_OK)
-        s = farm_extend(&session->server->farm, job, &extension, err);
-    if (s == STATUS_OK)
-        farm_note(&session->server->farm, job, session->who, "extended to at most %u samples a pixel",
-                  job->settings.spp);
+        s = steer_extend(&session->server->farm, job, &extension, session->who, now_ns, err);
     return session_answer_change(session, message->request, job, s, now_ns, err);
 }
 

@@ -198,8 +198,9 @@ status store_worker_marks_load(struct store *store,
 
 /* The frame's outputs are on disk; its pictures follow that revision of the job's output settings
  * (-1: there are none yet). `cut`: its coverage if that is less than the cap allows, with `end`,
- * the reason; NULL: it is complete. `work`: of its film. [any thread] */
-status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+ * the reason; NULL: it is complete. `work`: of its film. ERR_REFUSED: the job was extended since it had this
+ * epoch_floor, and the frame is not done. [any thread] */
+status store_frame_done(struct store *store, uint64_t job, uint64_t epoch_floor, uint32_t frame, int64_t revision,
                         enum frame_end end, const struct film_coverage *cut,
                         const struct unit_work *work, struct error *err) MUST_CHECK;
 /* Store a point of the frame's history at its place; later points are deleted. [any thread] */
@@ -214,8 +215,8 @@ status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
 /* The pictures of a frame that is done were made again. [any thread] */
 status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
                              struct error *err) MUST_CHECK;
-/* Store the changed settings of a job that is no longer DONE: the chosen frames are deleted, and
- * their limits count from now on. `submitted`: its new submission, NULL: as before. On disk when
+/* Store the changed settings of a job that has not ended, or of one that goes on and is QUEUED then: the chosen
+ * frames are deleted, and their limits count from now on. `submitted`: its new submission, NULL: as before. On disk when
  * this returns. ERR_IO, ERR_NO_MEMORY: nothing changed. */
 status store_job_extend(struct store *store, const struct job *job,
                         const struct job_reopening *chosen, const struct job *submitted,

@@ -295,16 +295,37 @@ status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_
         "the frame's samples cannot be noted", err);
 }
 
-status store_frame_done(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
+/* Does the job still have the rules of this epoch? */
+static status check_rules(struct store *store, uint64_t job, uint64_t epoch_floor, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    status s = sql_select(store, "SELECT epoch_floor FROM jobs WHERE id=?", SQL_VALUES(sql_number(job)), &statement,
+                          err);
+    int code;
+
+    if (s != STATUS_OK)
+        return s;
+    code = sqlite3_step(statement);
+    if (code != SQLITE_ROW && code != SQLITE_DONE)
+        s = sql_error(store, "the job cannot be read", err);
+    else if (code == SQLITE_DONE || column_number(statement, 0) != epoch_floor)
+        s = error_set(err, STATUS_ERR_REFUSED, "job %llu got other rules while its picture was made",
+                      (unsigned long long)job);
+    sqlite3_finalize(statement);
+    return s;
+}
+
+status store_frame_done(struct store *store, uint64_t job, uint64_t epoch_floor, uint32_t frame, int64_t revision,
                         enum frame_end end, const struct film_coverage *cut,
                         const struct unit_work *work, struct error *err)
 {
     uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES];
     const struct buffer health = write_health(&work->health, rows);
-    status s = STATUS_OK;
+    status s;
 
     pthread_mutex_lock(&store->order);
-    if (cut)
+    s = check_rules(store, job, epoch_floor, err);
+    if (s == STATUS_OK && cut)
         s = cut_insert(store, job, frame, end, cut, err);
     if (s == STATUS_OK)
         s = sql_change_reserved(

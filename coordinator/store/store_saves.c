@@ -315,11 +315,20 @@ static status forget_frames(struct store *store, const struct job *job,
     return s;
 }
 
+static status change_rules(struct store *store, const struct job *job, const struct buffer *request,
+                           struct error *err)
+{
+    return sql_change(store,
+                      "UPDATE jobs SET submitted=coalesce(submitted, request), request=?, epoch_floor=? WHERE id=?",
+                      SQL_VALUES(sql_bytes(request), sql_number(job->epoch_floor), sql_number(job->id)),
+                      "the job's settings cannot be stored", err);
+}
+
 static status extend_rows(struct store *store, const struct job *job,
                           const struct job_reopening *chosen, const struct buffer *request,
                           const struct buffer *submitted, struct error *err)
 {
-    status s = sql_change(
+    status s = !job_state_ended(job->state) ? change_rules(store, job, request, err) : sql_change(
         store,
         "UPDATE jobs SET request=?1, state=?2, state_text='', finished_at=0, epoch_floor=?3, "
         "marks=0, priority=?9, owner=?10, waits_for=NULL, not_before=NULL, name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
@@ -343,9 +352,11 @@ status store_job_extend(struct store *store, const struct job *job,
     if (s == STATUS_OK && submitted)
         s = wire_job_pack(submitted, &as_sent, err);
     pthread_mutex_lock(&store->order);
-    pthread_mutex_lock(&store->lock);
-    saves_drop(store, job->id); /* its end */
-    pthread_mutex_unlock(&store->lock);
+    if (job_state_ended(job->state)) {
+        pthread_mutex_lock(&store->lock);
+        saves_drop(store, job->id); /* its end */
+        pthread_mutex_unlock(&store->lock);
+    }
     if (s == STATUS_OK)
         s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
     if (s == STATUS_OK) {

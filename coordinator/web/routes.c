@@ -72,7 +72,7 @@ static const struct web_route routes[] = {
     VERB("start", JOB_START, "Start a job that waits for other jobs or for a moment."),
     VERB("priority", JOB_PRIORITY, "Change a job's priority."),
     VERB("retry", JOB_RETRY, "Try frames of an ended job again."),
-    VERB("extend", JOB_EXTEND, "Continue a done job with new limits."),
+    VERB("extend", JOB_EXTEND, "Give a job in work, or a done one, other rules about when its frames have enough samples."),
     VERB("develop", JOB_DEVELOP, "Make a job's pictures again with other output settings."),
     {WEB_GET, "/api/v1/jobs/{job}/log", WEB_ROLE_VIEW, ASKS(JOB_LOG_GET, JOB_LOG), .query = "after",
      .summary = "A job's events, with larger numbers than `after`."},

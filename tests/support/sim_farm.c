@@ -72,6 +72,7 @@ static status on_develop(void *user, struct job_frame *frame)
     struct sim *sim = user;
 
     assert_true(sim->developing_count < FRAMES_OPEN_MAX);
+    sim->developing_epoch[sim->developing_count] = frame->job->epoch_floor;
     sim->developing[sim->developing_count++] = frame;
     return STATUS_OK;
 }
@@ -405,7 +406,7 @@ void sim_develop(struct sim *sim)
             coverage = film_coverage(frame->film);
             work = film_work(frame->film);
             if (sim->store)
-                s = store_frame_done(sim->store, frame->job->id, frame->number,
+                s = store_frame_done(sim->store, frame->job->id, sim->developing_epoch[sim->developing_count], frame->number,
                                      sim_revision(frame->job),
                                      frame->end,
                                      coverage.samples < job_frame_samples(frame->job) ? &coverage : NULL, &work, &err);

@@ -38,6 +38,7 @@ struct sim {
     struct sim_worker workers[SIM_WORKERS_MAX];
     uint32_t last_session;
     struct job_frame *developing[FRAMES_OPEN_MAX];
+    uint64_t developing_epoch[FRAMES_OPEN_MAX]; /* of the job when that began */
     size_t developing_count;
     struct freezing *freezing[SIM_FREEZINGS_MAX];
     size_t freezing_count;

@@ -537,7 +537,10 @@ def the_price_is_read_first():
         page.wait_text("is reached", ".price")
         expect(not page.find("~Extend"), "nothing to extend to")
         page.js("stage.info = {...stage.info, state: 'running'}; stage.emit('job')")
-        page.wait("document.querySelector('.cost-part button').textContent === 'Finish now'")
+        page.wait("document.querySelector('.cost-part button').textContent.startsWith('Set the target to ')")
+        page.js("document.querySelector('.cost-part button').click()")
+        page.wait("stage.acted.length === 2")
+        expect(page.js("stage.acted[1]")[0] == "extend", page.js("stage.acted"))
         page.choose(".cost-part select", "2")
         page.wait_text("dB", ".price")
 

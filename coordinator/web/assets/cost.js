@@ -229,19 +229,20 @@ class Cost {
     this.line.setAttribute('aria-valuenow', m.back(this.target).toPrecision(3));
     this.line.setAttribute('aria-valuetext', price);
     const may = this.context.may('operate', info);
-    this.verb = !moved || !may ? '' : is('done') && !reached ? 'extend' : is('running') && reached ? 'finish' : '';
-    text(this.button, this.verb === 'extend' ? `Extend to ${words}` : this.verb === 'finish' ? 'Finish now' : '');
+    const inWork = is('queued', 'running', 'paused', 'parked');
+    this.verb = moved && may && (inWork || (is('done') && !reached)) ? 'extend' : '';
+    text(this.button, !this.verb ? '' : inWork ? `Set the target to ${words}` : `Extend to ${words}`);
     show(this.button, this.verb);
     show(this.back, moved);
-    text(this.why, !moved || this.verb || !may ? `Spent on this frame so far: ${coreTime(this.spent)}.`
+    text(this.why, inWork && this.verb && reached ? `This frame is better than that already, and ends ${is('running') ? 'now' : 'when the job goes on'}.`
+      : !moved || this.verb || !may ? `Spent on this frame so far: ${coreTime(this.spent)}.`
       : reached ? 'The picture is better than that already.'
-        : is('queued', 'running', 'paused') ? 'A job keeps its rules while it runs: when it has ended, it can be extended to this.' : `A job that is ${info.state} cannot be extended: retry it first.`);
+        : `A job that is ${info.state} cannot be extended: retry it first.`);
   }
 
   apply() {
     const { back } = MEASURES[this.measure], target = Number(back(this.target).toPrecision(3));
-    if (this.verb === 'finish') this.context.act('finish', [this.context.job()]);
-    else if (this.verb === 'extend') this.context.act('extend', [this.context.job()], { spp: 0, stop: { measure: this.measure, target, adaptive: true } });
+    if (this.verb) this.context.act('extend', [this.context.job()], { spp: 0, stop: { measure: this.measure, target, adaptive: true } });
     this.dragged = 0;
   }
 

@@ -57,8 +57,8 @@ export const verbs = {
     text: 'Render chosen frames again.',
   },
   extend: {
-    label: 'Extend', states: ['done'], single: true, done: 'going on with more samples', ask: askExtend,
-    text: 'More samples, or a smaller error, from the films that are kept.',
+    label: 'Extend', states: ['queued', 'running', 'paused', 'parked', 'done'], single: true, done: 'has its new target', ask: askExtend,
+    text: 'Another target: more samples or a smaller error; while it is in work, also a larger one.',
   },
   develop: {
     label: 'Develop', single: true, states: [...ALIVE, 'done', 'failed', 'cancelled'], ask: askDevelop, done: 'making its pictures again',
@@ -105,11 +105,13 @@ async function askFrames([job]) {
   'Retry these frames', (v) => ({ frames: frameList(v.frames) }));
 }
 async function askExtend([job]) {
-  return form(`Extend ${names([job])}`, ['Rendering goes on from the films that are kept. Give one of these, or both.'], [
+  const isDone = job.state === 'done';
+  return form(`Extend ${names([job])}`, [isDone ? 'Rendering goes on from the films that are kept. Give one of these, or both.'
+    : 'The new rules replace those that it has. Give one of these, or both.'], [
     { name: 'error', label: 'Error to reach', value: target(job.stop), hint: 'as in 2/255, 1% or 45dB' },
     { name: 'spp', label: 'Samples a pixel, at most', type: 'number', min: 1, value: job.stop && job.stop.measure ? '' : String(2 * (job.settings?.spp || 128)) },
     { name: 'time', label: 'Time limit a frame', hint: 'as in 10m; empty: none' },
-    { name: 'frames', label: 'Frames', hint: 'as in 1,5,10-20; empty: all' },
+    ...(isDone ? [{ name: 'frames', label: 'Frames', hint: 'as in 1,5,10-20; empty: all' }] : []),
   ], 'Extend', (v) => {
     const body = {}, stop = {};
     if (v.error) Object.assign(stop, errorTarget(v.error), { adaptive: true });

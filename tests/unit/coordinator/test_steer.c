@@ -176,7 +176,7 @@ static void every_edge(void **state)
 
 /* ---- the verbs ------------------------------------------------------------------------------- */
 
-enum verb { PAUSE, RESUME, FINISH, PRIORITY, RETRY, RETRY_FRAME, REMOVE, START, CANCEL, DISCARD, VERBS };
+enum verb { PAUSE, RESUME, FINISH, PRIORITY, RETRY, RETRY_FRAME, REMOVE, START, EXTEND, CANCEL, DISCARD, VERBS };
 
 static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, struct error *err)
 {
@@ -196,6 +196,10 @@ static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, str
         job->needs.after[job->needs.after_count++] = 1;
         farm_job_save_now(farm, job, f->sim->now_ns);
         return steer_start(farm, job, "ana@desk", f->sim->now_ns, err);
+    case EXTEND: {
+        const struct job_extension more = {.spp = 64};
+        return steer_extend(farm, job, &more, "ana@desk", f->sim->now_ns, err);
+    }
     case CANCEL: steer_cancel(farm, job, 0, "ana@desk", f->sim->now_ns); return STATUS_OK;
     default: steer_cancel(farm, job, 1, "ana@desk", f->sim->now_ns); return STATUS_OK;
     }
@@ -212,6 +216,7 @@ static const char *const table[VERBS] = {
     [RETRY_FRAME] = "-" "-" "q" "q" "q" "-" "-" "-" "-",
     [REMOVE] =      "-" "-" "0" "0" "0" "-" "-" "-" "-",
     [START] =       "=" "=" "-" "-" "-" "=" "=" "=" "=",
+    [EXTEND] =      "=" "=" "q" "-" "-" "=" "-" "=" "-",
     [CANCEL] =      "g" "g" "=" "=" "=" "g" "=" "g" "g",
     [DISCARD] =     "c" "c" "=" "=" "=" "c" "c" "c" "c",
 };
@@ -220,7 +225,7 @@ static const char letters[] = "qrdfckgpn";
 static const char *const words[VERBS] = {
     [PAUSE] = "pause",   [RESUME] = "resume", [FINISH] = "finish", [PRIORITY] = "priority",
     [RETRY] = "retry",   [RETRY_FRAME] = "retry --frames", [REMOVE] = "remove", [START] = "start",
-    [CANCEL] = "cancel",
+    [EXTEND] = "extend",   [CANCEL] = "cancel",
     [DISCARD] = "cancel --discard",
 };
 
@@ -296,6 +301,8 @@ static void check_after(struct sim_stored *f, enum verb verb, enum job_state exp
                  job_state_word(expected));
     if (verb == PRIORITY && !job_state_ended(expected))
         assert_int_equal(job->priority, 7);
+    if (verb == EXTEND && table[verb][expected] == '=')
+        assert_int_equal(job->settings.spp, 64);
     if (verb == START && !job_state_ended(expected))
         assert_true(job->needs.not_before == 0 && job->needs.after_count == 0);
 }

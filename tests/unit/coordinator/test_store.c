@@ -110,9 +110,9 @@ static void jobs_survive_a_restart(void **state)
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 5, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 5, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
     assert_int_equal(tonemap_settings_init(&job->output.tonemap, "linear", &err), STATUS_OK);
     job->output.tonemap.exposure_ev = -1.25;
     job->output.tonemap.white_kelvin = 5000;
@@ -211,7 +211,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
 
     (void)state;
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
     store_close(store);
     snprintf(job->token, sizeof job->token, "new");
     for (size_t i = 0; i < sizeof steps_back / sizeof *steps_back; i++) {
@@ -288,7 +288,7 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
         job->stats.cpu_ns = 300;
         assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
         if (i == COUNT - 1)
-            assert_int_equal(store_frame_done(store, job->id, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
+            assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
         job_free(job);
     }
     store_close(store);
