@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Stands for one of Azulejo's programs, and for curl, while the commands of a document are tried on a small scale.
 
-What it changes: pictures have 48x32 pixels, 4 samples a pixel at most and two frames at most; `top` prints once; what asks gets a
+What it changes: pictures have 48x32 pixels, 4 samples a pixel at most and two frames at most; `top` prints once; without ffmpeg no video is made; what asks gets a
 yes; coordinators and workers run in the background, on loopback addresses that are free and in folders below the scratch folder;
 HOST and names ending in example.org are the coordinator that was started first.
 Environment: DOC_BIN (the real programs), DOC_SCRATCH (the folder)."""
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -71,6 +72,9 @@ def client(words):
             words += ["--size", "48x32"]
         change(words, ("--spp", "-n"), lambda text: str(min(int(text), SPP_MOST)))
         change(words, ("--frames", "-f"), smaller_frames)
+    found = value_of(words, "--video")
+    if found and not shutil.which("ffmpeg"):
+        del words[found[0] - (0 if found[1] else 1):found[0] + 1]
     if words[:1] == ["top"]:
         words += ["--once"]
     if words[:1] == ["workers"] and len(words) > 2 and words[1] != "show":

@@ -102,6 +102,17 @@ def each_fault_is_found():
                 expect(done.returncode == 1 and words in done.stdout, "%s -> %s: %s %s" % (right, wrong, done.stdout, done.stderr))
 
 
+@tests.add
+def dependencies_are_listed():
+    """docs/INSTALL.md names every package that scripts/install-deps.sh installs"""
+    with open(os.path.join(ROOT, "scripts", "install-deps.sh"), encoding="utf-8") as file:
+        text = file.read()
+    packages = " ".join(re.findall(r"debian\+?=\(([^)]*)\)", text)).split()
+    expect(len(packages) > 20, packages)
+    named = {text for _, text in load(ROOT, ["docs/INSTALL.md"])[0].spans()}
+    expect(set(packages) <= named, "docs/INSTALL.md does not name %s" % sorted(set(packages) - named))
+
+
 # ---- the commands ------------------------------------------------------------------------------------------------
 
 def to_run(document):
