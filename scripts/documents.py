@@ -53,6 +53,23 @@ class Block:
             yield begin, text.strip()
 
 
+def heading_anchors(prose):
+    """The anchors that GitHub gives the headings, in their order."""
+    anchors = []
+    for _, line in prose:
+        heading = re.match(r"^#{1,6} +(.*?)(?: +#+)?$", line)
+        if not heading:
+            continue
+        text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", heading[1])
+        name = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
+        unique, count = name, 0
+        while unique in anchors:
+            count += 1
+            unique = "%s-%d" % (name, count)
+        anchors.append(unique)
+    return anchors
+
+
 class Document:
     def __init__(self, root, path):
         self.root, self.path = root, path
@@ -94,22 +111,8 @@ class Document:
             index += 1
 
     def _anchors(self):
-        """The anchors that GitHub gives headings, and those of <a id=...>."""
-        anchors = set()
-        for _, line in self.prose:
-            for name in re.findall(r"<a (?:id|name)=\"([^\"]+)\"", line):
-                anchors.add(name)
-            heading = re.match(r"^#{1,6} +(.*?)(?: +#+)?$", line)
-            if not heading:
-                continue
-            text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", heading[1])
-            name = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
-            unique, count = name, 0
-            while unique in anchors:
-                count += 1
-                unique = "%s-%d" % (name, count)
-            anchors.add(unique)
-        return anchors
+        named = [name for _, line in self.prose for name in re.findall(r"<a (?:id|name)=\"([^\"]+)\"", line)]
+        return set(named + heading_anchors(self.prose))
 
     def links(self):
         """(line number, target, is a picture) of each link."""

@@ -19,6 +19,7 @@ SIZE, SPP = "400x400", 16
 GROUP_SIZE = "240x160"
 KERNEL_SIZE, KERNEL_SPP, KERNEL_ROUNDS = "64x64", 8, 9
 KERNEL_COPIES = 9
+TABLES = ("renderer", "groups", "kernels", "threads", "memory", "preview", "merging", "tonemapping", "workers")
 AGAINST_SIZE, AGAINST_SPP = "256x256", 16
 
 
@@ -298,10 +299,8 @@ def show_tonemapping():
 
 
 def main():
-    against = sys.argv[2] if len(sys.argv) == 3 and sys.argv[1] == "against" else None
-    auto = sys.argv[1:2] == ["auto"]
-    if sys.argv[1:] not in ([], ["groups"], ["kernels"]) and not auto and not against:
-        sys.exit("usage: report.py [groups | kernels | auto [SCENE]... | against FOLDER]")
+    if not (sys.argv[1:2] == ["auto"] or set(sys.argv[1:]) <= set(TABLES) or (len(sys.argv) == 3 and sys.argv[1] == "against")):
+        sys.exit("usage: report.py [%s]... | auto [SCENE]... | against FOLDER" % " | ".join(TABLES))
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
@@ -328,27 +327,25 @@ def main():
             large.append(helmet)
         spheres = scenes[2]
         show_machine()
-        if auto:
+        if sys.argv[1:2] == ["auto"]:
             bench_auto.show_auto(title, sys.argv[2:])
             return
-        if sys.argv[1:] == ["groups"]:
-            show_effect_groups(effect_groups(sky))
+        if sys.argv[1:2] == ["against"]:
+            show_against(scenes, sys.argv[2])
             return
-        if sys.argv[1:] == ["kernels"]:
-            show_kernels(kernel_scenes(scenes, sky))
-            return
-        if against:
-            show_against(scenes, against)
-            return
-        show_renderer(scenes)
-        show_effect_groups(effect_groups(sky))
-        show_kernels(kernel_scenes(scenes, sky))
-        show_threads(*spheres)
-        show_memory([spheres] + large, made["empty"])
-        show_preview(spheres[1], spheres[2] + ["--size", "640x360", "--spp", "64"])
-        show_merging()
-        show_tonemapping()
-        show_workers(*spheres)
+        tables = {
+            "renderer": lambda: show_renderer(scenes),
+            "groups": lambda: show_effect_groups(effect_groups(sky)),
+            "kernels": lambda: show_kernels(kernel_scenes(scenes, sky)),
+            "threads": lambda: show_threads(*spheres),
+            "memory": lambda: show_memory([spheres] + large, made["empty"]),
+            "preview": lambda: show_preview(spheres[1], spheres[2] + ["--size", "640x360", "--spp", "64"]),
+            "merging": show_merging,
+            "tonemapping": show_tonemapping,
+            "workers": lambda: show_workers(*spheres),
+        }
+        for name in sys.argv[1:] or tables:
+            tables[name]()
 
 
 main()

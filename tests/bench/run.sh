@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# `make bench`: every figure of docs/PERFORMANCE.md, in some five minutes. `report.py groups`: the table of groups there alone; `report.py kernels`: the table of kernels in docs/EFFECTS.md alone; `report.py auto`: what `--effects auto` saves, there, too;
-# `report.py against FOLDER`: this tree and another checkout, which is built, in turns.
+# `make bench`: the tables of docs/PERFORMANCE.md, in some five minutes. `report.py renderer threads`: those alone; `report.py kernels`:
+# the table of kernels in docs/EFFECTS.md; `report.py auto`: what `--effects auto` saves, there, too; `report.py against FOLDER`: this
+# tree and another checkout, which is built, in turns.
 #
 # BUILD names the build tree. AZULEJO_DATA, when set, adds a scene from outside. Figures are
 # medians; CPU-seconds are compared rather than seconds, because machines are shared.
