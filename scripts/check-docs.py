@@ -25,6 +25,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from documents import load, tracked
 
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".svg", ".gif")
+LINE_MOST = 110     # characters of a command: longer ones must be scrolled on a screen
 # Programs of others, and words of the shell, that documents may use.
 OTHERS = set("""apt-get awk bash blender cat cd chmod cmp cp curl cut diff do done echo else esac export false ffmpeg fi for git grep head
     if in install journalctl kill kubectl ls mkdir mpirun mv nice podman printf read rm sbatch scp sed set sh sha256sum sleep sort srun ssh
@@ -327,6 +328,10 @@ class Checker:
                 path = os.path.join(self.root, test)
                 if test not in self.known or os.path.basename(document.path) not in open(path, encoding="utf-8").read():
                     self.fault(document, block.line, "'run by: %s': no such test, or it does not name %s" % (test, document.path))
+        if block.kind == "commands":
+            for number, line in enumerate(block.lines, block.line + 1):
+                if len(line) > LINE_MOST:
+                    self.fault(document, number, "a command of %d characters: continue it with \\ after %d at most" % (len(line), LINE_MOST))
         variables = {}
         functions = set()
         for line, text in block.commands():

@@ -3,6 +3,7 @@
 It knows the Markdown that is written here, not all of it. scripts/check-docs.py and tests/farm/test_docs.py read documents by it."""
 import os
 import re
+import shlex
 import subprocess
 
 MARK = re.compile(r"^\s*<!--\s*(not run|run by|run slowly)\s*:\s*(.*?)\s*-->\s*$")
@@ -11,6 +12,14 @@ FENCE = re.compile(r"^(\s*)(```+|~~~+)\s*([\w-]*)\s*$")
 PROGRAM = re.compile(r"^(\$ )?([A-Za-z_]\w*=\S* +)*"
                      r"(azulejo(-coordinator|-worker)?|make|python3|curl|ssh|blender|valgrind|kubectl|podman|install|git|"
                      r"(\./)?(tests|scripts|build|deploy)/[\w./-]+|\w+=(tests|scripts|build)/\S+)( |$)")
+
+
+def quote_is_open(text):
+    try:
+        shlex.split(text, comments=True)
+        return False
+    except ValueError:
+        return True
 
 
 class Block:
@@ -45,6 +54,8 @@ class Block:
             text += line.strip() + "\n"
             if text.endswith("\\\n"):
                 text = text[:-2] + " "
+                continue
+            if quote_is_open(text):
                 continue
             if text.strip():
                 yield begin, text.strip()

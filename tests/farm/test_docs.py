@@ -75,6 +75,7 @@ FAULTS = (
     ("grep -c a", "grab -c a", "no program 'grab' is known"),
     ("token create", "token invent", "azulejo token has no 'invent'"),
     ("    --name x", "    --nome x", "azulejo token has no option --nome"),
+    ("   # --no-such", "   " + 60 * "#" + " --no-such", "a command of "),
     ("```sh\n", "```\n", "this block looks like commands"),
     ("```sh\nazulejo=", "<!-- not run: -->\n```sh\nazulejo=", "'not run' needs a reason"),
     ("```sh\nazulejo=", "<!-- run by: docs/other.md -->\n```sh\nazulejo=", "does not name README.md"),
