@@ -125,7 +125,8 @@ def script_of(document, blocks):
     lines = [""] * (len(document.lines) + 1)
     for block in blocks:
         for number, text in block.commands():
-            lines[number - 1] = text
+            for below, part in enumerate(text.split("\n")):     # a quoted text may have several lines
+                lines[number - 1 + below] = part
     head = "set -eu; trap 'echo \"failed: $LINENO\" >&2' ERR; PS4='+$LINENO '; set -x;"
     return "\n".join([head + lines[0]] + lines[1:]) + "\n"
 
