@@ -101,6 +101,7 @@ static void count_tile(struct owners *o, uint32_t i)
 {
     const Azulejo__Wire__FrameTile *tile = o->map->tiles[i];
     struct tile_rect rect = tile_rect_of(o->map->width, o->map->height, i);
+    uint64_t units = 0;
 
     if (tile->n_shares == 0) {
         o->tiles_empty++;
@@ -108,11 +109,13 @@ static void count_tile(struct owners *o, uint32_t i)
     }
     worker_at(o, tile->shares[0]->worker)->tiles++;
     for (size_t k = 0; k < tile->n_shares; k++) {
+        units += tile->shares[k]->units;
         count_share(worker_at(o, tile->shares[k]->worker), tile->shares[k], rect.width * rect.height);
         if (k > 0 && tile->shares[k]->worker != tile->shares[0]->worker &&
             tile->shares[k - 1]->worker == tile->shares[0]->worker)
             o->tiles_shared++;
     }
+    o->tiles_cut += units < tile->units;
 }
 
 static int is_valid(const Azulejo__Wire__FrameTiles *map)
@@ -222,6 +225,9 @@ status owners_print(const struct owners *o, struct error *err)
     if (o->tiles_shared > 0)
         printf("%u tile%s shared: a tile is counted for the worker with the most samples of it\n", o->tiles_shared,
                o->tiles_shared == 1 ? " is" : "s are");
+    if (o->tiles_cut > 0)
+        printf("of %u tile%s only the largest shares were sent: units and samples are too few\n", o->tiles_cut,
+               o->tiles_cut == 1 ? "" : "s");
     if (o->tiles_empty > 0)
         printf("%u tile%s no samples yet\n", o->tiles_empty, o->tiles_empty == 1 ? " has" : "s have");
     return result;

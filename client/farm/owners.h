@@ -33,6 +33,7 @@ struct owners {
     struct owners_worker *workers;
     uint32_t worker_count;
     uint32_t tiles_empty, tiles_shared; /* without samples; of several workers */
+    uint32_t tiles_cut;          /* of large frames: smaller shares were left out */
     uint64_t samples;            /* of all workers */
 };
 

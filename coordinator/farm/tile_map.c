@@ -118,8 +118,8 @@ static void sort_shares(struct tile_share *shares, uint32_t count)
         shares[i] = sorted[i].share;
 }
 
-/* How many shares are kept of each tile. */
-static uint32_t shares_kept(const struct tile_map *map)
+/* How many shares are taken of each tile. */
+static uint32_t shares_taken(const struct tile_map *map)
 {
     uint32_t kept = TILE_MAP_SHARES_MAX / map->count;
 
@@ -149,9 +149,9 @@ static status take_shares(struct tile_map *map, const struct film *film, uint32_
             share->units++;
             share->samples += end - begin;
         }
-    if (shares.count > shares_kept(map)) {
+    if (shares.count > shares_taken(map)) {
         sort_shares(shares.items, shares.count);
-        shares.count = shares_kept(map);
+        shares.count = shares_taken(map);
     }
     if (!MEM_GROW(map->shares, map->share_capacity, map->share_count + shares.count))
         return error_no_memory(err, "a frame's tiles");
@@ -234,6 +234,15 @@ static void join_workers(struct tile_map *map, uint32_t *places)
     map->worker_count = kept;
 }
 
+/* How many shares of each tile a message holds. */
+static uint32_t shares_sent(const struct tile_map *map)
+{
+    uint32_t tiles = map->count * TILE_MAP_TILE_BYTES;
+    uint32_t sent = (TILE_MAP_MESSAGE_BYTES - tiles) / (map->count * TILE_MAP_SHARE_BYTES);
+
+    return sent > 1 ? sent : 1;
+}
+
 static void join_shares(struct tile_share *shares, uint32_t *count, const uint32_t *places)
 {
     uint32_t kept = 0;
@@ -265,6 +274,8 @@ status tile_map_join(struct tile_map *map, struct error *err)
         cell->worker = places[cell->worker];
         if (cell->share_count > 0)
             join_shares(&map->shares[cell->first_share], &cell->share_count, places);
+        if (cell->share_count > shares_sent(map))
+            cell->share_count = shares_sent(map);
     }
     mem_free(places);
     return STATUS_OK;

@@ -9,8 +9,12 @@
 
 enum {
     TILE_MAP_TILES_MAX = 65536,
-    TILE_MAP_SHARES_MAX = 1 << 19, /* that are kept of all tiles together, */
+    TILE_MAP_SHARES_MAX = 1 << 19, /* that are taken of all tiles together, */
     TILE_MAP_SHARES_LEAST = 8,     /* but at least of each */
+    /* After tile_map_join so many are left that a message (CHANNEL_FRAME_MAX) holds them, at least one of each tile. */
+    TILE_MAP_MESSAGE_BYTES = 7 << 19,
+    TILE_MAP_TILE_BYTES = 45,      /* of a tile, and */
+    TILE_MAP_SHARE_BYTES = 17,     /* of a share in a message, at most */
 };
 
 /* What one thread of a worker sent of a tile. */
@@ -50,7 +54,7 @@ status tile_map_take(struct tile_map *map, const struct film *film, uint32_t til
 status tile_map_name(struct tile_map *map, const struct farm *farm, struct error *err) MUST_CHECK;
 /* Workers of one name, or of one process, become one; each tile's shares are sorted: the worker with the most
  * samples first, then its thread with the most; of equal ones the one with the older unit.
- * ERR_NO_MEMORY. */
+ * Of huge frames only the first ones are left. ERR_NO_MEMORY. */
 status tile_map_join(struct tile_map *map, struct error *err) MUST_CHECK;
 
 /* Error of a tile's picture in display codes; NaN: not known. */

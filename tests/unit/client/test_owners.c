@@ -98,9 +98,11 @@ static void what_is_not_known_is_said(void **state)
     answer->frame_tiles->tiles[1]->shares[0]->worker = 2;
     answer->frame_tiles->tiles[1]->shares[0]->thread = UINT32_MAX;
     answer->frame_tiles->tiles[2]->n_shares = 0;
+    answer->frame_tiles->tiles[3]->units = 9; /* more than its share */
     assert_int_equal(owners_take(&owners, answer, &err), STATUS_OK);
     assert_int_equal(owners.worker_count, 3);
     assert_int_equal(owners.tiles_empty, 1);
+    assert_int_equal(owners.tiles_cut, 1);
     assert_string_equal(owners.workers[0].name, "ana");
     assert_string_equal(owners.workers[0].color_words, "red");
     assert_string_equal(owners.workers[1].color_words, "green");

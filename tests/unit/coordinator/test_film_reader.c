@@ -14,8 +14,11 @@
 #include <unistd.h>
 
 #include "common/base/file.h"
+#include "common/base/memory.h"
 #include "coordinator/farm/tile_map.h"
 #include "coordinator/film/store_film.h"
+#include "protocol/azulejo.pb-c.h"
+#include "protocol/channel.h"
 #include "tests/support/film_data.h"
 
 enum { WIDTH = 40, HEIGHT = 37, TILES = 3 * 3, SPP = 60, JOB = 7, FRAME = 3 };
@@ -319,6 +322,49 @@ static void unknown_workers_stay_apart(void **state)
     film_free(film);
 }
 
+/* The largest frame, every tile shared by 60 threads: what is kept fits into one message, and each tile has its owner. */
+static void the_largest_frame_fits_into_a_message(void **state)
+{
+    enum { SHARES = 8, WORKERS = 30, SIDE = 4096 };
+    Azulejo__Wire__FrameTile tile = AZULEJO__WIRE__FRAME_TILE__INIT;
+    Azulejo__Wire__FrameShare share = AZULEJO__WIRE__FRAME_SHARE__INIT, *shares[SHARES];
+    struct tile_map map;
+    struct error err = {0};
+    size_t bytes = 0;
+
+    (void)state;
+    assert_int_equal(tile_map_new(&map, SIDE, SIDE, 1, &err), STATUS_OK);
+    assert_int_equal(map.count, TILE_MAP_TILES_MAX);
+    assert_true(MEM_GROW(map.shares, map.share_capacity, (size_t)map.count * SHARES));
+    assert_true(MEM_GROW(map.workers, map.worker_capacity, WORKERS));
+    memset(map.workers, 0, WORKERS * sizeof *map.workers);
+    map.worker_count = WORKERS;
+    for (uint32_t t = 0; t < map.count; t++) {
+        map.cells[t].first_share = (uint32_t)map.share_count;
+        map.cells[t].share_count = SHARES;
+        for (uint32_t i = 0; i < SHARES; i++)
+            map.shares[map.share_count++] = (struct tile_share){1 + (t + i) % WORKERS, 300, 20, 100 + i};
+    }
+    assert_int_equal(tile_map_join(&map, &err), STATUS_OK);
+    tile.samples = tile.error = 1;
+    tile.cpu_ns = (uint64_t)1 << 44;
+    tile.units = tile.passes = 300;
+    tile.worker = tile.thread = 300;
+    tile.shares = shares;
+    share.worker = share.thread = share.units = 300;
+    share.samples = 1 << 20;
+    for (uint32_t i = 0; i < SHARES; i++)
+        shares[i] = &share;
+    for (uint32_t t = 0; t < map.count; t++) {
+        assert_true(map.cells[t].share_count > 0);
+        assert_int_equal(map.shares[map.cells[t].first_share].samples, 100 + SHARES - 1);
+        tile.n_shares = map.cells[t].share_count;
+        bytes += 3 + azulejo__wire__frame_tile__get_packed_size(&tile);
+    }
+    assert_true(bytes < CHANNEL_FRAME_MAX - (256 << 10)); /* which the workers' names may take */
+    tile_map_release(&map);
+}
+
 /* Replicates that differ by a known number of codes: the film's display shows 255 codes for radiance 1. */
 static void linear_codes(void *user, const float *rgb, uint32_t count, float *codes)
 {
@@ -365,6 +411,7 @@ int main(void)
         cmocka_unit_test(shares_say_who_sent_what),
         cmocka_unit_test(equal_shares_go_to_the_older_unit),
         cmocka_unit_test(unknown_workers_stay_apart),
+        cmocka_unit_test(the_largest_frame_fits_into_a_message),
         cmocka_unit_test(errors_are_of_the_mean_of_both_groups),
     };
     return cmocka_run_group_tests_name("film_reader", tests, make_folder, remove_folder);
