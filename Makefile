@@ -145,7 +145,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi docs-check docs-html test-docs numerics invariance precision install uninstall dist clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi docs-check docs-html gallery test-docs numerics invariance precision install uninstall dist clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -317,6 +317,9 @@ openapi: ## prove that docs/openapi.yaml is what scripts/openapi.py makes
 
 docs-check: all ## prove that the documents name only what exists: links, pictures, commands, options
 	@scripts/check-docs.py --bin $(BIN)
+
+gallery: all ## make the pictures of docs/GALLERY.md again (two hours; AZULEJO_DATA names the data)
+	@docs/images/make_gallery.py
 
 docs-html: ## the documents as web pages, in out/html (needs cmark-gfm)
 	@scripts/docs-html.py

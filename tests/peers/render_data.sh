@@ -6,7 +6,7 @@
 # Fails when one does not import or render, when a sample was dropped because it was not finite, or
 # when a scene whose name begins with "unsupported-" is not refused in words. Writes OUT-FOLDER/
 # NAME.{exr,png,log,json} and, where ImageMagick's montage is there, contact sheets of twelve, which
-# are for looking at: docs/GALLERY.md says what is to be seen. PATTERN (a shell pattern) takes only
+# are for looking at: docs/SCENES.md says what is to be seen. PATTERN (a shell pattern) takes only
 # the scenes whose path in the data folder it matches. A tool for people, not part of `make test`.
 #
 # A file without light gets an environment map. A glTF file with light of its own is rendered without
