@@ -86,7 +86,7 @@ def client(words):
     os.execv(os.path.join(REAL, NAME), [NAME] + words)
 
 
-def in_background(words, ready, limit_s=60):
+def in_background(words, ready, limit_s=120):
     """Start it, and return what its log has when it is ready; a worker need not be."""
     log = scratch("%s-%d.log" % (NAME, os.getpid()))
     with open(log, "wb") as sink:
