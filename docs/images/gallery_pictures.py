@@ -212,8 +212,8 @@ class Picture:
     film of another picture, `of`). before: commands that make what it needs, each with its file at the end. largest: kilobytes.
     """
 
-    def __init__(self, name, title, words, alt, credit, scene=None, options="", size="720x480", error="5/255",
-                 limit=2, tonemap="", kind="picture", of=None, largest=150, file=None, before=()):
+    def __init__(self, name, title, words, alt, credit, scene=None, options="", size="600x400", error="5/255",
+                 limit=0.8, tonemap="", kind="picture", of=None, largest=150, file=None, before=()):
         self.name, self.title, self.words, self.alt, self.credit = name, title, words, alt, credit
         self.scene, self.options, self.size, self.error, self.limit = scene, options, size, error, limit
         self.tonemap, self.kind, self.of, self.largest, self.before = tonemap, kind, of, largest, before
@@ -239,27 +239,28 @@ PICTURES = [
     Picture("vase", "Flowers in a glass vase", "A thick glass, refracted through both of its walls; the leaves "
             "are cut out by alpha.", "Pink flowers in a thick glass vase on a pale table",
             "Model: Eric Chadwick and Rico Cilliers (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
-            vase, "--env @/hdri/vestibule_1k.hdr --env-rotate 60 --lens 0.006 --focus 0.56 --max-depth 24", error="4/255", limit=3,
+            vase, "--env @/hdri/vestibule_1k.hdr --env-rotate 60 --lens 0.006 --focus 0.56 --max-depth 24", "720x480", "4/255", 3,
             tonemap="--tonemap agx --exposure 0.4"),
     Picture("drinks", "Water and wine", "Liquids touch their glass, and the border between them has the index "
             "of both ([LIQUIDS.md](LIQUIDS.md)).", "A tumbler of water with ice and a glass of red wine before a bright wall", OWN,
             drinks, "--max-depth 24", tonemap="--tonemap agx --exposure 0.9"),
     Picture("chair", "A velvet chair", "Sheen makes the rim of cloth bright; the light is two softboxes and a "
             "ceiling.", "An armchair of orange velvet before a grey paper backdrop",
-            "Model: Wayfair, LLC (%s), %s." % (KHRONOS, CC0), chair, error="4/255", limit=3, tonemap="--tonemap agx --exposure 0.6"),
+            "Model: Wayfair, LLC (%s), %s." % (KHRONOS, CC0), chair, "", "720x480", "4/255", 3,
+            tonemap="--tonemap agx --exposure 0.6"),
     Picture("olives", "Olives under an iridescent lid", "The lid is glass with a film of a few hundred nanometres.",
             "A dish of olives under a shimmering glass lid",
             "Model: Wayfair, LLC (%s), %s; %s." % (KHRONOS, BY4, haven("Vestibule")),
-            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8",
+            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8", "720x480", limit=2,
             tonemap="--tonemap agx --exposure 0.5"),
     Picture("monkeys", "Thin films", "The same film over a pale body, over metal, and on glass.",
             "Three monkey heads with rings of rainbow colour: pale, metal and glass",
             "Model: UX3D (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")), monkeys, "--env @/hdri/chinese_garden_1k.hdr --env-rotate 250 --max-depth 24 --lens 0.12 --focus 12.5",
-            "720x360", tonemap="--tonemap agx --exposure 0.4"),
+            "640x320", tonemap="--tonemap agx --exposure 0.4"),
     Picture("toycar", "A toy car on a cloth", "Clear coat over paint, sheen on cloth, windows that let light pass.",
             "A green toy car with flames on a red cloth",
             "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
-            "@/gltf/ToyCar/ToyCar.gltf", "--env @/hdri/vestibule_1k.hdr --camera 1", error="4/255", limit=3),
+            "@/gltf/ToyCar/ToyCar.gltf", "--env @/hdri/vestibule_1k.hdr --camera 1", "720x480", "4/255", 3),
     Picture("motion", "Going along with it", "The camera drives beside the car; all else is blurred by the time "
             "that the shutter is open.", "A toy car in sharp focus on a cloth that is blurred by motion",
             "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
@@ -273,18 +274,18 @@ PICTURES = [
             "An orange coffee maker with a glass pot on a shining floor",
             "Scene: “Coffee Maker” by cekuhnen, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
-            "@/pbrt/bitterli-coffee/scene-v4.pbrt", size="480x600"),
+            "@/pbrt/bitterli-coffee/scene-v4.pbrt", size="400x500", limit=1.3),
     Picture("staircase", "A hall with a staircase", "Light finds in through the windows, and every wall sees the "
             "others.", "A bright hall with a wooden staircase",
             "Scene: “Modern Hall” by NewSee2l035, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
-            "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="480x480", limit=3),
+            "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="400x400", limit=1.2),
     Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
             "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night").capitalize() + ".", bulbs,
-            "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap agx --exposure 0"),
+            "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap agx --exposure 0", limit=1.3),
     Picture("fog", "A road in fog", "Light is scattered on its way: each lantern has a halo, and distance swallows them.",
             "Two rows of lanterns, warm and cold, that fade into fog", OWN, lanterns,
-            tonemap="--tonemap agx --exposure 1.2", error="6/255", limit=3),
+            tonemap="--tonemap agx --exposure 1.2", limit=1.2),
     Picture("sun", "Hard sunlight", "Two thirds of this map's light come from a few texels; a table of the map "
             "finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05").capitalize() + ".",
             spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30",
@@ -300,9 +301,9 @@ PICTURES = [
             "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
             "@/gltf/ToyCar/ToyCar.gltf", "--env @/hdri/vestibule_1k.hdr --camera 1 --aov albedo,normal,depth,samples,error",
             "420x280", "8/255", 1, kind="layers"),
-    Picture("operators", "The same film by eight operators", "Rendered once, developed eight times ([TONEMAPPING.md](TONEMAPPING.md)).",
-            "The flight helmet eight times, tone mapped by eight operators",
+    Picture("operators", "The same film by nine operators", "Rendered once, developed nine times ([TONEMAPPING.md](TONEMAPPING.md)).",
+            "The flight helmet eight times, tone mapped by nine operators",
             "Model: Gary Hsu, Microsoft (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")),
-            options="--exposure 0.5 --sweep operator=reinhard02,drago03,mantiuk08,mantiuk06,aces,agx,pbr-neutral,hable "
+            options="--exposure 0.5 --sweep operator=reinhard02,drago03,mantiuk08,mantiuk06,aces,aces-hill,agx,pbr-neutral,hable "
             "--tile-width 400", kind="operators", of="helmet"),
 ]
