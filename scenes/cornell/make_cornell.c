@@ -1,4 +1,4 @@
-/* make_cornell: writes the two Cornell boxes of this folder.
+/* make_cornell: writes the Cornell boxes of this folder.
  *
  * The room is the measured one (Cornell University Program of Computer Graphics, "The Cornell
  * Box", data of 1998), one of its millimetres as a centimetre: a room of 5.5 m. It is turned
@@ -211,32 +211,46 @@ static void add_block(struct box *b, const char *name, unsigned material, const 
         b->st = add_object(&b->writer, b->shape, name, material, middle, 1.0, b->err);
 }
 
-/* The measured camera: 35 mm focal length behind a film of 25 mm. */
-static void add_camera(struct box *b)
+/* The three boxes: the classical one under its lamp; two with mirror blocks under a skylight, of which the
+ * last is made to be looked at: an eye at a person's height, blocks that reach over the horizon. */
+struct design {
+    const char *name;
+    int mirrors;
+    double short_height, tall_height; /* measured units, as all here */
+    double skylight[4];               /* x0, x1, z0, z1 of the hole, or of the lamp in it */
+    double eye_height, target_height, yfov_rad;
+};
+
+#define MEASURED_YFOV (2 * atan(0.0125 / 0.035)) /* 35 mm focal length behind a film of 25 mm */
+
+static void add_camera(struct box *b, const struct design *d)
 {
-    const double measured_eye[3] = {278, 273, -800}, measured_target[3] = {278, 273, 0};
+    const double measured_eye[3] = {278, d->eye_height, -800};
+    const double measured_target[3] = {278, d->target_height, 0};
     double eye[3], target[3];
 
     place(measured_eye, eye);
     place(measured_target, target);
-    gltf_writer_add_camera(&b->writer, 2 * atan(0.0125 / 0.035), eye, target);
+    gltf_writer_add_camera(&b->writer, d->yfov_rad, eye, target);
 }
 
-static status make_box(const char *folder, int mirrors, struct shape *scratch, struct error *err)
+static status make_box(const char *folder, const struct design *d, struct shape *scratch,
+                       struct error *err)
 {
     static const double small_top[4][2] = {{130, 65}, {82, 225}, {240, 272}, {290, 114}};
     static const double tall_top[4][2] = {{423, 247}, {265, 296}, {314, 456}, {472, 406}};
     struct box b = {.shape = scratch, .err = err, .st = STATUS_OK};
     unsigned white, red, green, block;
+    const double *hole = d->skylight;
 
     gltf_writer_init(&b.writer);
     gltf_writer_use_extension(&b.writer, "KHR_materials_specular");
-    if (!mirrors)
+    if (!d->mirrors)
         gltf_writer_use_extension(&b.writer, "KHR_materials_emissive_strength");
     white = gltf_writer_add_material(&b.writer, white_json);
     red = gltf_writer_add_material(&b.writer, red_json);
     green = gltf_writer_add_material(&b.writer, green_json);
-    block = mirrors ? gltf_writer_add_material(&b.writer, mirror_json) : white;
+    block = d->mirrors ? gltf_writer_add_material(&b.writer, mirror_json) : white;
     build_floor(fresh(&b));
     add_room_part(&b, "floor", white);
     build_back(fresh(&b));
@@ -245,21 +259,19 @@ static status make_box(const char *folder, int mirrors, struct shape *scratch, s
     add_room_part(&b, "left wall", red);
     build_right(fresh(&b));
     add_room_part(&b, "right wall", green);
-    if (mirrors) { /* a skylight of 2.6 m */
-        build_ceiling(fresh(&b), 148, 408, 149.6, 409.6);
+    build_ceiling(fresh(&b), hole[0], hole[1], hole[2], hole[3]);
+    if (d->mirrors) {
         add_room_part(&b, "ceiling with a skylight", white);
     } else { /* the lamp fills its hole: no two faces lie on one another */
-        build_ceiling(fresh(&b), 213, 343, 227, 332);
         add_room_part(&b, "ceiling", white);
-        build_lamp(fresh(&b), 213, 343, 227, 332);
+        build_lamp(fresh(&b), hole[0], hole[1], hole[2], hole[3]);
         add_room_part(&b, "lamp", gltf_writer_add_material(&b.writer, lamp_json));
     }
-    add_block(&b, "short block", block, small_top, 165);
-    add_block(&b, "tall block", block, tall_top, 330);
-    add_camera(&b);
+    add_block(&b, "short block", block, small_top, d->short_height);
+    add_block(&b, "tall block", block, tall_top, d->tall_height);
+    add_camera(&b, d);
     if (b.st == STATUS_OK)
-        b.st = gltf_writer_save(&b.writer, folder, mirrors ? "cornell-mirror" : "cornell-area",
-                                NULL, err);
+        b.st = gltf_writer_save(&b.writer, folder, d->name, NULL, err);
     gltf_writer_release(&b.writer);
     return b.st;
 }
@@ -275,12 +287,17 @@ int main(int argc, char **argv)
     struct positionals rest;
     struct error err = {0};
     struct shape *scratch = NULL;
+    const struct design designs[] = {
+        {"cornell-mirror", 1, 165, 330, {148, 408, 149.6, 409.6}, 273, 273, MEASURED_YFOV},
+        {"cornell-area", 0, 165, 330, {213, 343, 227, 332}, 273, 273, MEASURED_YFOV},
+        {"cornell-field", 1, 205, 370, {100, 456, 70, 310}, 160, 228, 0.78},
+    };
     int help = 0;
     status st = options_parse(table, argc, argv, &rest, &help, &err);
 
     if (st == STATUS_OK && help) {
         options_print_help("make_cornell [options]",
-                           "Write cornell-mirror.gltf and cornell-area.gltf.", table);
+                           "Write the boxes of this folder.", table);
         return 0;
     }
     if (st == STATUS_OK && rest.count > 0)
@@ -289,10 +306,8 @@ int main(int argc, char **argv)
         scratch = mem_calloc(1, sizeof *scratch);
         st = scratch ? STATUS_OK : error_no_memory(&err, "a shape");
     }
-    if (st == STATUS_OK)
-        st = make_box(folder, 1, scratch, &err);
-    if (st == STATUS_OK)
-        st = make_box(folder, 0, scratch, &err);
+    for (size_t i = 0; st == STATUS_OK && i < sizeof designs / sizeof *designs; i++)
+        st = make_box(folder, &designs[i], scratch, &err);
     mem_free(scratch);
     if (st != STATUS_OK)
         fprintf(stderr, "make_cornell: %s\n", err.text);

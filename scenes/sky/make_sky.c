@@ -45,6 +45,7 @@ static status write_map(const char *path, const struct image *map, const struct 
 int main(int argc, char **argv)
 {
     const char *size = "1024x512", *path = "sky.exr";
+    int64_t seed = 1;
     struct sky_settings s = {.sun_elevation_deg = 40, .sun_azimuth_deg = 60, .turbidity = 2.5,
                              .ground_albedo = 0.2};
     const struct option table[] = {
@@ -56,6 +57,10 @@ int main(int argc, char **argv)
          "1 is air alone, 2.5 a clear day, 10 haze (default 2.5)", 1, 10, NULL},
         {"ground-albedo", 'g', OPTION_REAL, &s.ground_albedo, "A",
          "the grey ground reflects this share (default 0.2)", 0, 1, NULL},
+        {"field", 'f', OPTION_FLAG, &s.field, NULL,
+         "a wheat field with hills and clouds instead of grey ground", 0, 0, NULL},
+        {"seed", 0, OPTION_INT, &seed, "N", "of the field: another one, another landscape (default 1)",
+         0, 1e6, NULL},
         {"no-sun", 0, OPTION_FLAG, &s.no_sun, NULL, "leave out the sun's disc", 0, 0, NULL},
         {"size", 's', OPTION_STRING, &size, "WxH", "pixels (default 1024x512)", 0, 0, NULL},
         {"output", 'o', OPTION_STRING, &path, "FILE", "where to write (default sky.exr)", 0, 0,
@@ -80,6 +85,7 @@ int main(int argc, char **argv)
         st = error_set(&err, STATUS_ERR_USAGE, "make_sky takes options only");
     if (st == STATUS_OK)
         st = read_size(size, &s, &err);
+    s.seed = (uint32_t)seed;
     if (st == STATUS_OK)
         st = sky_make(&map, &s, &report, &err);
     if (st == STATUS_OK)

@@ -5,6 +5,7 @@
 
 #include "common/base/memory.h"
 #include "scenes/sky/atmosphere.h"
+#include "scenes/sky/field.h"
 
 #define PI 3.14159265358979323846
 #define RAD(degrees) ((degrees) * (PI / 180))
@@ -185,6 +186,24 @@ static double luminance(const double rgb[3])
     return 0.212656 * rgb[0] + 0.715158 * rgb[1] + 0.072186 * rgb[2];
 }
 
+/* What the landscape stands in. A sun at the horizon gives it none of its light. */
+static void describe_daylight(const struct sky *sky, const double from_sun[3],
+                              const double from_sky[3], struct daylight *light)
+{
+    double sine = sin(sky->sun_elevation_rad), cosine = cos(sky->sun_elevation_rad);
+
+    light->to_sun[0] = cosine * cos(sky->sun_azimuth_rad);
+    light->to_sun[1] = sine;
+    light->to_sun[2] = cosine * sin(sky->sun_azimuth_rad);
+    for (int c = 0; c < 3; c++) {
+        light->sun_lux[c] = sine > 0.01 ? from_sun[c] / sine : 0;
+        light->sky_lux[c] = from_sky[c];
+    }
+    for (int i = 0; i < DAYLIGHT_AZIMUTHS; i++)
+        sky_radiance_at(sky, RAD(1.5), 2 * PI * i / DAYLIGHT_AZIMUTHS - sky->sun_azimuth_rad,
+                        light->haze[i]);
+}
+
 status sky_make(struct image *out, const struct sky_settings *settings, struct sky_report *report,
                 struct error *err)
 {
@@ -212,6 +231,14 @@ status sky_make(struct image *out, const struct sky_settings *settings, struct s
     for (int c = 0; c < 3; c++)
         ground[c] = (from_sun[c] + from_sky[c]) * settings->ground_albedo / PI;
     paint_sky(sky, out, ground);
+    if (settings->field) {
+        struct daylight light;
+
+        describe_daylight(sky, from_sun, from_sky, &light);
+        st = field_paint(out, SKY_CANDELAS_PER_UNIT, &light, settings->seed, err);
+        if (st != STATUS_OK)
+            goto done;
+    }
     if (!settings->no_sun)
         paint_sun(sky, out, from_sun);
     if (report) {

@@ -19,6 +19,8 @@ struct sky_settings {
     double turbidity;            /* 1 to 10 */
     double ground_albedo;        /* 0 to 1 */
     int no_sun;                  /* leave out the disc, keep its light on sky and ground */
+    int field;                   /* a wheat field with hills, and clouds, instead of grey ground */
+    uint32_t seed;               /* of the field: another one, another landscape */
 };
 
 /* Illuminance of a horizontal plane at the ground, lux. */

@@ -1,0 +1,21 @@
+/* noise: repeatable randomness over the plane and over space, for what a landscape is made of. The
+ * same seed and place give the same value. */
+#ifndef AZULEJO_SCENES_SKY_NOISE_H
+#define AZULEJO_SCENES_SKY_NOISE_H
+
+#include <stdint.h>
+
+/* Well mixed 32 bits of three whole numbers and a seed. */
+uint32_t noise_hash(int x, int y, int z, uint32_t seed);
+/* The n-th number of a hash, 0 to below 1. */
+double noise_number(uint32_t hash, int n);
+/* Gradient noise (Perlin 2002), about -1 to 1, 0 on the whole numbers, wavelength 1 to 2. */
+double noise_at(double x, double y, double z, uint32_t seed);
+/* `octaves` of it, each of half the size and wavelength of the one before: -1 to 1. */
+double noise_sum(double x, double y, double z, int octaves, uint32_t seed);
+
+/* 0 below `from`, 1 above `to`, smooth between. */
+double smooth_step(double from, double to, double x);
+double mix(double a, double b, double share_of_b);
+
+#endif
