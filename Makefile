@@ -114,7 +114,8 @@ LIB_RENDER := $(BUILD)/lib/librender.a
 LIB_COORDINATOR := $(BUILD)/lib/libcoordinator.a
 LIB_WORKER := $(BUILD)/lib/libworker.a
 LIB_CLIENT := $(BUILD)/lib/libclient.a
-LIBRARIES := $(LIB_CLIENT) $(LIB_COORDINATOR) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
+LIB_SCENES := $(BUILD)/lib/libscenes.a
+LIBRARIES := $(LIB_SCENES) $(LIB_CLIENT) $(LIB_COORDINATOR) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
 
 BIN := $(BUILD)/bin
 PROGRAMS := $(BIN)/azulejo $(BIN)/azulejo-coordinator $(BIN)/azulejo-worker
@@ -211,6 +212,7 @@ $(LIB_COORDINATOR): $(call object,$(COORDINATOR_SRC)) $(WEB_GEN_OBJ) ; $(archive
 $(LIB_WORKER): $(call object,$(WORKER_SRC)) ; $(archive)
 $(LIB_CLIENT): $(call object,$(CLIENT_SRC)) ; $(archive)
 $(LIB_SUPPORT): $(call object,$(SUPPORT_SRC)) ; $(archive)
+$(LIB_SCENES): $(call object,$(SCENE_SHARED)) ; $(archive)
 
 # ---- link: each program sees only what ARCHITECTURE allows it -------------------------------
 $(BIN)/azulejo: $(call object,client/main.c) $(LIB_CLIENT) $(LIB_PROTOCOL) $(LIB_COMMON)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The demonstration behind `make demo`: render a Cornell box with a mirror under a clear sky, on two
+# The demonstration behind `make demo`: render a Cornell box with mirror blocks in a wheat field, on two
 # workers, into out/.
 #
 #   scripts/demo.sh [--env FILE] [--size WxH] [--spp N] [RENDER-OPTION]...
@@ -8,7 +8,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 build=${BUILD:-build/release}
-env='' size=512x512 spp=256
+env='' size=768x512 spp=192
 more=()
 while [ $# -gt 0 ]; do
     case $1 in
@@ -35,12 +35,17 @@ done
 
 mkdir -p out
 if [ -z "$env" ]; then
-    env=out/sky.exr
-    "$build/bin/scenes/sky/make_sky" --sun-elevation 40 --sun-azimuth 325 -o "$env"
-    echo "made the sky: $env"
+    env=out/field.exr
+    "$build/bin/scenes/sky/make_sky" --field --sun-elevation 47 --sun-azimuth 335 --size 3072x1536 -o "$env"
 fi
-"$build/bin/azulejo" render scenes/cornell/cornell-mirror.gltf --env "$env" --workers 2 \
+"$build/bin/azulejo" render scenes/cornell/cornell-field.gltf --env "$env" --workers 2 --exposure 0.4 \
     --size "$size" --spp "$spp" -o out/cornell ${more[@]+"${more[@]}"}
-echo
-echo "the picture:  $PWD/out/cornell.png (tone mapped)"
-echo "              $PWD/out/cornell.exr (linear radiance)"
+cat <<END
+
+The picture is out/cornell.png (tone mapped) and out/cornell.exr (linear radiance). Try next:
+
+  azulejo=$build/bin/azulejo
+  \$azulejo tonemap out/cornell.exr --sweep operator=all -o out/operators.png   # the same light, by every operator
+  \$azulejo estimate scenes/cornell/cornell-field.gltf --env $env               # what a smaller error costs
+  \$azulejo render scenes/liquids/wine.gltf --env $env --web -o out/wine        # and watch it on a page
+END

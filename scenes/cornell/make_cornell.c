@@ -14,7 +14,8 @@
 #include "common/base/options.h"
 #include "scenes/gltf_writer.h"
 
-#define WALL "\"doubleSided\": true, \"extensions\": {\"KHR_materials_specular\": " \
+#define WALL \
+    "\"doubleSided\": true, \"extensions\": {\"KHR_materials_specular\": " \
     "{\"specularFactor\": 0}}"
 #define LAMBERT(name, color) \
     "{\"name\": \"" name "\", \"pbrMetallicRoughness\": {\"baseColorFactor\": [" color ", 1], " \
@@ -296,8 +297,7 @@ int main(int argc, char **argv)
     status st = options_parse(table, argc, argv, &rest, &help, &err);
 
     if (st == STATUS_OK && help) {
-        options_print_help("make_cornell [options]",
-                           "Write the boxes of this folder.", table);
+        options_print_help("make_cornell [options]", "Write the boxes of this folder.", table);
         return 0;
     }
     if (st == STATUS_OK && rest.count > 0)

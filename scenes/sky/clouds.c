@@ -9,11 +9,11 @@
 /* Metres. */
 #define BASE 1150.0
 #define TOP 2300.0
-#define CELL 2600.0       /* one cloud, or none, in each square of this side */
+#define CELL 2600.0 /* one cloud, or none, in each square of this side */
 #define FARTHEST 30000.0
 #define HAZE_LENGTH 26000.0
 #define STEP 45.0
-#define EXTINCTION 0.022  /* of the densest part, per metre */
+#define EXTINCTION 0.022 /* of the densest part, per metre */
 
 enum { SUN_STEPS = 6, SCATTERINGS = 4 };
 
@@ -114,7 +114,8 @@ double clouds_light(const struct clouds *clouds, const double direction[3], doub
         cosine += direction[c] * light->to_sun[c];
     /* The same start for neighbours would show as rings. */
     t += STEP * noise_number(noise_hash((int)(direction[0] * 1e6), (int)(direction[1] * 1e6),
-                                        (int)(direction[2] * 1e6), clouds->seed), 0);
+                                        (int)(direction[2] * 1e6), clouds->seed),
+                             0);
     while (t < fmin(end, FARTHEST) && passes > 0.01) {
         double step = STEP * (1 + t / 8000);
         double p[3] = {t * direction[0], t * direction[1], t * direction[2]};

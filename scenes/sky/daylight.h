@@ -5,10 +5,10 @@
 enum { DAYLIGHT_AZIMUTHS = 360 };
 
 struct daylight {
-    double to_sun[3];                     /* unit vector; +Y is up */
-    double sun_lux[3];                    /* on a face that looks at the sun */
-    double sky_lux[3];                    /* on the level ground, by the sky alone */
-    double haze[DAYLIGHT_AZIMUTHS][3];    /* cd/m2 of the sky just over the horizon, by azimuth */
+    double to_sun[3];                  /* unit vector; +Y is up */
+    double sun_lux[3];                 /* on a face that looks at the sun */
+    double sky_lux[3];                 /* on the level ground, by the sky alone */
+    double haze[DAYLIGHT_AZIMUTHS][3]; /* cd/m2 of the sky just over the horizon, by azimuth */
 };
 
 /* The haze in a direction, cd/m2, between the two nearest azimuths. */

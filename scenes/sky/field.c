@@ -121,8 +121,9 @@ static void paint_rows(void *user, size_t begin, size_t end)
             if (elevation_of(p->map, y + 1.0) < LAND_HIGHEST_RAD)
                 covered = land_at(p, x, y, land);
             for (int c = 0; c < 3; c++)
-                texel[c] = (float)((1 - covered) * ((double)texel[c] * cloud[3] + cloud[c] / p->unit) +
-                                   land[c] / p->unit);
+                texel[c] =
+                    (float)((1 - covered) * ((double)texel[c] * cloud[3] + cloud[c] / p->unit) +
+                            land[c] / p->unit);
         }
     }
 }
@@ -140,7 +141,8 @@ status field_paint(struct image *map, double unit, const struct daylight *light,
     p->seed = seed;
     p->clouds = (struct clouds){.light = light, .seed = seed};
     land_init(&p->land, light, seed);
-    st = image_init(&p->veil, map->width / CLOUD_TEXELS + 1, map->height / 2 / CLOUD_TEXELS + 1, 4, err);
+    st = image_init(&p->veil, map->width / CLOUD_TEXELS + 1, map->height / 2 / CLOUD_TEXELS + 1, 4,
+                    err);
     if (st == STATUS_OK) {
         parallel_for(0, p->veil.height, 1, fill_veil, p);
         parallel_for(0, map->height, 4, paint_rows, p);

@@ -108,8 +108,8 @@ static int tree_light(const struct land *land, int number, double x, double y, d
     }
     if (nearest > 0.85 + 0.5 * grain)
         return 0;
-    crown_light(land->wheat.light, azimuth, fmin(fmax(at[0], -0.9), 0.9), fmin(fmax(at[1], -0.9), 0.9),
-                grain, rgb);
+    crown_light(land->wheat.light, azimuth, fmin(fmax(at[0], -0.9), 0.9),
+                fmin(fmax(at[1], -0.9), 0.9), grain, rgb);
     return 1;
 }
 
@@ -152,12 +152,14 @@ static double hill_top(const struct land *land, int k, double azimuth)
 }
 
 /* Fields are cells of a skewed grid over the hill's face; hedges run between them. */
-static void fields_colour(const struct land *land, int k, double azimuth, double down, double albedo[3])
+static void fields_colour(const struct land *land, int k, double azimuth, double down,
+                          double albedo[3])
 {
     static const double crops[6][3] = {{.50, .38, .16}, {.20, .26, .08}, {.16, .22, .07},
                                        {.42, .34, .15}, {.27, .28, .11}, {.34, .26, .15}};
     double bent = 0.35 * around(azimuth, 40, 4 * down, 2, land->seed + 60 + (uint32_t)k);
-    double across = azimuth / (2 * PI) * (46 + 20 * k) + 0.6 * down + bent, deep = down * 3.2 + bent;
+    double across = azimuth / (2 * PI) * (46 + 20 * k) + 0.6 * down + bent,
+           deep = down * 3.2 + bent;
     uint32_t h = noise_hash((int)floor(across), (int)floor(deep), k, land->seed + 61);
     const double *crop = crops[h % 6];
     double edge = fmin(fmin(across - floor(across), 1 - (across - floor(across))),
@@ -168,28 +170,33 @@ static void fields_colour(const struct land *land, int k, double azimuth, double
         albedo[c] = crop[c] * dark * (0.85 + 0.3 * noise_number(h, 1));
 }
 
-static int hill_light(const struct land *land, int k, double azimuth, double elevation, double rgb[3])
+static int hill_light(const struct land *land, int k, double azimuth, double elevation,
+                      double rgb[3])
 {
     static const double leaves[3] = {.055, .080, .030};
     const struct daylight *light = land->wheat.light;
     uint32_t seed = land->seed + 70 + (uint32_t)k;
     double grain = around(azimuth, 1500 * (1 + k), elevation * 240 * (1 + k), 3, seed);
     double smooth = hill_top(land, k, azimuth), down, wood, albedo[3], lean, sun;
-    double crest = smooth + RAD(.16 - .04 * k) * fmax(grain, -0.2) *
-                   smooth_step(-0.1, 0.15, around(azimuth, 60, 0.5, 2, seed + 9) + hills[k].wood);
+    double crest =
+        smooth + RAD(.16 - .04 * k) * fmax(grain, -0.2) *
+                     smooth_step(-0.1, 0.15, around(azimuth, 60, 0.5, 2, seed + 9) + hills[k].wood);
 
     if (elevation > crest)
         return 0;
     /* 0 at the crest, growing downwards; perspective makes fields flatter near the crest. */
     down = sqrt(fmax(smooth - elevation, 0) / RAD(1.2));
-    wood = smooth_step(0.02, 0.08, around(azimuth, 34, 2.2 * down, 3, seed + 5) * 1.2 +
-                                       0.35 * hills[k].wood + (elevation > smooth ? 1 : 0));
+    wood = smooth_step(0.02, 0.08,
+                       around(azimuth, 34, 2.2 * down, 3, seed + 5) * 1.2 + 0.35 * hills[k].wood +
+                           (elevation > smooth ? 1 : 0));
     fields_colour(land, k, azimuth, down, albedo);
     for (int c = 0; c < 3; c++)
-        albedo[c] = mix(albedo[c] * (1 + 0.15 * grain), leaves[c] * fmin(fmax(1 + 1.2 * grain, 0.3), 2), wood);
+        albedo[c] = mix(albedo[c] * (1 + 0.15 * grain),
+                        leaves[c] * fmin(fmax(1 + 1.2 * grain, 0.3), 2), wood);
     /* The face leans towards us; its flanks turn with the crest. */
     lean = (hill_top(land, k, azimuth + RAD(1)) - hill_top(land, k, azimuth - RAD(1))) / RAD(2);
-    sun = 0.94 * light->to_sun[1] - 0.3 * (light->to_sun[0] * cos(azimuth) + light->to_sun[2] * sin(azimuth)) -
+    sun = 0.94 * light->to_sun[1] -
+          0.3 * (light->to_sun[0] * cos(azimuth) + light->to_sun[2] * sin(azimuth)) -
           0.8 * lean * (light->to_sun[2] * cos(azimuth) - light->to_sun[0] * sin(azimuth));
     daylight_matt(light, albedo, fmax(sun, 0.05), 0.9, rgb);
     haze_over(light, azimuth, hills[k].distance_m, rgb);

@@ -25,14 +25,17 @@ static status write_map(const char *path, const struct image *map, const struct 
                         struct error *err)
 {
     const struct exr_attribute attributes[] = {
+        /* the field's first */
+        {.name = "fieldSeed", .number = s->seed},
         {.name = "sunElevation", .number = s->sun_elevation_deg},
         {.name = "sunAzimuth", .number = s->sun_azimuth_deg},
         {.name = "turbidity", .number = s->turbidity},
         {.name = "groundAlbedo", .number = s->ground_albedo},
         {.name = "candelasPerUnit", .number = SKY_CANDELAS_PER_UNIT},
     };
-    const struct exr_options options = {
-        .attributes = attributes, .attribute_count = sizeof attributes / sizeof *attributes};
+    const struct exr_options options = {.attributes = attributes + !s->field,
+                                        .attribute_count =
+                                            sizeof attributes / sizeof *attributes - !s->field};
     struct buffer file = BUFFER_INIT;
     status st = exr_encode(&file, map, &options, err);
 
@@ -45,9 +48,9 @@ static status write_map(const char *path, const struct image *map, const struct 
 int main(int argc, char **argv)
 {
     const char *size = "1024x512", *path = "sky.exr";
-    int64_t seed = 1;
-    struct sky_settings s = {.sun_elevation_deg = 40, .sun_azimuth_deg = 60, .turbidity = 2.5,
-                             .ground_albedo = 0.2};
+    int64_t seed = 5;
+    struct sky_settings s = {
+        .sun_elevation_deg = 40, .sun_azimuth_deg = 60, .turbidity = 2.5, .ground_albedo = 0.2};
     const struct option table[] = {
         {"sun-elevation", 'e', OPTION_REAL, &s.sun_elevation_deg, "DEG",
          "the sun above the horizon (default 40)", -5, 90, NULL},
@@ -56,11 +59,11 @@ int main(int argc, char **argv)
         {"turbidity", 't', OPTION_REAL, &s.turbidity, "T",
          "1 is air alone, 2.5 a clear day, 10 haze (default 2.5)", 1, 10, NULL},
         {"ground-albedo", 'g', OPTION_REAL, &s.ground_albedo, "A",
-         "the grey ground reflects this share (default 0.2)", 0, 1, NULL},
+         "the ground reflects this share: grey, and to the sky (default 0.2)", 0, 1, NULL},
         {"field", 'f', OPTION_FLAG, &s.field, NULL,
          "a wheat field with hills and clouds instead of grey ground", 0, 0, NULL},
-        {"seed", 0, OPTION_INT, &seed, "N", "of the field: another one, another landscape (default 1)",
-         0, 1e6, NULL},
+        {"seed", 0, OPTION_INT, &seed, "N",
+         "of the field: another one, another landscape (default 5)", 0, 1e6, NULL},
         {"no-sun", 0, OPTION_FLAG, &s.no_sun, NULL, "leave out the sun's disc", 0, 0, NULL},
         {"size", 's', OPTION_STRING, &size, "WxH", "pixels (default 1024x512)", 0, 0, NULL},
         {"output", 'o', OPTION_STRING, &path, "FILE", "where to write (default sky.exr)", 0, 0,
@@ -75,10 +78,11 @@ int main(int argc, char **argv)
     status st = options_parse(table, argc, argv, &rest, &help, &err);
 
     if (st == STATUS_OK && help) {
-        options_print_help("make_sky [options]",
-                           "Write a clear sky with sun as an environment map; "
-                           "1 unit is 10 kcd/m2.",
-                           table);
+        options_print_help(
+            "make_sky [options]",
+            "Write a clear sky with sun, or a summer's field under it, as an environment map; "
+            "1 unit is 10 kcd/m2.",
+            table);
         return 0;
     }
     if (st == STATUS_OK && rest.count > 0)

@@ -25,10 +25,7 @@ double smooth_step(double from, double to, double x)
     return t * t * (3 - 2 * t);
 }
 
-double mix(double a, double b, double share_of_b)
-{
-    return a + (b - a) * share_of_b;
-}
+double mix(double a, double b, double share_of_b) { return a + (b - a) * share_of_b; }
 
 /* The slope of a lattice point towards (x, y, z): one of the twelve edges of a cube. */
 static double slope(uint32_t hash, double x, double y, double z)
@@ -47,10 +44,12 @@ double noise_at(double x, double y, double z, uint32_t seed)
         weight[i] = at[i] * at[i] * at[i] * (at[i] * (at[i] * 6 - 15) + 10);
     for (int corner = 0; corner < 8; corner++) {
         int cx = corner & 1, cy = corner >> 1 & 1, cz = corner >> 2;
-        uint32_t hash = noise_hash((int)whole[0] + cx, (int)whole[1] + cy, (int)whole[2] + cz, seed);
+        uint32_t hash =
+            noise_hash((int)whole[0] + cx, (int)whole[1] + cy, (int)whole[2] + cz, seed);
 
         sum += (cx ? weight[0] : 1 - weight[0]) * (cy ? weight[1] : 1 - weight[1]) *
-               (cz ? weight[2] : 1 - weight[2]) * slope(hash >> 8, at[0] - cx, at[1] - cy, at[2] - cz);
+               (cz ? weight[2] : 1 - weight[2]) *
+               slope(hash >> 8, at[0] - cx, at[1] - cy, at[2] - cz);
     }
     return sum;
 }

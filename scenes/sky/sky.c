@@ -20,18 +20,15 @@ struct sky {
     struct sky_radiance grid[ELEVATIONS][AZIMUTHS];
 };
 
-static double elevation_of_node(double t)
-{
-    return PI / 2 * t * t;
-}
+static double elevation_of_node(double t) { return PI / 2 * t * t; }
 
 static void fill_grid(struct sky *sky)
 {
     for (int e = 0; e < ELEVATIONS; e++)
         for (int k = 0; k < AZIMUTHS; k++)
             atmosphere_sky(sky->atmosphere, sky->sun_elevation_rad,
-                           elevation_of_node((double)e / (ELEVATIONS - 1)),
-                           PI * k / (AZIMUTHS - 1), &sky->grid[e][k]);
+                           elevation_of_node((double)e / (ELEVATIONS - 1)), PI * k / (AZIMUTHS - 1),
+                           &sky->grid[e][k]);
 }
 
 static int split(double t, int nodes, double *fraction)

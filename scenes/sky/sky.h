@@ -13,14 +13,14 @@
 #define SKY_CANDELAS_PER_UNIT 10000.0 /* cd/m2 */
 
 struct sky_settings {
-    uint32_t width, height;      /* pixels */
-    double sun_elevation_deg;    /* -5 to 90 */
+    uint32_t width, height;   /* pixels */
+    double sun_elevation_deg; /* -5 to 90 */
     double sun_azimuth_deg;
-    double turbidity;            /* 1 to 10 */
-    double ground_albedo;        /* 0 to 1 */
-    int no_sun;                  /* leave out the disc, keep its light on sky and ground */
-    int field;                   /* a wheat field with hills, and clouds, instead of grey ground */
-    uint32_t seed;               /* of the field: another one, another landscape */
+    double turbidity;     /* 1 to 10 */
+    double ground_albedo; /* 0 to 1 */
+    int no_sun;           /* leave out the disc, keep its light on sky and ground */
+    int field;            /* a wheat field with hills, and clouds, instead of grey ground */
+    uint32_t seed;        /* of the field: another one, another landscape */
 };
 
 /* Illuminance of a horizontal plane at the ground, lux. */

@@ -59,10 +59,7 @@ static int in_track(double across)
 }
 
 /* A row is left out where the sower turned. */
-static int between_bouts(double across)
-{
-    return fabs(remainder(across - 1.5, BOUT)) < 0.16;
-}
+static int between_bouts(double across) { return fabs(remainder(across - 1.5, BOUT)) < 0.16; }
 
 /* The brightness of the crop at a place against its mean: patches of soil, and wind. */
 static double tone_at(double across, double along, uint32_t seed)
@@ -115,7 +112,7 @@ static void meet_plant(const struct wheat *w, const struct ray *ray, int row, in
     double across = (row + 0.5 + 0.5 * (noise_number(plant, 0) - 0.5)) * ROW;
     double along = (number + noise_number(plant, 1)) * PLANTS;
     double height = WHEAT_TOP_M - EAR_LENGTH + 0.24 * (noise_number(plant, 2) - 0.5) +
-                    0.03 * (sin(across * 2.3 + 1.7 * sin(along * 0.9)) + sin(along * 1.7));
+                    0.08 * (noise_number(noise_hash(row, number >> 6, 4, w->seed), 0) - 0.5);
     double turn, lean, x, z;
 
     if (lowest > height + EAR_LENGTH + EAR_RADIUS || in_track(across) || between_bouts(across))
@@ -125,16 +122,19 @@ static void meet_plant(const struct wheat *w, const struct ray *ray, int row, in
     x = along * c - across * s;
     z = along * s + across * c;
     {
-        const double bend[2] = {lean * cos(turn) + 0.35 * c, lean * sin(turn) + 0.35 * s}; /* wind */
+        const double bend[2] = {lean * cos(turn) + 0.35 * c,
+                                lean * sin(turn) + 0.35 * s}; /* wind */
         const double foot[3] = {x, 0, z}, stalk[3] = {bend[0] * 0.08, height, bend[1] * 0.08};
         const double neck[3] = {x + stalk[0], height, z + stalk[2]};
         const double ear[3] = {bend[0] * EAR_LENGTH, EAR_LENGTH, bend[1] * EAR_LENGTH};
         double from = height * (0.45 + 0.35 * noise_number(plant, 7));
-        const double leaf_foot[3] = {x + stalk[0] * from / height, from, z + stalk[2] * from / height};
+        const double leaf_foot[3] = {x + stalk[0] * from / height, from,
+                                     z + stalk[2] * from / height};
         const double leaf[3] = {0.16 * cos(turn + 2), 0.12 * (noise_number(plant, 8) - 0.3),
                                 0.16 * sin(turn + 2)};
 
-        meet_rod(ray, neck, ear, EAR_RADIUS * (0.8 + 0.5 * noise_number(plant, 5)), EAR, plant, nearest);
+        meet_rod(ray, neck, ear, EAR_RADIUS * (0.8 + 0.5 * noise_number(plant, 5)), EAR, plant,
+                 nearest);
         if (lowest > height)
             return;
         meet_rod(ray, foot, stalk, STALK_RADIUS, STALK, plant, nearest);
@@ -227,8 +227,7 @@ static void plant_light(const struct wheat *w, const double direction[3], double
     through = met.part == SOIL ? 0 : 0.2; /* thin parts let some light through */
     depth = fmax(WHEAT_TOP_M - shadow.from[1], 0);
     sees = (0.18 + 0.82 * exp(-depth / 0.16)) * (0.6 + 0.4 * met.normal[1]);
-    daylight_matt(w->light, albedo, lit * (fmax(cosine, 0) * (1 - through) + through),
-                  sees, rgb);
+    daylight_matt(w->light, albedo, lit * (fmax(cosine, 0) * (1 - through) + through), sees, rgb);
 }
 
 /* The mean over directions that differ a little, of an even crop. */
@@ -278,7 +277,8 @@ static void mean_light(const struct wheat *w, const double direction[3], double 
                        double slope, double rgb[3])
 {
     static const double green_tint[3] = {0.62, 0.95, 0.75};
-    double flat = hypot(direction[0], direction[2]), x = direction[0] / flat, z = direction[2] / flat;
+    double flat = hypot(direction[0], direction[2]), x = direction[0] / flat,
+           z = direction[2] / flat;
     double across, along, crossing, unused, at, gap, green, tone;
     double turn = atan2(z, x) / (2 * PI), fall = slope - direction[1] / flat;
     int i, k;
@@ -291,7 +291,9 @@ static void mean_light(const struct wheat *w, const double direction[3], double 
     k = (i + 1) % WHEAT_SECTORS;
     /* Ears as one sees them: upright grains of an even size in the field. */
     tone = tone_at(across, along, w->seed) *
-           (1 + 0.5 * noise_sum(turn * 2 * PI * distance / 0.09, 30 * log(distance), 0.5, 2, w->seed + 14) *
+           (1 + 0.5 *
+                    noise_sum(turn * 2 * PI * distance / 0.09, 30 * log(distance), 0.5, 2,
+                              w->seed + 14) *
                     smooth_step(300, 30, distance));
     /* Tracks, and a wider gap between two rows where the sower turned, every 3 m. */
     gap = in_track(across) ? 0.45 + 0.55 * seen_into(0.5, fall, crossing) : 0;
