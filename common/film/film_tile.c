@@ -27,18 +27,18 @@ static void add_group(const struct film *film, uint32_t tile, uint32_t group, do
     uint32_t pixels = film_tile_pixels(film, tile);
     size_t values = (size_t)pixels * 3;
     uint32_t count = film_group_samples(film, tile, group);
-    double samples = count, of[GROUP_REPLICATES];
+    double samples = count, share[GROUP_REPLICATES];
     const double *a = group_values(&film->tiles[tile].groups[group], 2 * values, scratch);
     const double *b = a + values;
 
     for (size_t i = 0; i < values; i++)
         means[i] += weight * ((a[i] + b[i]) / samples);
     for (uint32_t r = 0; r < GROUP_REPLICATES; r++)
-        of[r] = replicate_samples(count, r);
+        share[r] = 1.0 / replicate_samples(count, r);
     for (uint32_t p = 0; p < pixels; p++) {
         double difference = 0;
         for (uint32_t c = 0; c < 3; c++)
-            difference += luminance_weights[c] * (a[p * 3 + c] / of[0] - b[p * 3 + c] / of[1]);
+            difference += luminance_weights[c] * (a[p * 3 + c] * share[0] - b[p * 3 + c] * share[1]);
         variances[p] += weight * weight * (difference * difference / 4);
     }
 }

@@ -26,14 +26,18 @@ int linear_layer_parse(const char *name)
     return strcmp(name, picture_name) == 0 ? LINEAR_PICTURE : aov >= 0 ? aov : -2;
 }
 
-/* Of the light that a display can show nothing is lost: a half reaches 65504. */
+/* half_from_float, but what is beyond HALF_MAX is HALF_MAX: of the light that a display can show nothing is lost.
+ * Without branches, so that several are made at once: this is most of what a page that watches costs. */
 static uint16_t to_half(float value)
 {
-    if (value > HALF_MAX)
-        value = HALF_MAX;
-    else if (value < -HALF_MAX)
-        value = -HALF_MAX;
-    return half_from_float(value);
+    uint32_t bits = float_bits(value), sign = bits >> 16 & 0x8000, size = bits & 0x7fffffffu;
+    uint32_t normal = (size - 0x38000000u + 0xfff + (size >> 13 & 1)) >> 13; /* to nearest, ties to even */
+    uint32_t small = float_bits(float_from_bits(size) + 0.5f) - 0x3f000000u; /* below 2^-14: in steps of 2^-24, 0.5's last bit */
+    uint32_t half = size < 0x38800000u ? small : normal;
+
+    half = size > 0x477fe000u ? 0x7bff : half;
+    half = size > 0x7f800000u ? 0x7e00 : half; /* not a number */
+    return (uint16_t)(sign | half);
 }
 
 size_t linear_record(uint32_t tile, uint32_t width, uint32_t height, double samples, const float (*pixels)[4],
@@ -41,15 +45,19 @@ size_t linear_record(uint32_t tile, uint32_t width, uint32_t height, double samp
 {
     uint8_t *at = out + LINEAR_HEADER_BYTES;
     double counted = samples * LINEAR_SAMPLES_ONE + 0.5;
+    uint16_t halves[TILE_PIXELS_MAX * 4];
+    const float *values = &pixels[0][0];
+    uint32_t count = width * height * 4;
 
     bytes_put32(out, tile);
     bytes_put16(out + 4, (uint16_t)width);
     bytes_put16(out + 6, (uint16_t)height);
     bytes_put32(out + 8, counted < UINT32_MAX ? (uint32_t)counted : UINT32_MAX);
-    for (uint32_t p = 0; p < width * height; p++, at += LINEAR_PIXEL_BYTES)
-        for (uint32_t c = 0; c < 4; c++)
-            bytes_put16(at + 2 * c, to_half(pixels[p][c]));
-    return (size_t)(at - out);
+    for (uint32_t i = 0; i < count; i++)
+        halves[i] = to_half(values[i]);
+    for (uint32_t i = 0; i < count; i++)
+        bytes_put16(at + 2 * (size_t)i, halves[i]);
+    return LINEAR_HEADER_BYTES + 2 * (size_t)count;
 }
 
 size_t linear_tile(const struct film *film, uint32_t tile, int layer, uint8_t out[LINEAR_RECORD_MAX])

@@ -22,8 +22,9 @@ enum {
     LIVE_TURN_MS = 40,           /* changed tiles are looked for this often, */
     LIVE_AGAIN_MS = 1,           /* or, when there were too many for one turn, */
     LIVE_TURN_NS = 2000000,      /* which takes this long at most, all clients together, */
-    LIVE_SHARE = 100,            /* and in the long run this part of a processor; not counting first tiles */
+    LIVE_SHARE = 400,            /* and in the long run this part of a processor; not counting first tiles, nor the kernel's part */
     LIVE_SHARE_MAX_NS = 4000000, /* of which so much may be saved up */
+    LIVE_STILL_MS = 300,         /* without a result: then tiles with a few new samples are sent, too */
     LIVE_SLICE_TILES = 16,       /* of one client, then it is the next one's turn */
     LIVE_MESSAGE_BYTES = 1 << 16,/* of tiles, about */
     LIVE_MESSAGE_HEADER = 12,
@@ -82,6 +83,7 @@ struct live_watch {
     uint64_t epoch;              /* of the job when it was begun (struct job, epoch_floor) */
     struct picture picture;
     uint64_t samples;            /* of the film when all of its tiles had been sent */
+    uint64_t changed_ns;         /* when it was found with other samples last */
     int in_turn;                 /* the last turn did not look at all tiles */
     int is_final;                /* all of a film that ended was sent */
     int is_read;                 /* a film that is not open was read, and nothing came since */

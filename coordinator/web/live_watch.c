@@ -239,7 +239,7 @@ static const struct tile_cache_entry *encode(struct live *live, const struct liv
 /* Has all of it been sent, as it is now? */
 static int is_up_to_date(const struct live_watch *w, const struct job_frame *frame)
 {
-    return w->samples == film_samples(frame->film) && !w->in_turn;
+    return w->samples == film_samples(frame->film) && !w->in_turn && w->picture.is_exact;
 }
 
 /* Send the next tiles. 1: there may be more for this turn. */
@@ -268,7 +268,7 @@ static int send_tiles(struct live_client *client, const struct job_frame *frame,
     return 1;
 }
 
-static int film_slice(struct live_client *client, const struct job_frame *frame, int begins_turn)
+static int film_slice(struct live_client *client, const struct job_frame *frame, uint64_t now_ns, int begins_turn)
 {
     struct live_watch *w = &client->watch;
     uint64_t begin_ns;
@@ -280,10 +280,14 @@ static int film_slice(struct live_client *client, const struct job_frame *frame,
     }
     if (!w->in_turn && !begins_turn)
         return 0;
-    if (begins_turn)
-        picture_turn(&w->picture, w->in_turn);
-    if (!w->in_turn) {
+    if (w->in_turn) {
+        if (begins_turn)
+            picture_turn_on(&w->picture);
+    } else {
+        if (w->samples != film_samples(frame->film))
+            w->changed_ns = now_ns;
         w->samples = film_samples(frame->film); /* what changes from here on is for the next turn */
+        picture_turn(&w->picture, frame->end != FRAME_END_NONE || now_ns - w->changed_ns >= LIVE_STILL_MS * NS_PER_MS);
         w->in_turn = 1;
     }
     begin_ns = clock_thread_cpu_ns(); /* on a busy machine much more time passes than is used */
@@ -303,5 +307,5 @@ int watch_slice(struct live_client *client, uint64_t now_ns, int begins_turn)
         stored_turn(client, job, now_ns);
     if (w->state != WATCH_FRAME || !frame || w->epoch != job->epoch_floor)
         return 0;
-    return film_slice(client, frame, begins_turn);
+    return film_slice(client, frame, now_ns, begins_turn);
 }

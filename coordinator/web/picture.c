@@ -29,11 +29,24 @@ void picture_end(struct picture *p)
     memset(p, 0, sizeof *p);
 }
 
-void picture_turn(struct picture *p, int goes_on)
+void picture_turn_on(struct picture *p)
 {
     p->fresh_left = p->unseen > 0 ? p->tiles : 0;
-    if (!goes_on)
-        p->next_left = p->tiles;
+}
+
+void picture_turn(struct picture *p, int is_exact)
+{
+    picture_turn_on(p);
+    p->next_left = p->tiles;
+    p->is_exact = is_exact;
+}
+
+/* Has a tile that the client saw become another? */
+static int is_other(const struct picture *p, uint32_t tile, uint32_t samples)
+{
+    uint32_t seen = p->sent[tile];
+
+    return seen != 0 && (p->is_exact ? samples != seen : samples < seen || samples - seen >= (seen + 1) / 2);
 }
 
 static uint32_t step(const struct picture *p, uint32_t *place)
@@ -66,7 +79,7 @@ int64_t picture_next(struct picture *p, const uint32_t *shown, int *is_first)
         uint32_t tile = step(p, &p->next);
         p->next_left--;
         *is_first = 0;
-        if (p->sent[tile] != 0 && picture_wants(p, tile, shown[tile]))
+        if (is_other(p, tile, shown[tile]) && picture_wants(p, tile, shown[tile]))
             return tile;
     }
     return PICTURE_NO_TILE;

@@ -30,7 +30,7 @@ static void a_new_client_gets_tiles_spread_over_the_picture(void **state)
     assert_int_equal(p.tiles, TILES);
     for (uint32_t i = 0; i < TILES; i++)
         shown[i] = 4;
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     for (int i = 0; i < 4; i++) {
         int64_t tile = picture_next(&p, shown, &first);
         assert_true(tile >= 0 && first);
@@ -53,20 +53,20 @@ static void only_changes_are_sent_and_the_newest(void **state)
 
     (void)state;
     assert_true(picture_begin(&p, WIDTH, HEIGHT));
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE); /* nothing is rendered */
     shown[13] = 2;
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     assert_int_equal(picture_next(&p, shown, &first), 13);
     assert_true(first);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
     shown[13] = 4;
     shown[13] = 8; /* the client was slow: it gets one of the two */
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     assert_int_equal(picture_next(&p, shown, &first), 13);
     assert_false(first);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
     picture_end(&p);
 }
@@ -84,7 +84,7 @@ static void each_tile_gets_its_turn(void **state)
         shown[i] = 1;
     for (uint32_t turn = 0; turn < 3 * TILES; turn++) {
         int64_t tile;
-        picture_turn(&p, 0);
+        picture_turn(&p, 1);
         tile = picture_next(&p, shown, &first);
         assert_true(tile >= 0);
         got[tile]++;
@@ -92,6 +92,31 @@ static void each_tile_gets_its_turn(void **state)
         for (uint32_t i = 0; i < TILES; i++)
             shown[i]++;
     }
+    picture_end(&p);
+}
+
+/* While results keep coming, a tile is sent again with half as many samples again; then as it is. */
+static void few_new_samples_wait(void **state)
+{
+    static const uint32_t counts[] = {2, 3, 4, 5, 6, 8, 9, 12, 13, 4};
+    static const int sent[] = {1, 1, 0, 1, 0, 1, 0, 1, 0, 1}; /* the last: it began again */
+    struct picture p = {0};
+    uint32_t shown[TILES] = {0};
+    int first;
+
+    (void)state;
+    assert_true(picture_begin(&p, WIDTH, HEIGHT));
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        shown[9] = counts[i];
+        picture_turn(&p, 0);
+        assert_int_equal(picture_next(&p, shown, &first), sent[i] ? 9 : PICTURE_NO_TILE);
+    }
+    shown[9]++;
+    picture_turn(&p, 0);
+    assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
+    picture_turn(&p, 1);
+    assert_int_equal(picture_next(&p, shown, &first), 9);
+    assert_int_equal(picture_next(&p, shown, &first), PICTURE_NO_TILE);
     picture_end(&p);
 }
 
@@ -106,14 +131,14 @@ static void unseen_tiles_come_first(void **state)
     assert_true(picture_begin(&p, WIDTH, HEIGHT));
     for (uint32_t i = 0; i < 20; i++)
         shown[i] = 2;
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     for (int i = 0; i < 20; i++)
         assert_true(picture_next(&p, shown, &first) >= 0);
     for (uint32_t i = 0; i < 20; i++)
         shown[i] = 4;
     for (uint32_t i = 20; i < TILES; i++)
         shown[i] = 2;
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     for (uint32_t i = 20; i < TILES; i++) {
         assert_true(picture_next(&p, shown, &first) >= 20);
         assert_true(first);
@@ -133,13 +158,13 @@ static void unseen_tiles_do_not_wait_for_the_turns_end(void **state)
     (void)state;
     assert_true(picture_begin(&p, WIDTH, HEIGHT));
     shown[3] = shown[4] = 2;
-    picture_turn(&p, 0);
+    picture_turn(&p, 1);
     assert_true(picture_next(&p, shown, &first) >= 0);
     assert_true(picture_next(&p, shown, &first) >= 0);
     shown[3] = shown[4] = 4;
     assert_in_range(picture_next(&p, shown, &first), 3, 4); /* changed ones: the search for unseen ones is over */
     shown[20] = 2;
-    picture_turn(&p, 1);
+    picture_turn_on(&p);
     assert_int_equal(picture_next(&p, shown, &first), 20);
     assert_true(first);
     assert_in_range(picture_next(&p, shown, &first), 3, 4);
@@ -249,6 +274,27 @@ static void light_that_a_half_cannot_hold_is_the_largest_half(void **state)
     assert_true(isnan(half_to_float(bytes_get16(record + 18))));
 }
 
+/* Every 1,000th float, and every one beside a border: where halves become smaller, and where they end. */
+static void every_float_becomes_the_nearest_half(void **state)
+{
+    static const uint32_t borders[] = {0, 0x33000000u, 0x33800000u, 0x38000000u, 0x38800000u, 0x477fe000u, 0x477ff000u, 0x7f800000u};
+    uint8_t record[LINEAR_RECORD_MAX];
+
+    (void)state;
+    for (uint64_t i = 0; i < (uint64_t)1 << 32; i += i % 1000 < 8 ? 1 : 992) {
+        uint32_t at = i % 1000 < 8 ? borders[i % 1000] + (uint32_t)(i / 1000 % 0x4000) - 0x2000u : (uint32_t)i;
+        float value = float_from_bits(at), kept = value > HALF_MAX ? HALF_MAX : value < -HALF_MAX ? -HALF_MAX : value;
+        const float pixels[1][4] = {{value, 0, 0, 0}};
+        uint16_t half;
+        linear_record(0, 1, 1, 1, pixels, record);
+        half = bytes_get16(record + LINEAR_HEADER_BYTES);
+        if (isnan(value))
+            assert_true(isnan(half_to_float(half)));
+        else
+            assert_int_equal(half, half_from_float(kept));
+    }
+}
+
 static void layers_have_names(void **state)
 {
     (void)state;
@@ -300,11 +346,13 @@ int main(void)
         cmocka_unit_test(a_new_client_gets_tiles_spread_over_the_picture),
         cmocka_unit_test(only_changes_are_sent_and_the_newest),
         cmocka_unit_test(each_tile_gets_its_turn),
+        cmocka_unit_test(few_new_samples_wait),
         cmocka_unit_test(unseen_tiles_come_first),
         cmocka_unit_test(unseen_tiles_do_not_wait_for_the_turns_end),
         cmocka_unit_test(pixels_are_the_means_and_their_errors),
         cmocka_unit_test(a_film_in_work_has_them_too),
         cmocka_unit_test(light_that_a_half_cannot_hold_is_the_largest_half),
+        cmocka_unit_test(every_float_becomes_the_nearest_half),
         cmocka_unit_test(layers_have_names),
         cmocka_unit_test(aovs_are_those_of_the_exr),
     };
