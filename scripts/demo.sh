@@ -8,7 +8,7 @@
 set -eu
 cd "$(dirname "$0")/.."
 build=${BUILD:-build/release}
-env='' size=768x512 spp=192
+env='' size=768x512 spp=384
 more=()
 while [ $# -gt 0 ]; do
     case $1 in
