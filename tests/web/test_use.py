@@ -74,6 +74,54 @@ def an_address_pasted_into_an_open_page():
         paste("view")
 
 
+# A machine whose clock is two hours ahead.
+AHEAD = "{ const now = Date.now; Date.now = () => now() + 7200e3; }"
+
+
+@tests.add
+def two_people_at_one_browser():
+    """another tab's sign-in is said; hidden tabs watch nothing; a wrong clock changes no age; a revocation is said once"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker()
+        page = browser.page(width=1600, height=1000)
+        page.allow("401|403|WebSocket|connection|ERR_")
+        page.call("Page.addScriptToEvaluateOnNewDocument", {"source": AHEAD})
+        page.open("%s/#token=%s" % (farm.origin(), farm.token("operate")))
+        connected(page)
+        job = farm.submit(farm.scene(), *LONG)
+        page.wait_text("submitted just now", "#side")
+        page.wait("/--key /.test(document.querySelector('#side .command code')?.textContent)", "a command with the key")
+        picture = "document.getElementById('picture').picture"
+        page.wait("%s?.pixels?.arrived" % picture, "the picture")
+        page.js("""import('/assets/live.js').then(() => { const late = setTimeout; window.setTimeout = (f, ms) => late(f, ms === 10000 ? 0 : ms);
+            Object.defineProperty(document, 'hidden', {get: () => window.away, configurable: true});
+            window.away = true; document.dispatchEvent(new Event('visibilitychange')); })""")
+        mean = "%s.pixels.samples.reduce((a, b) => a + b, 0)" % picture
+        page.frames(30)
+        before = page.js(mean)
+        wait_for(lambda: int(farm.job(job)["samples_done"]) > 2.5 * 128 * 128 * before / 64, "twice the samples at the farm")
+        expect(page.js(mean) == before, "a hidden page goes on watching")
+        page.js("window.away = false; document.dispatchEvent(new Event('visibilitychange'))")
+        page.wait("%s > %g" % (mean, 1.2 * before), "the picture to go on")
+        other = farm.page(browser, role="view")
+        other.allow("401|WebSocket|connection|ERR_")
+        page.wait_text("signed in as view@test, role view: this tab is that, too", "#said")
+        page.wait("document.body.dataset.role === 'view'", "the role of the other tab")
+        connected(page)
+        number = [t["token"] for t in farm.api("GET", "/tokens")["tokens"] if t["name"] == "view"][0]
+        page.js("""window.told = 0; new MutationObserver(list => { for (const m of list) told += m.addedNodes.length; })
+            .observe(document.getElementById('refused'), {childList: true})""")
+        farm.api("DELETE", "/tokens/%d" % number, expect=(200, 204))
+        for each in (page, other):
+            each.wait("document.querySelector('main.login .problem')?.innerText", "the form, and why")
+        for _ in range(3):
+            page.js("import('/assets/notice.js').then(n => n.trouble({status: 401, message: 'no token'}))")
+        expect(page.js("told") <= 1 and not page.text("#refused"), "it is said %d times" % page.js("told"))
+        other.open("%s/#token=%s" % (farm.origin(), farm.token("operate")))
+        page.wait("document.body.dataset.role === 'operate'", "the first tab to be signed in, too")
+
+
 @tests.add
 def events_are_shown_once():
     """events that come live and those of the jobs' logs are one list, newest first, each line once"""

@@ -1,5 +1,5 @@
 /* admin: what takes the store's room, and who may do what. */
-import { h, children, moment, facts, copy, property } from './dom.js';
+import { h, children, moment, facts, copy, property, clockNow } from './dom.js';
 import { get, post, del } from './api.js';
 import { state, ended, loadOlder } from './state.js';
 import { may, act, listOf } from './verbs.js';
@@ -49,7 +49,7 @@ export function storeView(node) {
     if (!want) return;
     /* The oldest jobs are those that the page has not loaded. */
     try { while (state.older) await loadOlder(); } catch (why) { trouble(why); return; }
-    const old = [...state.jobs.values()].filter((j) => ended(j) && may('operate', j) && (!want.state || j.state === want.state) && j.finished_at && j.finished_at < Date.now() / 1000 - want.days * 86400);
+    const old = [...state.jobs.values()].filter((j) => ended(j) && may('operate', j) && (!want.state || j.state === want.state) && j.finished_at && j.finished_at < clockNow() - want.days * 86400);
     if (!old.length) say('No such job is that old.');
     else if (await act('remove', old.map((j) => j.job))) read();
   };
@@ -98,7 +98,7 @@ export function accessView(node) {
       { name: 'role', label: 'Role', options: ROLES, value: 'submit' },
       { name: 'owner', label: 'Owner of its jobs', value: state.session.who, hint: 'user@host' },
       { name: 'days', label: 'Expires after days', type: 'number', min: 1, hint: 'empty: never' }], 'Create',
-    (v) => ({ name: v.name, role: v.role, owner: v.owner, expires_at: v.days ? Math.round(Date.now() / 1000 + Number(v.days) * 86400) : 0 }));
+    (v) => ({ name: v.name, role: v.role, owner: v.owner, expires_at: v.days ? Math.round(clockNow() + Number(v.days) * 86400) : 0 }));
     if (!want) return;
     post('/tokens', want).then((made) => { read(); return once('The token', 'Whoever has it can do what its role may.', made.secret); }).catch(trouble);
   };

@@ -43,13 +43,18 @@ export function children(node, wanted) {
   }
 }
 
+/* The coordinator's clock, which all moments are of; the browser's may be hours off. Seconds since 1970. */
+let ahead = 0;
+export const setClock = (at) => { ahead = at - Date.now() / 1000; };
+export const clockNow = () => Date.now() / 1000 + ahead;
+
 /* A moment (seconds since 1970): relative, with the absolute on hover. */
 const absolute = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium', timeStyle: 'medium' });
 const clock = new Intl.DateTimeFormat(undefined, { hour: '2-digit', minute: '2-digit' });
-export const clockText = (at) => (Math.abs(at - Date.now() / 1000) < 43200 ? clock : absolute).format(new Date(at * 1000));
+export const clockText = (at) => (Math.abs(at - clockNow()) < 43200 ? clock : absolute).format(new Date(at * 1000));
 
 function ago(at) {
-  const s = Date.now() / 1000 - at, size = Math.abs(s);
+  const s = clockNow() - at, size = Math.abs(s);
   if (size < 10) return 'just now';
   const words = size < 60 ? `${Math.round(size / 10) * 10} s` : size < 3570 ? `${Math.round(size / 60)} min` : size < 36 * 3600 ? `${Math.round(size / 3600)} h` : `${Math.round(size / 86400)} d`;
   return s > 0 ? `${words} ago` : `in ${words}`;

@@ -7,8 +7,8 @@ export function address() {
   const port = (state.farm.address || '').match(/:(\d+)$/)?.[1] || 7420;
   return `${location.hostname}:${port}`;
 }
-/* The option that names it; none where it is the default. */
-export const where = () => (address() === '127.0.0.1:7420' ? '' : ` -c ${address()}`);
+/* The options that name it, and the farm's key on the machine where the command runs. */
+export const where = () => `${address() === '127.0.0.1:7420' ? '' : ` -c ${address()}`} --key farm.key`;
 export const emptyJobs = () => [
   h('p', null, 'No jobs yet. Send a scene (glTF, pbrt, OBJ or PLY) from a terminal:'),
   command(`azulejo submit scene.glb${where()}`),

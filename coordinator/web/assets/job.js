@@ -1,5 +1,5 @@
 /* job: the panel beside the picture: how far a job is, how good, when it is good enough; its verbs, frames, files, log. */
-import { h, text, attr, show, children, setMoment, moment, facts, command, clockText } from './dom.js';
+import { h, text, attr, show, children, setMoment, moment, facts, command, clockText, clockNow } from './dom.js';
 import { get, url } from './api.js';
 import { state, ended, share, frameCount, bit, reason, loadJob } from './state.js';
 import { context } from './context.js';
@@ -46,7 +46,7 @@ function whenWords(job) {
     return `${aim || `${display(end.display)} at the end`}${runs ? ` in ${time}` : `, ${time}${after}`}`;
   }
   if (job.seconds_left >= 0 && runs)
-    return `${aim ? `${aim}, all frames` : 'all done'} in ${span(job.seconds_left)}, at ${clockText(Date.now() / 1000 + job.seconds_left)}`;
+    return `${aim ? `${aim}, all frames` : 'all done'} in ${span(job.seconds_left)}, at ${clockText(clockNow() + job.seconds_left)}`;
   return aim ? `${aim}; when is not known yet` : runs ? 'not known yet' : '–';
 }
 const stateWords = (job) => [job.state, reason(job)].filter(Boolean).join(': ');

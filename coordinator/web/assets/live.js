@@ -5,10 +5,11 @@
 const RETRY_MS = [250, 500, 1000, 2000, 4000];
 const SILENCE_MS = 20000;             /* then it is asked whether it is still there */
 const HEALTH_MS = 5000;
+const HIDDEN_MS = 10000;              /* a page that is hidden for so long watches no picture */
 
 const handlers = { event() {}, connection() {} };
 const watches = new Map();            /* serial -> {want, to} */
-let socket = null, last = null, serial = 0, tries = 0, timer = 0, silence = 0, ended = true;
+let socket = null, last = null, serial = 0, tries = 0, timer = 0, silence = 0, ended = true, hiding = 0, asleep = false;
 
 function send(message) {
   if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
@@ -42,6 +43,18 @@ async function look(mine) {
   } catch { mine.close(); if (socket === mine) mine.onclose(); }
 }
 
+/* The coordinator knows nothing of a watch any more: new numbers, so that late tiles of the old one are nobody's. */
+function ask() {
+  const wanted = [...watches.values()];
+  watches.clear();
+  for (const watch of wanted) {
+    watch.serial = ++serial;
+    watches.set(serial, watch);
+  }
+  const newest = wanted.at(-1);
+  if (newest) request(newest.serial, newest.want);
+}
+
 function open() {
   clearTimeout(timer);
   if (ended || (socket && socket.readyState <= WebSocket.OPEN)) return;
@@ -53,15 +66,7 @@ function open() {
     silence = setTimeout(() => look(mine), SILENCE_MS);
     send({ resume: last });
     handlers.connection('open', last === null);
-    /* A new connection knows nothing: new numbers, so that late tiles of the old one are nobody's. */
-    const wanted = [...watches.values()];
-    watches.clear();
-    for (const watch of wanted) {
-      watch.serial = ++serial;
-      watches.set(serial, watch);
-    }
-    const newest = wanted.at(-1);
-    if (newest) request(newest.serial, newest.want);
+    ask();
   };
   mine.onmessage = ({ data }) => {
     clearTimeout(silence);
@@ -80,12 +85,23 @@ function open() {
 }
 
 addEventListener('online', open);
-document.addEventListener('visibilitychange', () => document.hidden || open());
+/* Nobody sees the tiles of a hidden page. */
+function sleep() {
+  if (socket && watches.size) { send({ watch: 0 }); asleep = true; }
+}
+function wake() {
+  clearTimeout(hiding);
+  open();
+  if (asleep) { asleep = false; ask(); }
+}
+document.addEventListener('visibilitychange', () => { if (document.hidden) hiding = setTimeout(sleep, HIDDEN_MS); else wake(); });
 
 export const live = {
   /* event(name, data) and connection("open" | "lost", first). */
   begin(to) { Object.assign(handlers, to); ended = false; open(); },
   end() { ended = true; last = null; if (socket) socket.close(); },
+  /* As somebody else: the connection goes on in the name that it was begun with. */
+  again() { if (socket) socket.close(); },
   /* Watch a frame: {job, frame (0: the one in work), layer}. Calls picture(data) first, and again after a lost
    * connection or when frame 0 becomes another frame; tiles(ArrayBuffer, count) for each "AZL1" message;
    * done(data). The coordinator sends one picture at a time: the newest watch. Returns stop(). */

@@ -2,6 +2,14 @@
 import { h } from './dom.js';
 import { get, post, del } from './api.js';
 
+/* Tabs of a browser share the session's cookie: whoever signs in or out in one does so in all. */
+const tabs = new BroadcastChannel('azulejo');
+export const onOtherTab = (fn) => { tabs.onmessage = fn; };
+async function signIn(token) {
+  await post('/session', { token });
+  tabs.postMessage('session');
+}
+
 const TOKEN = /[#&]token=([^&]+)/;
 export const hasToken = () => TOKEN.test(location.hash);
 
@@ -10,7 +18,7 @@ export async function begin() {
   const m = location.hash.match(TOKEN);
   if (m) {
     history.replaceState(null, '', '#/');
-    try { await post('/session', { token: decodeURIComponent(m[1]) }); } catch (error) { return { session: null, why: error.message }; }
+    try { await signIn(decodeURIComponent(m[1])); } catch (error) { return { session: null, why: error.message }; }
   }
   try {
     const session = await get('/session');
@@ -20,7 +28,7 @@ export async function begin() {
   }
 }
 export async function leave() {
-  try { await del('/session'); } finally { location.hash = '#/'; location.reload(); }
+  try { await del('/session'); tabs.postMessage('session'); } finally { location.hash = '#/'; location.reload(); }
 }
 
 export function loginForm(why, done) {
@@ -30,7 +38,7 @@ export function loginForm(why, done) {
     onsubmit: async (e) => {
       e.preventDefault();
       const words = input.value.trim(), m = words.match(/token=([^&\s]+)/);
-      try { await post('/session', { token: m ? decodeURIComponent(m[1]) : words }); done(); } catch (error) { problem.textContent = error.message; input.select(); }
+      try { await signIn(m ? decodeURIComponent(m[1]) : words); done(); } catch (error) { problem.textContent = error.message; input.select(); }
     },
   }, h('h1', null, h('img', { src: '/assets/icon.svg', alt: '', width: 32, height: 32 }), ' Azulejo'),
   h('p', null, 'This page needs a token. The coordinator prints its page’s whole address when it starts; for others:'),

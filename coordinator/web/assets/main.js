@@ -1,5 +1,5 @@
 /* main: the page's frame: header, views, connection, theme, keys. Reads: context.js, state.js, then this. */
-import { h, text, attr, show, children, clockText } from './dom.js';
+import { h, text, attr, show, children, clockText, clockNow } from './dom.js';
 import { context, emit } from './context.js';
 import { live } from './live.js';
 import { state, subscribe, load, loadJob, takeEvent, ended, reason, frameCount, change } from './state.js';
@@ -11,7 +11,7 @@ import { eventsView } from './log.js';
 import { storeView, accessView } from './admin.js';
 import { submitView, beginDrops } from './submit.js';
 import { emptyJobs } from './empty.js';
-import { begin, hasToken, leave, loginForm } from './login.js';
+import { begin, hasToken, leave, loginForm, onOtherTab } from './login.js';
 import { act, may, owns } from './verbs.js';
 import { addKeys, allKeys, keysAreOn, switchKeys } from './keys.js';
 import { open } from './dialog.js';
@@ -93,7 +93,7 @@ function connection(now, first) {
   emit('connection', now);
   document.documentElement.dataset.connection = now;
   if (now === 'lost' && !lostAt) {
-    lostAt = Date.now() / 1000;
+    lostAt = clockNow();
     tell('Connection lost');
     get401();
     asking = setTimeout(askInstead, ASK_MS);
@@ -273,6 +273,7 @@ addKeys({
 
 function signIn(why) {
   live.end();
+  for (const id of ['refused', 'said']) children(byId(id), []); /* the form says it */
   byId('app').hidden = true;
   document.querySelector('main.login')?.remove();
   document.body.prepend(loginForm(why, () => { location.reload(); }));
@@ -315,6 +316,16 @@ async function start() {
   setTimeout(() => state.loaded || load().catch(trouble), 1500);
   header();
 }
+/* In another tab somebody signed in, or out: what this one asks for is asked in that name from now on. */
+onOtherTab(async () => {
+  if (byId('app').hidden) { location.reload(); return; }
+  const { session } = await begin(), before = state.session;
+  if (!session) { signIn('You signed out in another tab of this browser.'); return; }
+  await refreshed();
+  if (session.token === before.token) return;
+  live.again();
+  say(`Another tab of this browser signed in as ${session.who}, role ${session.role}: this tab is that, too.`);
+});
 /* A token put into the address of a page that is open signs in as it does on opening, and is removed from there. */
 addEventListener('hashchange', async (event) => {
   if (!hasToken()) return;

@@ -5,6 +5,8 @@ const STAY_MS = 8000, KEPT = 4;
 let last = null; /* presses the newest line's button */
 
 function line(node, words, undo, undoName) {
+  /* The same again, as of requests that are repeated, is no news. */
+  for (const item of undo ? [] : [...node.children]) if (item.firstChild.textContent === words) item.remove();
   const act = () => { close(); undo(); };
   const item = h('div', { class: 'notice' }, h('span', null, words), undo && h('button', { onclick: act }, undoName || 'Undo'),
     h('button', { class: 'quiet', 'aria-label': 'Close this message', onclick: () => close() }, '×'));
@@ -21,7 +23,7 @@ function line(node, words, undo, undoName) {
 
 export const say = (words, undo, undoName) => line(document.getElementById('said'), words, undo, undoName);
 export function trouble(why) {
-  if (why && why.name === 'AbortError') return;
+  if (why && (why.name === 'AbortError' || (why.status === 401 && document.querySelector('main.login')))) return;
   line(document.getElementById('refused'), why instanceof Error || why.message ? why.message : String(why));
 }
 export function undoLast() {

@@ -3,7 +3,7 @@
  *   begin --> load (lists) --> events change it --> "reset" --> load again
  */
 import { get } from './api.js';
-import { clockText } from './dom.js';
+import { clockText, setClock } from './dom.js';
 
 const EVENTS_KEPT = 2000;
 const ENDED_FIRST = 200;
@@ -73,6 +73,7 @@ export function takeWorkers(list) {
   change().workers = true;
 }
 export function takeFarm(farm) {
+  if (Number(farm.now)) setClock(Number(farm.now));
   state.farm = farm;
   change().farm = true;
 }
