@@ -25,6 +25,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from documents import load, tracked
 
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".svg", ".gif")
+PICTURE_BYTES_MOST = 400000
 LINE_MOST = 110     # characters of a command: longer ones must be scrolled on a screen
 # Programs of others, and words of the shell, that documents may use.
 OTHERS = set("""apt-get awk bash blender cat cd chmod cmp cp curl cut diff do done echo else esac export false ffmpeg fi for git grep head
@@ -184,7 +185,7 @@ class Checker:
             self.fault(document, line, "the link '%s': %s has no heading with the anchor '#%s'" % (target, where, anchor))
 
     def pictures(self):
-        """Each picture of docs/images is named in some document."""
+        """Each picture of docs/images is named in some document, and is small enough to be loaded with it."""
         named = set()
         for document in self.documents:
             for _, target, _ in document.links():
@@ -192,6 +193,8 @@ class Checker:
         for path in self.files:
             if path.startswith("docs/images/") and path.endswith(PICTURES) and path not in named:
                 self.faults.append("%s: no document shows this picture: remove it, or link to it" % path)
+            if path.startswith("docs/images/") and os.path.getsize(os.path.join(self.root, path)) > PICTURE_BYTES_MOST:
+                self.faults.append("%s: larger than %d kB: make it smaller" % (path, PICTURE_BYTES_MOST // 1000))
 
     # ---- commands ----
 

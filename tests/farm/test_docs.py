@@ -101,6 +101,12 @@ def each_fault_is_found():
                 expect(done.returncode == 0, done.stdout + done.stderr)
             else:
                 expect(done.returncode == 1 and words in done.stdout, "%s -> %s: %s %s" % (right, wrong, done.stdout, done.stderr))
+        with open(os.path.join(root, "README.md"), "w", encoding="utf-8") as file:
+            file.write(GOOD)
+        with open(os.path.join(root, "docs", "images", "a.png"), "wb") as file:
+            file.write(bytes(400001))
+        done = check(root)
+        expect(done.returncode == 1 and "docs/images/a.png: larger than 400 kB" in done.stdout, done.stdout)
 
 
 @tests.add
