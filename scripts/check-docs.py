@@ -349,7 +349,6 @@ class Checker:
                     variables["functions"] = functions | document.functions
                     self.command(document, line, words, variables)
         document.functions |= functions
-        document.variables.update(variables)
 
     def spans(self, document):
         for line, text in document.spans():
@@ -363,7 +362,7 @@ class Checker:
 
     def run(self):
         for document in self.documents:
-            document.functions, document.variables = set(), {}
+            document.functions = set()
             for link in document.links():
                 self.link(document, *link)
             for block in document.blocks:
