@@ -243,7 +243,7 @@ PICTURES = [
             tonemap="--tonemap agx --exposure 0.4"),
     Picture("drinks", "Water and wine", "Liquids touch their glass, and the border between them has the index "
             "of both ([LIQUIDS.md](LIQUIDS.md)).", "A tumbler of water with ice and a glass of red wine before a bright wall", OWN,
-            drinks, "--max-depth 24", tonemap="--tonemap agx --exposure 0.9"),
+            drinks, "--max-depth 24", limit=1.3, tonemap="--tonemap agx --exposure 0.9"),
     Picture("chair", "A velvet chair", "Sheen makes the rim of cloth bright; the light is two softboxes and a "
             "ceiling.", "An armchair of orange velvet before a grey paper backdrop",
             "Model: Wayfair, LLC (%s), %s." % (KHRONOS, CC0), chair, "", "720x480", "4/255", 3,
@@ -256,7 +256,7 @@ PICTURES = [
     Picture("monkeys", "Thin films", "The same film over a pale body, over metal, and on glass.",
             "Three monkey heads with rings of rainbow colour: pale, metal and glass",
             "Model: UX3D (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")), monkeys, "--env @/hdri/chinese_garden_1k.hdr --env-rotate 250 --max-depth 24 --lens 0.12 --focus 12.5",
-            "640x320", tonemap="--tonemap agx --exposure 0.4"),
+            "640x320", limit=1.3, tonemap="--tonemap agx --exposure 0.4"),
     Picture("toycar", "A toy car on a cloth", "Clear coat over paint, sheen on cloth, windows that let light pass.",
             "A green toy car with flames on a red cloth",
             "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
@@ -282,13 +282,13 @@ PICTURES = [
             "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="400x400", limit=1.2),
     Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
             "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night").capitalize() + ".", bulbs,
-            "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap agx --exposure 0", limit=1.3),
+            "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap pbr-neutral", limit=1.3),
     Picture("fog", "A road in fog", "Light is scattered on its way: each lantern has a halo, and distance swallows them.",
             "Two rows of lanterns, warm and cold, that fade into fog", OWN, lanterns,
-            tonemap="--tonemap agx --exposure 1.2", limit=1.2),
+            tonemap="--tonemap agx --exposure 1.2", limit=2),
     Picture("sun", "Hard sunlight", "Two thirds of this map's light come from a few texels; a table of the map "
             "finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05").capitalize() + ".",
-            spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30",
+            spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30", limit=1.3,
             tonemap="--tonemap agx --exposure 0.5"),
     Picture("strip", "Six frames of an animation", "The toy car drives by, with the shutter open for half of "
             "each frame.", "Six frames in which a toy car drives along a cloth",

@@ -76,7 +76,7 @@ class Maker:
             words += ["--size", "%dx%d" % (round(240 * w / max(w, h)), round(240 * h / max(w, h))), "--spp", str(draft)]
         else:
             words += ["--size", picture.size, "--target-error", picture.error, "--core-limit", "%gm" % picture.limit]
-        return words + ["-o", "%s/%s%s" % (WORK, "draft/" if draft else "", picture.name)]
+        return words + shlex.split(picture.tonemap) + ["-o", "%s/%s%s" % (WORK, "draft/" if draft else "", picture.name)]
 
     def render(self, words):
         run = subprocess.run(["nice", "-n", "10", self.azulejo, *self.real(words), "--format", "exr", "--json", "--quiet"],
@@ -93,7 +93,7 @@ class Maker:
         print("rendering", picture.name, flush=True)
         self.prepare(picture)
         started = time.time()
-        job = self.render(words + shlex.split(picture.tonemap))["job"]
+        job = self.render(words)["job"]
         width, height = map(int, picture.size.split("x"))
         frames = max(1, job["frames_done"])
         kept = {"command": words, "samples": round(job["stats"]["samples"] / (width * height * frames)),
@@ -163,7 +163,7 @@ class Maker:
         for picture in pictures:
             words = self.command(picture, samples)
             base = self.real([words[-1]])[0]
-            job = self.render(words + shlex.split(picture.tonemap))["job"]
+            job = self.render(words)["job"]
             print("%-12s error %6.1f %s after %d spp, %.1f core-seconds" % (
                 picture.name, job["error"]["display"], job["error"]["word"], samples, job["stats"]["cpu_seconds"]), flush=True)
             parts += [self.develop(picture, f) for f in self.films(base)]
@@ -250,7 +250,7 @@ def figures(picture, note):
 
 
 def section(picture, note):
-    words = note["command"] + shlex.split(picture.tonemap)
+    words = note["command"]
     commands = [c for c in picture.before]
     if callable(picture.scene):
         commands.append("docs/images/make_gallery.py --scenes %s    # writes the scene" % picture.name)
