@@ -137,7 +137,7 @@ def drinks(data, folder):
     s.put(os.path.join(ROOT, "scenes/liquids/ice.gltf"), place(-0.55, 0, 0.25, 20), only=3)
     s.put(os.path.join(ROOT, "scenes/liquids/wine.gltf"), place(0.55, 0, -0.05), only=2)
     s.disc(14, s.surface((0.045, 0.05, 0.06), 0.18))
-    s.lamp((0, 1.9, -4.5), (0, 1.9, 0), 9.5, 3.6, 1.1, (0.80, 0.90, 1.0))
+    s.lamp((0, 1.6, -4.5), (0, 1.6, 0), 9.5, 4.2, 1.1, (0.80, 0.90, 1.0))
     s.lamp((-4.5, 2.5, 2.0), (0, 0.6, 0), 1.2, 3.5, 6, (1, 0.93, 0.85))
     s.lamp((3.5, 4.5, 2.5), (0, 0.6, 0), 2, 2, 4)
     s.camera((0.15, 1.15, 5.6), (0, 0.70, 0), 18)
@@ -227,6 +227,11 @@ PICTURES = [
             "Model: Gary Hsu, Microsoft (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")),
             helmet, "--env @/hdri/chinese_garden_1k.hdr --env-rotate 345 --lens 0.014 --focus 1.13",
             "1600x900", "2/255", 25, "--tonemap agx --exposure 0.5", largest=400, file="hero.jpg"),
+    Picture("field", "Mirrors in a wheat field", "The Cornell box with blocks of mirror, in a landscape that a program of this repository "
+            "makes: rows of wheat, hills, clouds and a sun.", "A Cornell box with two mirror blocks that stands in a wheat field under clouds",
+            OWN, "scenes/cornell/cornell-field.gltf", "--env out/gallery/field.exr", "600x400", "4/255", 2, "--exposure 0.4",
+            before=("build/release/bin/scenes/sky/make_sky --field --sun-elevation 47 --sun-azimuth 335 "
+                    "--size 3072x1536 -o out/gallery/field.exr",)),
     Picture("crystal", "A crystal ball", "The index of its glass depends on the wavelength: the garden in it stands on its "
             "head, and its edges have colours.", "A crystal ball in a garden that is seen in it upside down, with coloured edges",
             OWN + " " + haven("Chinese Garden").capitalize() + ".", crystal,
@@ -269,7 +274,7 @@ PICTURES = [
     Picture("balls", "From mirror to chalk, near to far", "A million triangles and a lens that is sharp at one "
             "column only.", "Rows of balls from mirror to matt, sharp in the middle and blurred at both ends",
             "Model: %s, %s; %s." % (KHRONOS, CC0, haven("Vestibule")), balls,
-            "--env @/hdri/vestibule_1k.hdr --lens 0.0003 --focus 0.0062"),
+            "--env @/hdri/vestibule_1k.hdr --lens 0.0003 --focus 0.0062", limit=1.3),
     Picture("coffee", "A coffee maker", "Coated plastic, steel and thin glass under three softboxes.",
             "An orange coffee maker with a glass pot on a shining floor",
             "Scene: “Coffee Maker” by cekuhnen, %s, from Benedikt Bitterli's [rendering resources]"
@@ -279,7 +284,7 @@ PICTURES = [
             "others.", "A bright hall with a wooden staircase",
             "Scene: “Modern Hall” by NewSee2l035, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
-            "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="400x400", limit=1.2),
+            "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="440x440", limit=2),
     Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
             "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night").capitalize() + ".", bulbs,
             "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap pbr-neutral", limit=1.3),
