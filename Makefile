@@ -317,8 +317,9 @@ words: ## prove that the glossary of docs/ARCHITECTURE.md is true
 openapi: ## prove that docs/openapi.yaml is what scripts/openapi.py makes
 	@scripts/openapi.py --check
 
-docs-check: all ## prove that the documents name only what exists: links, pictures, commands, options
+docs-check: all ## prove that the documents name only what exists: links, pictures, commands, options, figures
 	@scripts/check-docs.py --bin $(BIN)
+	@docs/images/make_gallery.py --check
 
 gallery: all ## make the pictures of docs/GALLERY.md again (two hours; AZULEJO_DATA names the data)
 	@docs/images/make_gallery.py

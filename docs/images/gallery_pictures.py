@@ -227,20 +227,20 @@ PICTURES = [
             "Model: Gary Hsu, Microsoft (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")),
             helmet, "--env @/hdri/chinese_garden_1k.hdr --env-rotate 345 --lens 0.014 --focus 1.13",
             "1600x900", "2/255", 25, "--tonemap agx --exposure 0.5", largest=400, file="hero.jpg"),
+    Picture("toycar", "A toy car on a cloth", "Clear coat over paint, sheen on cloth, windows that let light pass.",
+            "A green toy car with flames on a red cloth",
+            "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
+            "@/gltf/ToyCar/ToyCar.gltf", "--env @/hdri/vestibule_1k.hdr --camera 1", "720x480", "4/255", 3),
     Picture("field", "Mirrors in a wheat field", "The Cornell box with blocks of mirror, in a landscape that a program of this repository "
             "makes: rows of wheat, hills, clouds and a sun.", "A Cornell box with two mirror blocks that stands in a wheat field under clouds",
             OWN, "scenes/cornell/cornell-field.gltf", "--env out/gallery/field.exr", "600x400", "4/255", 2, "--exposure 0.4",
             before=("build/release/bin/scenes/sky/make_sky --field --sun-elevation 47 --sun-azimuth 335 "
                     "--size 3072x1536 -o out/gallery/field.exr",)),
-    Picture("crystal", "A crystal ball", "The index of its glass depends on the wavelength: the garden in it stands on its "
-            "head, and its edges have colours.", "A crystal ball in a garden that is seen in it upside down, with coloured edges",
-            OWN + " " + haven("Chinese Garden").capitalize() + ".", crystal,
-            "--env @/hdri/chinese_garden_1k.hdr --env-rotate 200 --lens 0.05 --focus 4.6 --max-depth 24",
-            tonemap="--tonemap agx --exposure 1.2"),
-    Picture("shaderballs", "Steel, gold, copper", "Brushed steel stretches its highlights; rough metals lose no "
-            "energy, because light that is reflected twice between their facets is counted.",
-            "Three material balls of brushed steel, polished gold and satin copper in a dark studio",
-            "Model: three.js, MIT.", shaderballs, tonemap="--tonemap agx --exposure 0.6"),
+    Picture("olives", "Olives under an iridescent lid", "The lid is glass with a film of a few hundred nanometres.",
+            "A dish of olives under a shimmering glass lid",
+            "Model: Wayfair, LLC (%s), %s; %s." % (KHRONOS, BY4, haven("Vestibule")),
+            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8", "720x480", limit=2,
+            tonemap="--tonemap agx --exposure 0.5"),
     Picture("vase", "Flowers in a glass vase", "A thick glass, refracted through both of its walls; the leaves "
             "are cut out by alpha.", "Pink flowers in a thick glass vase on a pale table",
             "Model: Eric Chadwick and Rico Cilliers (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
@@ -249,28 +249,26 @@ PICTURES = [
     Picture("drinks", "Water and wine", "Liquids touch their glass, and the border between them has the index "
             "of both ([LIQUIDS.md](LIQUIDS.md)).", "A tumbler of water with ice and a glass of red wine before a bright wall", OWN,
             drinks, "--max-depth 24", limit=1.3, tonemap="--tonemap agx --exposure 0.9"),
+    Picture("crystal", "A crystal ball", "The index of its glass depends on the wavelength: the garden in it stands on its "
+            "head, and its edges have colours.", "A crystal ball in a garden that is seen in it upside down, with coloured edges",
+            OWN + " " + haven("Chinese Garden").capitalize() + ".", crystal,
+            "--env @/hdri/chinese_garden_1k.hdr --env-rotate 200 --lens 0.05 --focus 4.6 --max-depth 24",
+            tonemap="--tonemap agx --exposure 1.2"),
     Picture("chair", "A velvet chair", "Sheen makes the rim of cloth bright; the light is two softboxes and a "
             "ceiling.", "An armchair of orange velvet before a grey paper backdrop",
             "Model: Wayfair, LLC (%s), %s." % (KHRONOS, CC0), chair, "", "720x480", "4/255", 3,
             tonemap="--tonemap agx --exposure 0.6"),
-    Picture("olives", "Olives under an iridescent lid", "The lid is glass with a film of a few hundred nanometres.",
-            "A dish of olives under a shimmering glass lid",
-            "Model: Wayfair, LLC (%s), %s; %s." % (KHRONOS, BY4, haven("Vestibule")),
-            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8", "720x480", limit=2,
-            tonemap="--tonemap agx --exposure 0.5"),
+    Picture("shaderballs", "Steel, gold, copper", "Brushed steel stretches its highlights; rough metals lose no "
+            "energy, because light that is reflected twice between their facets is counted.",
+            "Three material balls of brushed steel, polished gold and satin copper in a dark studio",
+            "Model: three.js, MIT.", shaderballs, tonemap="--tonemap agx --exposure 0.6"),
+    Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
+            "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night").capitalize() + ".", bulbs,
+            "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap pbr-neutral", limit=1.3),
     Picture("monkeys", "Thin films", "The same film over a pale body, over metal, and on glass.",
             "Three monkey heads with rings of rainbow colour: pale, metal and glass",
             "Model: UX3D (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")), monkeys, "--env @/hdri/chinese_garden_1k.hdr --env-rotate 250 --max-depth 24 --lens 0.12 --focus 12.5",
             "640x320", limit=1.3, tonemap="--tonemap agx --exposure 0.4"),
-    Picture("toycar", "A toy car on a cloth", "Clear coat over paint, sheen on cloth, windows that let light pass.",
-            "A green toy car with flames on a red cloth",
-            "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
-            "@/gltf/ToyCar/ToyCar.gltf", "--env @/hdri/vestibule_1k.hdr --camera 1", "720x480", "4/255", 3),
-    Picture("motion", "Going along with it", "The camera drives beside the car; all else is blurred by the time "
-            "that the shutter is open.", "A toy car in sharp focus on a cloth that is blurred by motion",
-            "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
-            lambda data, folder: drive(data, folder, True),
-            "--env @/hdri/vestibule_1k.hdr --frames 0 --shutter 0.5"),
     Picture("balls", "From mirror to chalk, near to far", "A million triangles and a lens that is sharp at one "
             "column only.", "Rows of balls from mirror to matt, sharp in the middle and blurred at both ends",
             "Model: %s, %s; %s." % (KHRONOS, CC0, haven("Vestibule")), balls,
@@ -280,14 +278,11 @@ PICTURES = [
             "Scene: “Coffee Maker” by cekuhnen, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
             "@/pbrt/bitterli-coffee/scene-v4.pbrt", size="400x500", limit=1.3),
-    Picture("staircase", "A hall with a staircase", "Light finds in through the windows, and every wall sees the "
-            "others.", "A bright hall with a wooden staircase",
+    Picture("staircase", "A hall with a staircase", "All light comes in through the windows, and goes from wall "
+            "to wall.", "A bright hall with a wooden staircase",
             "Scene: “Modern Hall” by NewSee2l035, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
             "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="440x440", limit=2),
-    Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
-            "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night").capitalize() + ".", bulbs,
-            "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap pbr-neutral", limit=1.3),
     Picture("fog", "A road in fog", "Light is scattered on its way: each lantern has a halo, and distance swallows them.",
             "Two rows of lanterns, warm and cold, that fade into fog", OWN, lanterns,
             tonemap="--tonemap agx --exposure 1.2", limit=2),
@@ -295,6 +290,11 @@ PICTURES = [
             "finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05").capitalize() + ".",
             spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30", limit=1.3,
             tonemap="--tonemap agx --exposure 0.5"),
+    Picture("motion", "Going along with it", "The camera drives beside the car; all else is blurred by the time "
+            "that the shutter is open.", "A toy car in sharp focus on a cloth that is blurred by motion",
+            "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
+            lambda data, folder: drive(data, folder, True),
+            "--env @/hdri/vestibule_1k.hdr --frames 0 --shutter 0.5"),
     Picture("strip", "Six frames of an animation", "The toy car drives by, with the shutter open for half of "
             "each frame.", "Six frames in which a toy car drives along a cloth",
             "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),

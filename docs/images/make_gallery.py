@@ -243,9 +243,9 @@ def figures(picture, note):
         return ""
     seconds = note["core_seconds"]
     time_spent = "%d core-seconds" % seconds if seconds < 100 else "%.1f core-minutes" % (seconds / 60)
-    each = " a frame" if picture.kind == "strip" else ""
-    return "*Error %.1f/255%s, %d samples a pixel, %s, %s pixels%s.*" % (
-        note["display_error"], "" if note["word"] == "reliable" else " (may be understated)", note["samples"], time_spent,
+    each, which = (" a frame", " in the last frame") if picture.kind == "strip" else ("", "")
+    return "*Error %.1f/255%s%s, %d samples a pixel, %s, %s pixels%s.*" % (
+        note["display_error"], which, "" if note["word"] == "reliable" else " (may be understated)", note["samples"], time_spent,
         picture.size.replace("x", " x "), each)
 
 
