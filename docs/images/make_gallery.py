@@ -219,10 +219,9 @@ def layers(film, base):
 
 # ---- the page --------------------------------------------------------------------------------------------------
 
-def shown(words):
+def shown(program, words):
     """A command over several lines, each of which fits a screen."""
-    parts, line = [], "azulejo"
-    units = []
+    parts, line, units = [], program, []
     for word in words:
         quoted = word if word.startswith("$") else shlex.quote(word)
         if units and units[-1].startswith("-") and " " not in units[-1] and not word.startswith("-"):
@@ -251,15 +250,15 @@ def figures(picture, note):
 
 def section(picture, note):
     words = note["command"]
-    commands = [c for c in picture.before]
+    commands = [shown(c[0], c[1:]) for c in map(shlex.split, picture.before)]
     if callable(picture.scene):
         commands.append("docs/images/make_gallery.py --scenes %s    # writes the scene" % picture.name)
-    commands.append(shown(words))
+    commands.append(shown("azulejo", words))
+    reason = ("needs the film of the first picture" if picture.of else
+              "needs AZULEJO_DATA" if callable(picture.scene) or "AZULEJO_DATA" in " ".join(words) else "takes minutes")
     lines = ["", "## " + picture.title, "", "![%s](images/%s)" % (picture.alt, picture.file), "", picture.words, "",
              figures(picture, note), picture.credit, "", "<details><summary>Command</summary>", "",
-             "<!-- not run: needs %s -->" % ("the film of the first picture" if picture.of else
-                                             "AZULEJO_DATA" if "AZULEJO_DATA" in " ".join(words + commands) or callable(picture.scene)
-                                             else "minutes"),
+             "<!-- not run: %s -->" % reason,
              "```sh", *commands, "```", "", "</details>"]
     return "\n".join(line for n, line in enumerate(lines) if line or lines[n - 1]) + "\n"
 
