@@ -179,6 +179,7 @@ status farm_go_on(struct farm *farm, struct job *job, const struct job *before,
     job->frames_resting_count = before->frames_resting_count;
     memset(&job->pictures, 0, sizeof job->pictures);
     job_reopen(&farm->queue, job, chosen);
+    farm_note_closed(farm, job);
     if (farm->store && chosen->chosen && store_job_sum(farm->store, job, &why) != STATUS_OK)
         log_warn("job %llu: what its other frames took is not counted until the next start: %s",
                  id_of(job), why.text);

@@ -184,14 +184,17 @@ static void trouble_tick(struct farm *farm, uint64_t now_ns)
             (void)farm_frame_open_next(farm, job, now_ns);
 }
 
-/* The coordinator was killed after the job's end was stored, and before its films were removed. */
-static void remove_left_films(void *user, uint64_t id)
+/* A job's films: what they have, or, if the coordinator was killed after the job's end was stored and before its films
+ * were removed, nobody needs them. */
+static void look_at_films(void *user, uint64_t id)
 {
-    const struct farm *farm = user;
-    const struct job *job = queue_find(&farm->queue, id);
+    struct farm *farm = user;
+    struct job *job = queue_find(&farm->queue, id);
 
     if (job && job->state == JOB_STATE_CANCELLED && (job->marks & JOB_MARK_DISCARDED))
         store_films_remove(farm->store, id);
+    else if (job && !job_state_ended(job->state))
+        farm_note_closed(farm, job);
 }
 
 void farm_resume(struct farm *farm, uint64_t now_ns)
@@ -199,7 +202,7 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
     if (farm->store)
         store_clear_removed(farm->store);
     if (farm->store)
-        store_films_list(farm->store, remove_left_films, farm);
+        store_films_list(farm->store, look_at_films, farm);
     trouble_tick(farm, now_ns);
     for (size_t i = 0; i < farm->queue.count; i++)
         if (farm->queue.all[i]->state != JOB_STATE_FAILED)

@@ -210,6 +210,8 @@ struct job_frame *farm_frame_find(const struct job *job, uint32_t number);
  * job waiting. */
 struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
                                   uint64_t now_ns);
+/* Note what the films have that are on disk only, for the job's progress. */
+void farm_note_closed(struct farm *farm, struct job *job);
 /* Could the frame of some job be opened, as far as the limits of all jobs go? */
 int farm_may_begin(const struct farm *farm);
 /* The next frame of the job that is neither done nor open, opened; NULL: none, or limits. */

@@ -25,6 +25,8 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
     while (*at != frame)
         at = &(*at)->next;
     *at = frame->next;
+    if (farm->store)
+        job_note_closed(frame->job, frame->number, film_samples(frame->film));
     if (frame->number < frame->job->begin_from) /* it may have to be begun again */
         frame->job->begin_from = frame->number;
     queue_frames_changed(&farm->queue, frame->job);

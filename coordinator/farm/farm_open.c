@@ -89,6 +89,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
         return NULL;
     }
     farm_trouble_over(farm, job, &job->trouble, now_ns);
+    job_note_closed(job, number, 0);
     figures_open(farm, frame, now_ns);
     while (*at && (*at)->number < number)
         at = &(*at)->next;
@@ -105,6 +106,29 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     farm_frame_decide(farm, frame, now_ns);
     farm_frame_advance(farm, frame, now_ns);
     return frame;
+}
+
+struct closed_films {
+    const struct farm *farm;
+    struct job *job;
+};
+
+static void note_closed(void *user, uint32_t frame, uint64_t samples)
+{
+    const struct closed_films *c = user;
+
+    if (frame >= c->job->first_frame && frame <= c->job->last_frame && !job_frame_is_done(c->job, frame) &&
+        !farm_frame_find(c->job, frame) && store_film_exists(c->farm->store, c->job->id, frame))
+        job_note_closed(c->job, frame, samples);
+}
+
+void farm_note_closed(struct farm *farm, struct job *job)
+{
+    struct closed_films closed = {farm, job};
+    struct error err = {0};
+
+    if (farm->store && store_history_samples(farm->store, job->id, note_closed, &closed, &err) != STATUS_OK)
+        log_debug("job %llu: %s", (unsigned long long)job->id, err.text); /* it only seems to have less */
 }
 
 int farm_may_begin(const struct farm *farm)

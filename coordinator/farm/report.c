@@ -64,6 +64,16 @@ static void explain_workers(char *out, size_t size, const struct farm *farm, con
     }
 }
 
+/* Open frames that need no more units. */
+static uint32_t frames_ended(const struct job *job)
+{
+    uint32_t count = 0;
+
+    for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
+        count += frame->end != FRAME_END_NONE;
+    return count;
+}
+
 /* The reason why an active job makes no progress at the moment; empty if there is none. *until: the moment
  * that it waits for, if that is the reason. */
 static void explain_wait(char *out, size_t size, int64_t *until, const struct farm *farm,
@@ -114,6 +124,10 @@ static void explain_wait(char *out, size_t size, int64_t *until, const struct fa
         snprintf(out, size, "its last pictures are being tone mapped");
         return;
     }
+    if (job->frames_done_count + frames_ended(job) == job_frames_wanted(job)) {
+        snprintf(out, size, "its last pictures are being made");
+        return;
+    }
     explain_workers(out, size, farm, job);
 }
 
@@ -136,7 +150,7 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     info->revision = job->revision;
     if (job->pictures.next_ns == UINT64_MAX)
         info->develop_error = job->pictures.text;
-    info->samples_done = job->samples_done;
+    info->samples_done = job->samples_done + (job_state_ended(job->state) ? 0 : job->samples_closed_sum);
     info->samples_total = job_frame_samples(job) * (job_frame_count(job) - job_frames_left(job));
     for (const struct job_frame *frame = first; frame; frame = frame->next)
         info->samples_done += film_samples(frame->film);

@@ -186,6 +186,7 @@ static void take_effect(struct farm *farm, struct job *job, const struct job_reo
     struct error why = {0};
 
     job_reopen_frames(&farm->queue, job, chosen);
+    farm_note_closed(farm, job);
     if (job->frames_developed_count == job->frames_done_count)
         farm_pictures_unwanted(farm, job);
     if (farm->store && store_job_sum(farm->store, job, &why) != STATUS_OK)

@@ -91,6 +91,7 @@ void job_free(struct job *job)
     mem_free(job->frames_developed);
     mem_free(job->frames_resting);
     mem_free(job->cuts);
+    mem_free(job->samples_closed);
     job_figures_release(&job->figures);
     buffer_release(&job->schedule);
     mem_free(job->broken_machines);
@@ -304,6 +305,7 @@ void job_frame_set_done(struct job *job, uint32_t frame)
     if (job_frame_is_done(job, frame))
         return;
     bit_set(job->frames_done, frame - job->first_frame);
+    job_note_closed(job, frame, 0);
     job->frames_done_count++;
     job->samples_done += job_frame_samples(job);
 }
@@ -374,6 +376,18 @@ int job_frame_is_left(const struct job *job, uint32_t frame)
 uint32_t job_frames_left(const struct job *job)
 {
     return is_early(job) ? job_frame_count(job) - job->frames_done_count : job->frames_resting_count;
+}
+
+void job_note_closed(struct job *job, uint32_t frame, uint64_t samples)
+{
+    uint32_t i = frame - job->first_frame;
+
+    if (!job->samples_closed && samples > 0) /* without memory the job only seems to have less */
+        job->samples_closed = mem_calloc(job_frame_count(job), sizeof *job->samples_closed);
+    if (!job->samples_closed)
+        return;
+    job->samples_closed_sum += samples - job->samples_closed[i];
+    job->samples_closed[i] = samples;
 }
 
 /* ---- a finished job goes on ------------------------------------------------------------------ */

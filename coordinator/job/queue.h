@@ -165,6 +165,8 @@ struct job {
     struct trouble trouble;            /* its next film cannot be opened */
     int unsaved;                       /* its state must be handed to the store again */
     uint64_t samples_done;             /* pixel samples of the frames that are done */
+    uint64_t *samples_closed;          /* [frames] of films that are on disk only, about; NULL: of none */
+    uint64_t samples_closed_sum;
     struct cut_frame *cuts;            /* of the frames that are done */
     size_t cut_count, cut_capacity;
     struct job_figures figures;        /* of the frames that are done */
@@ -283,6 +285,8 @@ void job_reopen(struct queue *queue, struct job *job, const struct job_reopening
 /* The chosen frames of a job that has not ended continue with its present settings. `cuts` has room for all
  * frames. */
 void job_reopen_frames(struct queue *queue, struct job *job, const struct job_reopening *r);
+/* The frame, which is not done, has so many samples on disk, and no open film: for the job's progress. 0: none. */
+void job_note_closed(struct job *job, uint32_t frame, uint64_t samples);
 /* Mark every frame's pictures to be made again with the present job->output. */
 void job_revise(struct job *job);
 /* Find a done frame whose pictures must be made and can be, because the frames that its statistics

@@ -209,6 +209,10 @@ status store_history_add(struct store *store, uint64_t job, uint32_t frame, uint
 /* Read the frame's history. [any thread] */
 status store_history_load(struct store *store, uint64_t job, uint32_t frame, struct history *out,
                           struct error *err) MUST_CHECK;
+/* Call visit with the samples of each of the job's frames that has a history, as of its last point. ERR_IO. */
+status store_history_samples(struct store *store, uint64_t job,
+                             void (*visit)(void *user, uint32_t frame, uint64_t samples), void *user,
+                             struct error *err) MUST_CHECK;
 /* The clock of the frame's limits, as last saved with its job; 0: not saved. */
 status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
                         struct frame_clock *out, struct error *err) MUST_CHECK;

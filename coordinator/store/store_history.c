@@ -149,3 +149,23 @@ status history_load_last(struct store *store, struct job *job, struct error *err
     sqlite3_finalize(statement);
     return s;
 }
+
+status store_history_samples(struct store *store, uint64_t job,
+                             void (*visit)(void *user, uint32_t frame, uint64_t samples), void *user,
+                             struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    int code = SQLITE_DONE;
+    status s;
+
+    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
+    s = sql_select(store, "SELECT frame, max(place), samples FROM history WHERE job=? GROUP BY frame",
+                   SQL_VALUES(sql_number(job)), &statement, err);
+    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW)
+        visit(user, (uint32_t)column_number(statement, 0), column_number(statement, 2));
+    if (s == STATUS_OK && code != SQLITE_DONE)
+        s = sql_error(store, "frames' histories cannot be read", err);
+    sqlite3_finalize(statement);
+    pthread_mutex_unlock(&store->order);
+    return s;
+}

@@ -117,9 +117,10 @@ static void put_leases(struct buffer *out, const struct farm *farm, uint64_t now
             if (from_newest == (uint32_t)(places[i].share * (table->count - 1)))
                 ages[i] = (double)(now_ns - lease->granted_ns) / 1e9;
     metric_one(out, "azulejo_leases", "gauge", "Leases that workers hold.", table->count);
-    metric_begin(out, "azulejo_lease_age_seconds", "gauge", "Ages of the leases that workers hold, as quantiles.");
+    metric_begin(out, "azulejo_lease_age_seconds", "gauge",
+                 "The age that this share of the leases that workers hold is below; 1: the oldest.");
     for (int i = 0; i < 3; i++)
-        metric_value(out, "azulejo_lease_age_seconds", ages[i], "quantile", places[i].word, NULL);
+        metric_value(out, "azulejo_lease_age_seconds", ages[i], "share", places[i].word, NULL);
     metric_one(out, "azulejo_leases_granted_total", "counter", "Leases that were granted.", (double)table->last_id);
     metric_one(out, "azulejo_leases_lapsed_total", "counter",
                "Leases that lapsed because no result came for too long.", (double)farm->counts.leases_lapsed);

@@ -68,6 +68,8 @@ class Metrics:
                     at += 1
             if at >= len(text):
                 self._wrong("a label's value has no end")
+            if name == "quantile":
+                self._wrong("a label that only summaries have (promtool check metrics)")
             if name in [n for n, _ in labels]:
                 self._wrong("a label twice")
             labels.append((name, value))

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """What a verb that does nothing says: why, and what to do."""
-from farm import Farm, Tests
+from farm import Farm, Tests, wait_for
 from jobs import expect
 
 tests = Tests()
@@ -41,6 +41,26 @@ def extend_says_what_to_do():
         farm.cli("cancel", job, expect=0)
         result = farm.cli("extend", job, "--spp", "1048576")
         expect(result.code == 5 and "'retry'" in result.err and "job %d is" % job in result.err, result)
+
+
+@tests.add
+def a_paused_job_keeps_its_progress():
+    """pause, restart, and new rules: the samples on disk count while no film is open"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "100000")
+        wait_for(lambda: farm.job(job)["samples_done"] > 64 * 48 * 64, "samples")
+        farm.cli("pause", job, expect=0)
+        closed = wait_for(lambda: (lambda i: i if i["preview_covered"] == 0 else None)(farm.job(job)), "the film to be closed")
+        expect(closed["samples_done"] > 64 * 48 * 64, closed)
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        again = farm.job(job)
+        expect(64 * 48 * 16 < again["samples_done"] <= closed["samples_done"], "%s, then %s" % (closed, again))
+        farm.cli("resume", job, expect=0)
+        wait_for(lambda: farm.job(job)["samples_done"] > closed["samples_done"], "more")
+        expect(farm.job(job)["samples_done"] < 64 * 48 * 100000, "counted once")
 
 
 tests.run()

@@ -34,7 +34,7 @@ def parser():
     expect(Metrics(good).get("a_total", b='c"\\\n') == 1, "it reads")
     for wrong in (good[:-1], good.replace("a_total", "a"), good + good, good.replace("\\n", "\\t"), good + "\n",
                   good.replace(" 1\n", " one\n"), "a 1\n", good.replace("# HELP a_total x\n", ""),
-                  good.replace('"} 1', '"1'), good + "b 1\n",
+                  good.replace('"} 1', '"1'), good.replace("{b=", "{quantile="), good + "b 1\n",
                   "# HELP h x\n# TYPE h histogram\nh_bucket{le=\"1\"} 2\nh_bucket{le=\"+Inf\"} 1\nh_sum 1\nh_count 1\n"):
         try:
             Metrics(wrong)
@@ -50,7 +50,7 @@ def numbers():
         page = Page(farm.start_coordinator())
         first = scrape(page)
         expect(sum(first.of("azulejo_jobs").values()) == 0 and first.get("azulejo_results_total") == 0, "nothing yet")
-        expect(math.isnan(first.get("azulejo_lease_age_seconds", quantile="1")), "no lease")
+        expect(math.isnan(first.get("azulejo_lease_age_seconds", share="1")), "no lease")
         for name in first.types:
             expect(name.startswith("azulejo_"), name)
         job = farm.submit(farm.scene(), "--size", "64x64", "--spp", "64")
@@ -80,8 +80,8 @@ def numbers():
         only_grow(gone, busy)
         [(labels, error)] = busy.of("azulejo_frame_error_codes").items()
         expect(dict(labels) == {"job": str(endless), "name": NASTY, "frame": "1"} and error > 0, labels)
-        expect(busy.get("azulejo_leases") >= 1 and busy.get("azulejo_lease_age_seconds", quantile="1") >=
-               busy.get("azulejo_lease_age_seconds", quantile="0.5") >= 0, busy.of("azulejo_lease_age_seconds"))
+        expect(busy.get("azulejo_leases") >= 1 and busy.get("azulejo_lease_age_seconds", share="1") >=
+               busy.get("azulejo_lease_age_seconds", share="0.5") >= 0, busy.of("azulejo_lease_age_seconds"))
         expect(busy.get("azulejo_workers", state="working") == 1, busy.of("azulejo_workers"))
         farm.workers[0].kill()
         lost = wait_for(lambda: (lambda m: m if m.get("azulejo_workers_lost_total") == 1 else None)(scrape(page)), "its loss")

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "common/base/clock.h"
+#include "coordinator/farm/report.h"
 #include "coordinator/farm/retarget.h"
 #include "coordinator/farm/steer.h"
 #include "tests/support/sim_farm.h"
@@ -86,6 +87,25 @@ static void pictures_of_the_old_rules_do_not_count(void **state)
     assert_int_equal(the_job(f)->frames_done_count, 0);
     assert_int_equal(the_job(f)->settings.spp, 64);
     check_whole(f);
+}
+
+/* The job's note while its last pictures are being made, and no lease holds work of it. */
+static void pictures_in_the_making_are_no_wait(void **state)
+{
+    struct sim_stored *f = *state;
+    static struct job_report report;
+    struct job *first = sim_submit(f->sim, 32, 32, 32, 1, 1, 9);
+
+    (void)sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
+    render(f);
+    assert_int_equal(f->sim->developing_count, 2);
+    (void)sim_connect(f->sim, f->workers++, 4);
+    for (size_t i = 0; i < 2; i++) {
+        job_report_make(&report, &f->sim->farm, f->sim->farm.queue.all[i], f->sim->now_ns);
+        assert_string_equal(report.message.state_text, "its last pictures are being made");
+    }
+    sim_develop(f->sim);
+    assert_int_equal(first->state, JOB_STATE_DONE);
 }
 
 /* They were noted just before it: the change deletes that, also if the coordinator is killed then. */
@@ -176,6 +196,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(pictures_of_the_old_rules_do_not_count),
+        TEST(pictures_in_the_making_are_no_wait),
         TEST(pictures_that_were_just_noted_do_not_count),
         TEST(done_frames_and_late_results),
         TEST(frames_without_films_stay),
