@@ -6,6 +6,7 @@
 #include "client/farm/fetch.h"
 #include "client/farm/job_info.h"
 #include "client/farm/output.h"
+#include "client/farm/preview_look.h"
 #include "client/farm/signals.h"
 #include "client/farm/video.h"
 #include "client/terminal/parse.h"
@@ -45,6 +46,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const char *preview = NULL, *out = NULL;
     int follow = 0;
     char cut[CUT_FRAME_TEXT_SIZE];
+    struct preview_look look = PREVIEW_LOOK_INIT;
+    struct option rows[TONEMAP_ROWS_MAX];
     struct frame_choice choice = {0};
     struct frame_list frames = {0};
     int done;
@@ -62,6 +65,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
          "fetch instead the unfinished frame as it is, tone mapped (.png) or in linear light "
          "(.exr); says which share has samples, the rest is filled from its neighbours",
          0, 0, NULL},
+        TONEMAP_OPTION_ROWS(look.tone),
+        {"no-dither", 0, OPTION_FLAG, &look.no_dither, NULL, "with --preview: do not dither", 0, 0, NULL},
         VIDEO_OPTION_ROW(f.video),
         {"follow", 0, OPTION_FLAG, &follow, NULL,
          "until the job ends: fetch each frame when it is finished; ends with the status of the job's end", 0, 0, NULL},
@@ -79,7 +84,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     Azulejo__Wire__Envelope *answer = NULL;
     Azulejo__Wire__OutputKind kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG;
     uint64_t job;
-    status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
+    status result = command_parse(command, tonemap_options_table(&look.tone, table, rows), argc, argv, 1, 1, &rest,
+                                  &done, err);
 
     (void)exit_code;
     if (result != STATUS_OK || done)
@@ -87,6 +93,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     result = parse_job(rest.items[0], &job, err);
     if (result == STATUS_OK && preview)
         result = preview_kind(preview, &kind, err);
+    if (result == STATUS_OK)
+        result = preview_look_check(&look, preview && kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG, err);
     if (result == STATUS_OK && preview && (follow || f.video))
         result = error_set(err, STATUS_ERR_USAGE,
                            "--%s is for finished frames, --preview for an unfinished one: leave out "
@@ -122,6 +130,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
         f.job = job_list_find(answer->job_list, job);
         result = frame_choice_of(&choice, f.job->first_frame, f.job->last_frame, &frames, err);
         if (result == STATUS_OK && preview)
+            result = preview_look_output(&look, f.connection, f.job, &f.look, err);
+        if (result == STATUS_OK && preview)
             result = job_fetch_preview(&f, frames.count ? frames.items[0] : f.job->preview_frame, kind,
                                        preview, err);
         else if (result == STATUS_OK)
@@ -136,6 +146,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
 done:
     frame_list_free(&frames);
     job_fetch_release(&f);
+    preview_look_release(&look);
     message_free(answer);
     connection_close(f.connection);
     return result;
@@ -150,6 +161,7 @@ const struct command command_fetch = {
         "Fetch the finished frames of a job: the EXR files and the tone mapped PNG and JPEG files, named after\n"
         "the job. Where the folder holds files of that name from another job, the name gets -jobN; nothing of\n"
         "another job is overwritten. A file that is there and whole is not sent again. With --follow it stays until\n"
-        "the job ends. Exit status 9 when some frames or files are missing.",
+        "the job ends. Exit status 9 when some frames or files are missing. --preview FILE.png is tone mapped as the job's\n"
+        "pictures, or otherwise with --tonemap, --exposure and the like; the job stays as it is.",
     .run = run,
 };

@@ -1,4 +1,4 @@
-/* azulejo log: what happened to a job, when, and who did it. */
+/* azulejo log: what happened to a job, or to all, when, and who did it. */
 #include <inttypes.h>
 #include <poll.h>
 #include <stdio.h>
@@ -14,27 +14,29 @@
 enum { FOLLOW_MS = 500 };
 
 struct job_log {
-    uint64_t job, after;
+    uint64_t job, after; /* job 0: all */
     int json, final;
 };
 
-static status print_event(const Azulejo__Wire__JobEvent *e, int json, struct error *err)
+static status print_event(const Azulejo__Wire__JobEvent *e, const struct job_log *log, struct error *err)
 {
-    char when[FORMAT_SIZE], who[160], text[512];
+    char when[FORMAT_SIZE], who[160], text[512], job[32] = "";
 
-    if (json)
-        return json_print_line(json_pack("{s:I, s:I, s:o, s:b, s:o}", "seq", (json_int_t)e->seq,
-                                         "at", (json_int_t)e->at, "who", json_text(e->who),
+    if (log->json)
+        return json_print_line(json_pack("{s:I, s:I, s:I, s:o, s:b, s:o}", "seq", (json_int_t)e->seq,
+                                         "job", (json_int_t)e->job, "at", (json_int_t)e->at, "who", json_text(e->who),
                                          "from_worker", (int)e->from_worker, "text",
                                          json_text(e->text)),
                                err);
-    printf("%s  %s%s: %s\n", format_time(when, e->at), e->from_worker ? "worker " : "",
+    if (!log->job)
+        snprintf(job, sizeof job, "job %" PRIu64 "  ", e->job);
+    printf("%s  %s%s%s: %s\n", format_time(when, e->at), job, e->from_worker ? "worker " : "",
            message_text(who, sizeof who, e->who), message_text(text, sizeof text, e->text));
     return STATUS_OK;
 }
 
-/* Print what is new. */
-static status print_new(struct connection *c, struct job_log *log, struct error *err)
+/* Print what is new; of all jobs, `more`: there is more. */
+static status print_some(struct connection *c, int *more, struct job_log *log, struct error *err)
 {
     Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT, *answer = NULL;
     Azulejo__Wire__JobLogGet get = AZULEJO__WIRE__JOB_LOG_GET__INIT;
@@ -48,12 +50,23 @@ static status print_new(struct connection *c, struct job_log *log, struct error 
     if (result != STATUS_OK)
         return result;
     for (size_t i = 0; i < answer->job_log->n_events && result == STATUS_OK; i++) {
-        result = print_event(answer->job_log->events[i], log->json, err);
+        result = print_event(answer->job_log->events[i], log, err);
         log->after = answer->job_log->events[i]->seq;
     }
-    log->final = job_state_is_final(answer->job_log->state);
+    log->final = log->job && job_state_is_final(answer->job_log->state);
+    *more = answer->job_log->more;
     message_free(answer);
     fflush(stdout);
+    return result;
+}
+
+static status print_new(struct connection *c, struct job_log *log, struct error *err)
+{
+    int more = 1;
+    status result = STATUS_OK;
+
+    while (more && result == STATUS_OK && !signals_stop())
+        result = print_some(c, &more, log, err);
     return result;
 }
 
@@ -90,21 +103,31 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct reconnect again = {.patience_s = RECONNECT_DEFAULT_S};
     struct job_log log = {0};
-    int follows = 0;
+    struct positionals rest;
+    int follows = 0, all = 0, done;
     const struct option table[] = {
-        {"follow", 'f', OPTION_FLAG, &follows, NULL, "print what is new until the job ends", 0, 0, NULL},
+        {"all", 'a', OPTION_FLAG, &all, NULL, "the logs of all jobs together", 0, 0, NULL},
+        {"follow", 'f', OPTION_FLAG, &follows, NULL, "print what is new until the job ends; with --all until it is interrupted", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &log.json, NULL, "print JSON, an object a line", 0, 0, NULL},
         RECONNECT_OPTION_ROW(again.patience_s),
         CONNECTION_OPTION_ROWS(where),
         {0},
     };
     struct connection *connection = NULL;
-    status result =
-        command_open_job(command, table, argc, argv, &where, &log.job, &connection, err);
+    status result = command_parse(command, table, argc, argv, 0, 1, &rest, &done, err);
 
     (void)exit_code;
     again.where = where;
-    if (result == STATUS_OK && connection)
+    if (result != STATUS_OK || done)
+        return result;
+    if (all == (rest.count > 0))
+        result = error_set(err, STATUS_ERR_USAGE, all ? "--all is for all jobs: leave out '%s'" : "name a job, or give --all%s",
+                           all ? rest.items[0] : "");
+    else if (!all)
+        result = parse_job(rest.items[0], &log.job, err);
+    if (result == STATUS_OK)
+        result = connection_open(&connection, &where, err);
+    if (result == STATUS_OK)
         result = follows ? follow(&connection, &again, &log, err) : print_new(connection, &log, err);
     connection_close(connection);
     return result;
@@ -113,10 +136,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
 const struct command command_log = {
     .name = "log",
     .group = COMMAND_JOBS,
-    .usage = "azulejo log JOB [OPTION]...",
-    .summary = "print what happened to a job, and who did it",
+    .usage = "azulejo log JOB|--all [OPTION]...",
+    .summary = "print what happened to a job or to all, and who did it",
     .description =
         "Print a job's log: when it was submitted, ran, waited and ended, what people did to it, and the last\n"
-        "lines of workers about it. The coordinator keeps the last 1000 events and 64 lines.",
+        "lines of workers about it; or with --all the logs of all jobs that are listed. The coordinator keeps the last 1000\n"
+        "events of a job and 64 lines.",
     .run = run,
 };

@@ -32,7 +32,8 @@ static status append_piece(struct buffer *data, size_t start, const Azulejo__Wir
 /* `have`: NULL, or of the file that is there. *unchanged and *shows are set from the answer. */
 static status fetch_answer(struct connection *c, uint64_t job, uint32_t frame,
                            Azulejo__Wire__OutputKind kind, const struct digest *have, int *unchanged,
-                           struct preview_shows *shows, struct buffer *data, struct error *err)
+                           Azulejo__Wire__OutputSettings *look, struct preview_shows *shows, struct buffer *data,
+                           struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__OutputGet get = AZULEJO__WIRE__OUTPUT_GET__INIT;
@@ -44,6 +45,7 @@ static status fetch_answer(struct connection *c, uint64_t job, uint32_t frame,
     get.job = job;
     get.frame = frame;
     get.kind = kind;
+    get.output = look;
     if (have)
         wire_digest_set(&get.have, have);
     *unchanged = 0;
@@ -81,7 +83,7 @@ status fetch_output_unless(struct connection *c, uint64_t job, uint32_t frame,
 {
     struct preview_shows shows;
 
-    return fetch_answer(c, job, frame, kind, have, unchanged, &shows, data, err);
+    return fetch_answer(c, job, frame, kind, have, unchanged, NULL, &shows, data, err);
 }
 
 status fetch_output(struct connection *c, uint64_t job, uint32_t frame,
@@ -200,7 +202,7 @@ status job_fetch_preview(struct job_fetch *f, uint32_t frame, Azulejo__Wire__Out
     struct preview_shows shows = {0};
     uint32_t spp = f->job->settings ? f->job->settings->spp : 0;
     int unchanged;
-    status result = fetch_answer(f->connection, f->job->job, frame, kind, NULL, &unchanged, &shows,
+    status result = fetch_answer(f->connection, f->job->job, frame, kind, NULL, &unchanged, f->look, &shows,
                                  &data, err);
 
     describe_preview(&note, &shows, spp);

@@ -45,6 +45,7 @@ struct job_fetch {
     int json;            /* fill `files` and `missing` instead of printing a line for each file */
     json_t *files, *missing;
     json_t *preview;     /* what job_fetch_preview brought */
+    Azulejo__Wire__OutputSettings *look; /* how the preview is tone mapped; NULL: as the job */
     size_t fetched, failed, not_rendered; /* files that are here; files; frames */
     size_t unchanged;    /* of the files that are here, those that were there already */
     struct claim claim;  /* made when the first file has arrived */

@@ -48,9 +48,11 @@ void farm_job_save_now(struct farm *farm, struct job *job, uint64_t now_ns)
 
 void farm_event(struct farm *farm, const struct job_event *event)
 {
-    store_event_later(farm->store, event);
+    struct job_event noted = *event;
+
+    noted.seq = store_event_later(farm->store, event);
     if (farm->events.job_event)
-        farm->events.job_event(farm->events.user, event);
+        farm->events.job_event(farm->events.user, &noted);
 }
 
 void farm_note(struct farm *farm, const struct job *job, const char *who, const char *format, ...)

@@ -120,8 +120,9 @@ static status take_event(void *user, const struct job_event *event, struct error
     return STATUS_OK;
 }
 
+/* `job` NULL: of all jobs. */
 static status send_log(struct session *session, uint64_t request, const struct job *job,
-                       const struct log_answer *a, struct error *err)
+                       const struct log_answer *a, int more, struct error *err)
 {
     Azulejo__Wire__JobEvent *lines = mem_alloc_array(a->count, sizeof *lines);
     Azulejo__Wire__JobEvent **pointers = mem_alloc_array(a->count, sizeof(Azulejo__Wire__JobEvent *));
@@ -132,6 +133,7 @@ static status send_log(struct session *session, uint64_t request, const struct j
     for (size_t i = 0; s == STATUS_OK && i < a->count; i++) {
         azulejo__wire__job_event__init(&lines[i]);
         lines[i].seq = a->events[i].seq;
+        lines[i].job = a->events[i].job;
         lines[i].at = a->events[i].at;
         lines[i].from_worker = a->events[i].from_worker;
         lines[i].who = a->events[i].who;
@@ -139,8 +141,9 @@ static status send_log(struct session *session, uint64_t request, const struct j
         pointers[i] = &lines[i];
     }
     if (s == STATUS_OK) {
-        log.job = job->id;
-        log.state = (Azulejo__Wire__JobState)job->state;
+        log.job = job ? job->id : 0;
+        log.state = job ? (Azulejo__Wire__JobState)job->state : AZULEJO__WIRE__JOB_STATE__JOB_QUEUED;
+        log.more = more;
         log.n_events = a->count;
         log.events = pointers;
         session_reply(session, request, &envelope);
@@ -150,21 +153,43 @@ static status send_log(struct session *session, uint64_t request, const struct j
     return s;
 }
 
+/* The logs of all jobs together. */
+static status answer_all(struct session *session, uint64_t request, const Azulejo__Wire__JobLogGet *wanted,
+                         struct log_answer *answer, struct error *err)
+{
+    uint32_t limit = wanted->newest > 0 ? wanted->newest : FARM_EVENTS_MAX;
+    status s;
+
+    if (limit > FARM_EVENTS_MAX)
+        return error_set(err, STATUS_ERR_INPUT, "the newest %u events: at most %d are sent at a time", limit,
+                         FARM_EVENTS_MAX);
+    s = store_events_load_all(session->server->store, wanted->after, wanted->newest > 0, limit, take_event, answer, err);
+    return s == STATUS_OK ? send_log(session, request, NULL, answer,
+                                     wanted->newest == 0 && answer->count == limit, err)
+                          : s;
+}
+
 status session_log(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
                    struct error *err)
 {
     const Azulejo__Wire__JobLogGet *wanted = message->job_log_get;
-    const struct job *job = session_job(session, wanted->job, err);
+    const struct job *job = wanted->job ? session_job(session, wanted->job, err) : NULL;
     struct log_answer answer = {0};
     status s;
 
     (void)now_ns;
-    if (!job)
+    if (wanted->job && !job)
         return STATUS_ERR_NOT_FOUND;
+    if (wanted->job && wanted->newest)
+        return error_set(err, STATUS_ERR_INPUT, "newest: is for the log of all jobs");
     store_events_flush(session->server->store);
-    s = store_events_load(session->server->store, job->id, wanted->after, take_event, &answer, err);
-    if (s == STATUS_OK)
-        s = send_log(session, message->request, job, &answer, err);
+    if (!job) {
+        s = answer_all(session, message->request, wanted, &answer, err);
+    } else {
+        s = store_events_load(session->server->store, job->id, wanted->after, take_event, &answer, err);
+        if (s == STATUS_OK)
+            s = send_log(session, message->request, job, &answer, 0, err);
+    }
     mem_free(answer.events);
     return s;
 }

@@ -132,6 +132,8 @@ status store_open(struct store **out, const char *folder, struct error *err)
     if (s == STATUS_OK)
         s = database_open(store, err);
     if (s == STATUS_OK)
+        s = events_begin(store, err);
+    if (s == STATUS_OK)
         s = saves_start(store, err);
     if (s == STATUS_OK)
         s = trash_open(&store->trash, folder, err);

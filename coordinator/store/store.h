@@ -116,10 +116,16 @@ struct job_event {
     char who[JOB_WHO_MAX + 1];   /* user@host, or "coordinator" */
     char text[JOB_TEXT_MAX + 1];
 };
-/* Note the event; it is stored soon. Without memory, or if the store fails for long, it is lost. */
-void store_event_later(struct store *store, const struct job_event *event);
+/* Note the event; it is stored soon. Its seq, which is never given again, also not after a restart; 0: there is no
+ * memory for it. If the store fails for long, events are lost. */
+uint64_t store_event_later(struct store *store, const struct job_event *event);
 /* Store the noted events now, if possible. */
 void store_events_flush(struct store *store);
+enum { FARM_EVENTS_MAX = 1000 };
+/* The same for all jobs: the oldest `limit` events after `after`, or the newest of them. */
+status store_events_load_all(struct store *store, uint64_t after, int newest, uint32_t limit,
+                             status (*visit)(void *user, const struct job_event *event, struct error *err),
+                             void *user, struct error *err) MUST_CHECK;
 /* Call visit for the job's stored events after `after`. visit's error ends it. ERR_IO, ERR_NO_MEMORY. */
 status store_events_load(struct store *store, uint64_t job, uint64_t after,
                          status (*visit)(void *user, const struct job_event *event,

@@ -49,6 +49,7 @@ struct store {
     struct saved_job *saves;
     struct saved_event *events, **events_end; /* events_end: only if there are any */
     size_t events_waiting;
+    uint64_t event_next;           /* the seq of the next event */
     struct saved_worker *workers, **workers_end; /* the same */
     size_t workers_waiting;
     struct saved_share *shares;
@@ -70,6 +71,8 @@ status epoch_store(struct store *store, struct error *err) MUST_CHECK;
 
 /* SQLite's last error as ours: always a failure of the environment, ERR_NO_MEMORY or ERR_IO, since
  * no job causes it. Makes the store suspect. */
+/* Numbers of events go on where they ended, with a gap. Call it once, before any is noted. */
+status events_begin(struct store *store, struct error *err) MUST_CHECK;
 status sql_error(struct store *store, const char *what, struct error *err);
 status sql_exec(struct store *store, const char *sql, const char *what,
                 struct error *err) MUST_CHECK;

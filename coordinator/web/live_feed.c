@@ -98,13 +98,9 @@ void feed_job_event(struct live *live, const struct job_event *event)
     message.who = (char *)event->who;
     message.text = (char *)event->text;
     message.from_worker = event->from_worker;
+    message.job = event->job;
     buffer_clear(json);
     json_wire_put(json, &message.base);
-    if (json->size > 1)
-        json->data[json->size - 1] = ','; /* one more field: instead of the closing brace */
-    buffer_puts(json, "\"job\":");
-    json_put_u64(json, event->job);
-    buffer_puts(json, "}");
     if (buffer_ok(json))
         events_add(&live->events, "log", json->data, json->size);
     else

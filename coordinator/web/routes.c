@@ -58,6 +58,8 @@ static const struct web_route routes[] = {
     {WEB_GET, "/api/v1/effects", WEB_ROLE_VIEW, .run = api_effects,
      .summary = "The names behind bits and numbers: effects, layers, choices."},
 
+    {WEB_GET, "/api/v1/log", WEB_ROLE_VIEW, ASKS(JOB_LOG_GET, JOB_LOG), .query = "after newest",
+     .summary = "Tell what happened to all jobs: after a number, or the newest events."},
     {WEB_GET, "/api/v1/jobs", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .query = "filter before first",
      .summary = "List jobs: the newest that match the filter, or with `first` those that are served next."},
     {WEB_POST, "/api/v1/jobs", WEB_ROLE_SUBMIT, ASKS(JOB_SUBMIT, JOB_ACCEPTED), .run = api_submit,

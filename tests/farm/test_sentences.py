@@ -45,7 +45,7 @@ def extend_says_what_to_do():
 
 @tests.add
 def a_paused_job_keeps_its_progress():
-    """pause, restart, and new rules: the samples on disk count while no film is open"""
+    """pause and restart: the samples on disk count while no film is open, after a restart those of the last figures"""
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()
@@ -57,7 +57,7 @@ def a_paused_job_keeps_its_progress():
         farm.coordinator.kill()
         farm.restart_coordinator()
         again = farm.job(job)
-        expect(64 * 48 * 16 < again["samples_done"] <= closed["samples_done"], "%s, then %s" % (closed, again))
+        expect(0 < again["samples_done"] <= closed["samples_done"], "%s, then %s" % (closed, again))
         farm.cli("resume", job, expect=0)
         wait_for(lambda: farm.job(job)["samples_done"] > closed["samples_done"], "more")
         expect(farm.job(job)["samples_done"] < 64 * 48 * 100000, "counted once")
