@@ -170,6 +170,7 @@ static status run(struct server_options *options, const struct page *page, const
         s = page_options(page, folder, options->port, host, sizeof host, &web_options, err);
     if (s == STATUS_OK && !page->off) {
         web_options.connections_max = options->descriptors.guests_max;
+        web_options.address_max = descriptors_of_address(options->descriptors.guests_max, options->descriptors.address_max);
         s = web_new(&web, &web_options, err);
         options->guest = web_guest(web);
     }
@@ -210,6 +211,7 @@ int main(int argc, char **argv)
     struct server_options options = {.policy = RETENTION_POLICY_DEFAULT};
     const char *half_life = NULL, *longest_wait = NULL;
     double lease_seconds = 60, unit_seconds = HANG_LEAST_S;
+    int64_t per_address = 0;
     struct page page = {0};
     int remove_store = 0, version = 0, help = 0, child_status;
     const struct option table[] = {
@@ -252,6 +254,9 @@ int main(int argc, char **argv)
         {"web-key", 0, OPTION_STRING, &page.key, "FILE", "the certificate's key, in PEM", 0, 0, NULL},
         {"client-program", 0, OPTION_STRING, &page.client, "FILE",
          "the program that reads scenes which are uploaded to the page (azulejo, beside this one)", 0, 0, NULL},
+        {"connections-per-address", 0, OPTION_INT, &per_address, "N",
+         "sessions, and connections of the page, that one address may have (three quarters of all, so that others get in)",
+         1, SESSIONS_MAX, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
@@ -322,6 +327,7 @@ int main(int argc, char **argv)
     s = store_open(&store, folder, &err);
     if (s == STATUS_OK)
         s = descriptors_plan(&options.descriptors, page.off ? 0 : PAGE_CONNECTIONS, &err);
+    options.descriptors.address_max = (uint32_t)per_address;
     if (s == STATUS_OK) {
         blobs_clean(folder);
         options.host = host;

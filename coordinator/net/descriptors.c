@@ -91,3 +91,10 @@ status descriptors_plan(struct descriptors *out, uint32_t guests, struct error *
                  out->sessions_max, out->guests_max, out->reserve);
     return s;
 }
+
+uint32_t descriptors_of_address(uint32_t most, uint32_t configured)
+{
+    if (configured > 0)
+        return configured < most ? configured : most;
+    return most - most / 4;
+}

@@ -26,7 +26,12 @@ struct descriptors {
     uint32_t connections_max;       /* of both kinds */
     uint32_t sessions_max;          /* always leaves some for strangers */
     uint32_t guests_max;            /* connections of the page, beside these; 0: none */
+    uint32_t address_max;           /* sessions, and connections of the page, of one address; 0: its share */
 };
+
+/* How many of `most` one address may have: what was configured or, if that is 0, three quarters, so that another one
+ * always gets in. */
+uint32_t descriptors_of_address(uint32_t most, uint32_t configured);
 
 /* Share out `limit`, of which `open` are in use. ERR_LIMIT: too few for a farm. */
 status descriptors_share(struct descriptors *out, uint64_t limit, uint64_t open,

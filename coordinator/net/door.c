@@ -98,12 +98,17 @@ static void on_refused(struct channel *channel, void *user)
 /* ---- through, or gone ----------------------------------------------------------------------- */
 
 /* The peer has a key, so it is sent the reason. */
-static void turn_away(struct visitor *visitor)
+static void turn_away(struct visitor *visitor, uint32_t of_address)
 {
     struct server *server = visitor->door->server;
     struct error err = {0};
 
-    error_set(&err, STATUS_ERR_LIMIT,
+    if (of_address > 0)
+        error_set(&err, STATUS_ERR_LIMIT,
+                  "your address has %u sessions with the coordinator, and it takes no more from one address: end some, or "
+                  "raise its limit (--connections-per-address, or its file descriptors)", of_address);
+    else
+        error_set(&err, STATUS_ERR_LIMIT,
               "the coordinator has %u sessions, and its file descriptors allow no more: raise its "
               "hard limit (ulimit -Hn, LimitNOFILE=), or try again later",
               server->session_count);
@@ -114,14 +119,34 @@ static void turn_away(struct visitor *visitor)
     channel_close(visitor->channel);
 }
 
+/* The sessions of the channel's address, if one address may not have more; else 0. They are counted only when there
+ * are enough of them. */
+static uint32_t full_address(const struct server *server, const struct channel *channel)
+{
+    uint32_t most = descriptors_of_address(server->descriptors.sessions_max, server->descriptors.address_max), count = 0;
+    uint8_t address[CHANNEL_ADDRESS_BYTES], other[CHANNEL_ADDRESS_BYTES];
+
+    if (server->session_count < most)
+        return 0;
+    channel_address(channel, address);
+    for (const struct session *s = server->sessions; s; s = s->next) {
+        if (!s->channel)
+            continue;
+        channel_address(s->channel, other);
+        count += memcmp(address, other, sizeof other) == 0;
+    }
+    return count >= most ? count : 0;
+}
+
 static void on_open(struct channel *channel, void *user)
 {
     struct visitor *visitor = user;
     struct door *door = visitor->door;
     struct error err = {0};
+    uint32_t of_address = full_address(door->server, channel);
 
-    if (door->server->session_count >= door->server->descriptors.sessions_max) {
-        turn_away(visitor);
+    if (of_address > 0 || door->server->session_count >= door->server->descriptors.sessions_max) {
+        turn_away(visitor, of_address);
     } else if (session_begin(door->server, channel, &err) != STATUS_OK) {
         channel_abort(channel, err.code, "%s", err.text);
     } else {

@@ -114,6 +114,7 @@ status http_start(struct http **out, struct web *web, struct error *err)
     http->web = web;
     http->listener = -1;
     http->connections_max = options->connections_max;
+    http->address_max = options->address_max;
     s = http_listen(http, options->host, options->port, &web->guard.port, err);
     if (s == STATUS_OK)
         s = make_context(http, err);

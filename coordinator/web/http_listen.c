@@ -9,6 +9,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "common/base/clock.h"
+#include "common/base/log.h"
 #include "coordinator/net/server.h"
 #include "coordinator/web/http_parts.h"
 
@@ -23,21 +25,63 @@ static void name_peer(char *out, size_t size, const struct sockaddr_storage *add
     snprintf(out, size, address->ss_family == AF_INET6 ? "[%s]:%s" : "%s:%s", host, port);
 }
 
-/* All places are taken: the connection that has waited longest for its next request gives its own up. 0: none
- * waits. This runs in no event of the library's, so it may end one at once. */
-static int make_room(struct http *http)
+static void get_address(uint8_t out[16], const struct sockaddr_storage *address)
+{
+    memset(out, 0, 16);
+    if (address->ss_family == AF_INET6) {
+        memcpy(out, &((const struct sockaddr_in6 *)address)->sin6_addr, 16);
+    } else {
+        out[10] = out[11] = 0xff; /* RFC 4291, section 2.5.5.2 */
+        memcpy(out + 12, &((const struct sockaddr_in *)address)->sin_addr, 4);
+    }
+}
+
+static uint32_t count_of(const struct http *http, const uint8_t address[16])
+{
+    uint32_t count = 0;
+
+    for (const struct http_connection *c = http->first; c; c = c->next)
+        count += !c->is_ending && memcmp(c->address, address, 16) == 0;
+    return count;
+}
+
+/* All places are taken, or with `address` all of its places: the connection that has waited longest for its next
+ * request gives its own up. 0: none waits. This runs in no event of the library's, so it may end one at once. */
+static int make_room(struct http *http, const uint8_t *address)
 {
     struct http_connection *oldest = NULL;
 
     for (struct http_connection *c = http->first; c; c = c->next)
-        if ((c->state == HTTP_IDLE || c->is_dead) && !c->is_ending)
+        if ((!address || memcmp(c->address, address, 16) == 0) && (c->state == HTTP_IDLE || c->is_dead) && !c->is_ending)
             oldest = c;
     if (oldest)
         http_end_now(oldest);
     return oldest != NULL;
 }
 
-static void adopt(struct http *http, int fd, const char *peer)
+/* No place for it: say so, where no TLS is expected, and once a minute for each address in the log. */
+static void turn_away(struct http *http, int fd, const char *peer, int is_address)
+{
+    static const char body[] =
+        "HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nRetry-After: 10\r\nConnection: close\r\n\r\n"
+        "The coordinator has no place for another connection of your address: close pages or programs that keep some "
+        "open, or raise --connections-per-address.\n";
+    const char *port = strrchr(peer, ':');
+    char subject[LOG_LIMIT_SUBJECT_SIZE];
+    uint64_t left_out;
+
+    http->counts.answers[0]++;
+    snprintf(subject, sizeof subject, "%.*s", port ? (int)(port - peer) : 0, peer);
+    if (log_limit_pass(&http->complaints, subject, clock_monotonic_ns(), &left_out))
+        log_warn("the page: %s is turned away: %s, and none of them waits for a request (%llu before it)", peer,
+                 is_address ? "its address has all the connections that one may have" : "all connections are taken",
+                 (unsigned long long)left_out);
+    if (is_address && !http->web->guard.is_tls)
+        (void)!send(fd, body, sizeof body - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+    close(fd);
+}
+
+static void adopt(struct http *http, int fd, const char *peer, const uint8_t address[16])
 {
     static const unsigned gone_ms = HTTP_SILENCE_MS; /* a peer that acknowledges nothing is gone */
     struct http_connection *c = http_connection_new(http, peer);
@@ -48,6 +92,7 @@ static void adopt(struct http *http, int fd, const char *peer)
         close(fd);
         return;
     }
+    memcpy(c->address, address, sizeof c->address);
     http_deadline(c, HTTP_HEADERS_MS);
     setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &gone_ms, sizeof gone_ms);
     /* On failure the library closes the socket. Its last event comes at the end of this turn of the loop, or not at
@@ -69,18 +114,20 @@ static void on_listener(uv_poll_t *poll, int code, int events)
     for (int i = 0; i < HTTP_ACCEPTS_PER_TURN; i++) {
         struct sockaddr_storage address = {0};
         socklen_t length = sizeof address;
+        uint8_t bytes[16];
+        int of_address;
         char peer[64];
         int fd = accept4(http->listener, (struct sockaddr *)&address, &length, SOCK_NONBLOCK | SOCK_CLOEXEC);
 
         if (fd < 0)
             return;
-        if (http->connection_count - http->ending_count >= http->connections_max && !make_room(http)) {
-            http->counts.answers[0]++;
-            close(fd);
-            continue;
-        }
         name_peer(peer, sizeof peer, &address, length);
-        adopt(http, fd, peer);
+        get_address(bytes, &address);
+        of_address = count_of(http, bytes) >= http->address_max && !make_room(http, bytes);
+        if (of_address || (http->connection_count - http->ending_count >= http->connections_max && !make_room(http, NULL)))
+            turn_away(http, fd, peer, of_address);
+        else
+            adopt(http, fd, peer, bytes);
     }
 }
 

@@ -6,6 +6,7 @@
 #include <uv.h>
 
 #include "common/base/buffer.h"
+#include "common/base/log_limit.h"
 #include "coordinator/web/http.h"
 #include "coordinator/web/http_queue.h"
 #include "coordinator/web/routes.h"
@@ -36,6 +37,7 @@ struct http_connection {
     enum http_state state;
     uint64_t deadline_ns;               /* it is ended at this time; 0: none */
     char peer[64];
+    uint8_t address[16];                /* IPv6, or IPv4 mapped into it */
     struct http_queue out;
     struct http_request *request;       /* NULL: none, or it is over */
     struct web_socket *socket;
@@ -69,6 +71,8 @@ struct http {
     int polls;                          /* the handle is open */
     struct http_connection *first;      /* newest first */
     uint32_t connection_count, connections_max, ending_count; /* those that are ending are in both */
+    uint32_t address_max;               /* of one address */
+    struct log_limit complaints;
     struct http_counts counts;
     int is_stopping;
     struct lws_protocol_vhost_options lines[GUARD_LINES]; /* for the library's own answers */

@@ -24,7 +24,7 @@ struct web_options {
     const char *name;          /* one more name by which browsers reach it; NULL: none */
     const char *cert, *key;    /* PEM files; NULL: plain HTTP, or a certificate of our own */
     const char *store;         /* the store's folder */
-    uint32_t connections_max;
+    uint32_t connections_max, address_max; /* of all; of one address */
     const char *client;        /* the program `azulejo`, for uploads; NULL: beside this program */
 };
 
