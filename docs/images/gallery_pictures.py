@@ -239,7 +239,7 @@ PICTURES = [
     Picture("olives", "Olives under an iridescent lid", "The lid is glass with a film of a few hundred nanometres.",
             "A dish of olives under a shimmering glass lid",
             "Model: Wayfair, LLC (%s), %s; %s." % (KHRONOS, BY4, haven("Vestibule")),
-            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8", "720x480", limit=2,
+            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8", limit=2.5,
             tonemap="--tonemap agx --exposure 0.5"),
     Picture("vase", "Flowers in a glass vase", "A thick glass, refracted through both of its walls; the leaves "
             "are cut out by alpha.", "Pink flowers in a thick glass vase on a pale table",
@@ -261,7 +261,7 @@ PICTURES = [
     Picture("shaderballs", "Steel, gold, copper", "Brushed steel stretches its highlights; rough metals lose no "
             "energy, because light that is reflected twice between their facets is counted.",
             "Three material balls of brushed steel, polished gold and satin copper in a dark studio",
-            "Model: three.js, MIT.", shaderballs, tonemap="--tonemap agx --exposure 0.6"),
+            "Model: three.js, MIT.", shaderballs, limit=2.5, tonemap="--tonemap agx --exposure 0.6"),
     Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
             "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night").capitalize() + ".", bulbs,
             "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap pbr-neutral", limit=1.3),
@@ -286,8 +286,8 @@ PICTURES = [
     Picture("fog", "A road in fog", "Light is scattered on its way: each lantern has a halo, and distance swallows them.",
             "Two rows of lanterns, warm and cold, that fade into fog", OWN, lanterns,
             tonemap="--tonemap agx --exposure 1.2", limit=2),
-    Picture("sun", "Hard sunlight", "Two thirds of this map's light come from a few texels; a table of the map "
-            "finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05").capitalize() + ".",
+    Picture("sun", "Hard sunlight", "Two thirds of this map's light come from a thousandth of its texels; a table "
+            "of the map finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05").capitalize() + ".",
             spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30", limit=1.3,
             tonemap="--tonemap agx --exposure 0.5"),
     Picture("motion", "Going along with it", "The camera drives beside the car; all else is blurred by the time "

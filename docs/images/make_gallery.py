@@ -16,6 +16,7 @@ import argparse
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -323,6 +324,9 @@ def main():
         return write_page(read_record())
     if "AZULEJO_DATA" not in os.environ:
         parser.error("AZULEJO_DATA names the folder of the models and maps; it is not set")
+    missing = [t for t in ("cjpeg", "pngtopnm", "pnmcat", "pnmtopng") if not shutil.which(t)]
+    if missing:
+        parser.error("there is no %s: install netpbm and libjpeg-turbo-progs" % ", ".join(missing))
     maker = Maker(os.environ["AZULEJO_DATA"], arguments.work)
     chosen = [table[name] for name in arguments.names or table]
     if arguments.draft:
@@ -340,4 +344,9 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except FileNotFoundError as error:
+        sys.exit("make_gallery.py: %s: there is no such file; does AZULEJO_DATA name the folder of the data?" % error.filename)
+    except subprocess.CalledProcessError as error:
+        sys.exit("make_gallery.py: this command failed: " + shlex.join(error.cmd))
