@@ -12,8 +12,8 @@ KHRONOS = "Khronos glTF Sample Assets"
 OWN = "Own scene, Apache-2.0."
 
 
-def haven(name):
-    return "map: %s, Poly Haven, %s" % (name, CC0)
+def haven(name, first="map"):
+    return "%s: %s, Poly Haven, %s" % (first, name, CC0)
 
 
 # ---- settings: each returns what writes a glTF file; data is the data folder, folder where it is written -----
@@ -251,7 +251,7 @@ PICTURES = [
             drinks, "--max-depth 24", limit=1.3, tonemap="--tonemap agx --exposure 0.9"),
     Picture("crystal", "A crystal ball", "The index of its glass depends on the wavelength: the garden in it stands on its "
             "head, and its edges have colours.", "A crystal ball in a garden that is seen in it upside down, with coloured edges",
-            OWN + " " + haven("Chinese Garden").capitalize() + ".", crystal,
+            OWN + " " + haven("Chinese Garden", "Map") + ".", crystal,
             "--env @/hdri/chinese_garden_1k.hdr --env-rotate 200 --lens 0.05 --focus 4.6 --max-depth 24",
             tonemap="--tonemap agx --exposure 1.2"),
     Picture("chair", "A velvet chair", "Sheen makes the rim of cloth bright; the light is two softboxes and a "
@@ -263,7 +263,7 @@ PICTURES = [
             "Three material balls of brushed steel, polished gold and satin copper in a dark studio",
             "Model: three.js, MIT.", shaderballs, limit=2.5, tonemap="--tonemap agx --exposure 0.6"),
     Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
-            "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night").capitalize() + ".", bulbs,
+            "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night", "Map") + ".", bulbs,
             "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap pbr-neutral", limit=1.3),
     Picture("monkeys", "Thin films", "The same film over a pale body, over metal, and on glass.",
             "Three monkey heads with rings of rainbow colour: pale, metal and glass",
@@ -278,8 +278,8 @@ PICTURES = [
             "Scene: “Coffee Maker” by cekuhnen, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
             "@/pbrt/bitterli-coffee/scene-v4.pbrt", size="400x500", limit=1.3),
-    Picture("staircase", "A hall with a staircase", "All light comes in through the windows, and goes from wall "
-            "to wall.", "A bright hall with a wooden staircase",
+    Picture("staircase", "A hall with a staircase", "Light goes from wall to wall, and the tiles mirror the "
+            "window.", "A bright hall with a wooden staircase",
             "Scene: “Modern Hall” by NewSee2l035, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
             "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="440x440", limit=2),
@@ -287,7 +287,7 @@ PICTURES = [
             "Two rows of lanterns, warm and cold, that fade into fog", OWN, lanterns,
             tonemap="--tonemap agx --exposure 1.2", limit=2),
     Picture("sun", "Hard sunlight", "Two thirds of this map's light come from a thousandth of its texels; a table "
-            "of the map finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05").capitalize() + ".",
+            "of the map finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05", "Map") + ".",
             spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30", limit=1.3,
             tonemap="--tonemap agx --exposure 0.5"),
     Picture("motion", "Going along with it", "The camera drives beside the car; all else is blurred by the time "
