@@ -290,8 +290,8 @@ PICTURES = [
             "of the map finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05", "Map") + ".",
             spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30", limit=1.3,
             tonemap="--tonemap agx --exposure 0.5"),
-    Picture("motion", "Going along with it", "The camera drives beside the car; all else is blurred by the time "
-            "that the shutter is open.", "A toy car in sharp focus on a cloth that is blurred by motion",
+    Picture("motion", "Going along with it", "The camera drives beside the car: the cloth runs by while "
+            "the shutter is open.", "A toy car in sharp focus on a cloth that is blurred by motion",
             "Model: Guido Odendahl (%s), %s; %s." % (KHRONOS, CC0, haven("Vestibule")),
             lambda data, folder: drive(data, folder, True),
             "--env @/hdri/vestibule_1k.hdr --frames 0 --shutter 0.5"),
