@@ -443,7 +443,7 @@ def choices_of_a_job():
         expect((job["settings"]["clamp"], job["settings"]["roulette"], job["settings"]["robust"]) ==
                (0.25, False, False), job)
         expect(job["stats"]["clamped_samples"] == int(told[1]), job)
-        expect(abs(100 * job["stats"]["clamped_share"] - float(told[2])) < 0.05, job)
+        expect(abs(100 * job["job"]["stats"]["clamped_share"] - float(told[2])) < 0.05, job)
         for words in (["--sampler", "x"], ["--light-choice", "x"], ["--roulette", "maybe"],
                       ["--clamp", "-1"], ["--texture-filter", "x"], ["--robust", "x"]):
             result = farm.cli("submit", scene, *words)
@@ -955,6 +955,17 @@ def terminal_progress():
             expect(b"\r\x1b[K" in seen and b"%" in seen, seen)
             expect((b"\x1b[32m" in seen) == (not no_color), seen)
             expect(seen.endswith(b"\r\x1b[K"), seen)  # the line is taken away at the end
+
+
+@tests.add
+def clamping_dispersed_light():
+    """--clamp with light of single wavelengths, whose luminance may be below 0, ends with a picture"""
+    with Farm() as farm:
+        scene = os.path.join(ROOT, "scenes", "features", "dispersion.gltf")
+        result = farm.cli("render", scene, "--size", "128x96", "--spp", "64", "--clamp", "8", "--json", "-o",
+                          farm.path("d.exr"), connect=False, expect=0)
+        share = json.loads(result.out)["job"]["stats"]["clamped_share"]
+        expect(0 < share < 0.5, share)
 
 
 if __name__ == "__main__":

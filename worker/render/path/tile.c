@@ -88,9 +88,11 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
         health_note(HEALTH_DROPPED_AOVS);
 }
 
+/* For the share of the light that clamping took: the light of one wavelength is outside Rec. 709, and its
+ * luminance there may be less than none. */
 static double tile_luminance(double r, double g, double b)
 {
-    return 0.212656 * r + 0.715158 * g + 0.072186 * b;
+    return fmax(0.212656 * r + 0.715158 * g + 0.072186 * b, 0);
 }
 
 /* Scale the sample down so that its largest channel is `limit`. */
