@@ -87,7 +87,7 @@ def descriptors():
 def sessions_over_the_limit():
     """more key holders than there are descriptors are refused in words, and workers try again"""
     with Farm() as farm:
-        farm.start_coordinator(prefix=limited(160))
+        farm.start_coordinator("--connections-per-address", "1000", prefix=limited(160))
         sessions = int(re.search(r"of these (\d+) sessions", farm.coordinator.log_text()).group(1))
         crowd = Workers(farm, sessions)
         expect(crowd.settled() == (sessions, 0), "not all were welcomed")

@@ -172,6 +172,9 @@ def every_route():
             body = {"put": b"no scene", "post": {"scene": "a/b.gltf"}}.get(method)
             answer = api.ask(method, path, body, path="a/b.gltf", **{"import": upload})
             expect((answer.status < 300) == (method != "post"), "%s %s" % (method, answer))
+        events = api.does(200, "get", "/api/v1/log", query={"newest": 5}).json()["events"]
+        expect(len(events) == 5 and api.does(200, "get", "/api/v1/log", query={"after": events[-1]["seq"]}).json()["events"] == [],
+               events)
         api.does(426, "get", "/api/v1/live")
         head = api.page.raw(b"GET /api/v1/events HTTP/1.1\r\nHost: %s\r\nAuthorization: Bearer %s\r\n\r\n" % (
             api.page.host.encode(), api.page.token.encode()), until=lambda got: b"\r\n\r\n" in got)

@@ -260,8 +260,9 @@ class Page:
         while True:
             try:
                 value = self.js("(() => { const v = (%s); return v instanceof Object && !Array.isArray(v) ? true : v; })()" % expression)
-            except Failure as failure:  # a part that is not there yet
-                if "TypeError: Cannot read properties of" not in str(failure) or time.monotonic() > end:
+            except Failure as failure:  # a part that is not there yet, or a page that gives way to another
+                if not re.search("TypeError: Cannot read properties of|target navigated or closed", str(failure)) \
+                        or time.monotonic() > end:
                     raise
                 value = None
             if value:

@@ -211,6 +211,9 @@ def everything_by_keyboard():
         page.wait_text("done", "#side")
         page.wait("document.querySelector('#side') && !/Pause/.test(document.querySelector('#side').innerText)",
                   "the verbs of a job that is done")
+        page.wait("""(() => { const now = [...document.querySelectorAll('[data-job]')].map(e => e.dataset.job).join();
+                if (now !== window.order) Object.assign(window, {order: now, since: performance.now()});
+                return performance.now() - since > 3000; })()""", "the list to keep its order")
         # Not beyond the last one: there Tab would leave the page for the browser's own controls.
         count = page.js("""(() => { window.stops = [...document.querySelectorAll(
                 'button, a[href], input, select, summary, canvas, [tabindex]')].filter(e => e.tabIndex >= 0 && !e.disabled
