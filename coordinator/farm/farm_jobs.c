@@ -71,7 +71,7 @@ void farm_note(struct farm *farm, const struct job *job, const char *who, const 
 
 void farm_job_dispose(struct farm *farm, struct job *job)
 {
-    if (!job->removed || job->closing_frames > 0 || farm->developing == job)
+    if (!job->removed || job->closing_frames > 0 || job->measurements > 0 || farm->developing == job)
         return;
     if (farm->store)
         store_job_clear(farm->store, job->id);

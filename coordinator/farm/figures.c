@@ -1,5 +1,6 @@
 #include "coordinator/farm/figures.h"
 
+#include <assert.h>
 #include <math.h>
 
 #include "common/base/clock.h"
@@ -47,10 +48,26 @@ void figures_tick(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
         !film_has_replicates(frame->film) ||
         (last && samples < FIGURES_GROWTH * (double)last->samples))
         return;
-    if (farm->events.measure(farm->events.user, frame) == STATUS_OK)
+    if (farm->events.measure(farm->events.user, frame) == STATUS_OK) {
         frame->measuring = 1;
-    else
+        frame->job->measurements++;
+    } else {
         frame->measure_next_ns = now_ns + 10 * FIGURES_INTERVAL_MS * NS_PER_MS;
+    }
+}
+
+static void frame_measured(struct farm *farm, struct job_frame *frame, const struct history_point *point,
+                           uint64_t cost_ns, uint64_t now_ns)
+{
+    frame->measuring = 0;
+    frame->measure_next_ns = now_ns + FIGURES_COST_SHARE * cost_ns;
+    if (frame->measure_next_ns < now_ns + FIGURES_INTERVAL_MS * NS_PER_MS)
+        frame->measure_next_ns = now_ns + FIGURES_INTERVAL_MS * NS_PER_MS;
+    if (point) {
+        history_add(&frame->history, point);
+        farm->events.job_changed(farm->events.user, frame->job);
+    }
+    farm_frame_advance(farm, frame, now_ns); /* it waits for its place in the history */
 }
 
 void figures_measured(struct farm *farm, struct job *job, uint32_t number,
@@ -58,17 +75,12 @@ void figures_measured(struct farm *farm, struct job *job, uint32_t number,
 {
     struct job_frame *frame = farm_frame_find(job, number);
 
-    if (!frame || !frame->measuring)
-        return;
-    frame->measuring = 0;
-    frame->measure_next_ns = now_ns + FIGURES_COST_SHARE * cost_ns;
-    if (frame->measure_next_ns < now_ns + FIGURES_INTERVAL_MS * NS_PER_MS)
-        frame->measure_next_ns = now_ns + FIGURES_INTERVAL_MS * NS_PER_MS;
-    if (point) {
-        history_add(&frame->history, point);
-        farm->events.job_changed(farm->events.user, job);
-    }
-    farm_frame_advance(farm, frame, now_ns); /* it waits for its place in the history */
+    assert(job->measurements > 0);
+    job->measurements--;
+    if (job->removed)
+        farm_job_dispose(farm, job);
+    else if (frame && frame->measuring)
+        frame_measured(farm, frame, point, cost_ns, now_ns);
 }
 
 void figures_finished(struct farm *farm, struct job *job, uint32_t frame,

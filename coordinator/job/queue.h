@@ -190,6 +190,7 @@ struct job {
     int all_begun;                     /* no frame is left to begin; queue_frames_changed resets it */
     uint32_t begin_from;               /* all frames before this one are done, resting or open */
     uint32_t closing_frames;           /* closed ones that a commit or develop still holds */
+    uint32_t measurements;             /* of its frames' figures, that tasks are computing */
     int removed;                       /* it is in no queue, and freed when nothing holds it */
     struct job_place place;            /* in the order of service */
     struct job_needs needs;            /* what must be true before it is lent */

@@ -115,7 +115,7 @@ struct develop_task {
     struct development *development;
     struct job_frame *frame;  /* in work, for a frame's own pictures */
     int keep_film;
-    struct job *job;          /* never freed while the coordinator runs */
+    struct job *job;          /* not freed before the task ends (farm_job_dispose) */
     uint32_t number;
     uint64_t cost_ns;         /* processor time of figures */
 };

@@ -184,7 +184,9 @@ class Farm:
         if kind not in (None, Skip):
             for program in self.programs:
                 print("# ---- %s" % program.label)
-                for line in program.log_text().splitlines()[-25:]:
+                lines = program.log_text().splitlines()
+                found = [i for i, line in enumerate(lines) if "Sanitizer" in line or "runtime error" in line]
+                for line in lines[found[0]:][:150] if found else lines[-25:]:
                     print("# " + line)
         shutil.rmtree(self.folder, ignore_errors=True)
         if kind in (None, Skip) and words:
