@@ -239,7 +239,7 @@ PICTURES = [
     Picture("olives", "Olives under an iridescent lid", "The lid is glass with a film of a few hundred nanometres.",
             "A dish of olives under a shimmering glass lid",
             "Model: Wayfair, LLC (%s), %s; %s." % (KHRONOS, BY4, haven("Vestibule")),
-            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8", limit=2.5,
+            dish, "--env @/hdri/vestibule_1k.hdr --env-rotate 200 --max-depth 24 --lens 0.006 --focus 0.8 --clamp 20", limit=6,
             tonemap="--tonemap agx --exposure 0.5"),
     Picture("vase", "Flowers in a glass vase", "A thick glass, refracted through both of its walls; the leaves "
             "are cut out by alpha.", "Pink flowers in a thick glass vase on a pale table",
@@ -252,8 +252,8 @@ PICTURES = [
     Picture("crystal", "A crystal ball", "The index of its glass depends on the wavelength: the garden in it stands on its "
             "head, and its edges have colours.", "A crystal ball in a garden that is seen in it upside down, with coloured edges",
             OWN + " " + haven("Chinese Garden", "Map") + ".", crystal,
-            "--env @/hdri/chinese_garden_1k.hdr --env-rotate 200 --lens 0.05 --focus 4.6 --max-depth 24",
-            tonemap="--tonemap agx --exposure 1.2"),
+            "--env @/hdri/chinese_garden_1k.hdr --env-rotate 200 --lens 0.05 --focus 4.6 --max-depth 24 --clamp 8",
+            tonemap="--tonemap agx --exposure 1.2", limit=5),
     Picture("chair", "A velvet chair", "Sheen makes the rim of cloth bright; the light is two softboxes and a "
             "ceiling.", "An armchair of orange velvet before a grey paper backdrop",
             "Model: Wayfair, LLC (%s), %s." % (KHRONOS, CC0), chair, "", "720x480", "4/255", 3,
@@ -261,14 +261,14 @@ PICTURES = [
     Picture("shaderballs", "Steel, gold, copper", "Brushed steel stretches its highlights; rough metals lose no "
             "energy, because light that is reflected twice between their facets is counted.",
             "Three material balls of brushed steel, polished gold and satin copper in a dark studio",
-            "Model: three.js, MIT.", shaderballs, limit=2.5, tonemap="--tonemap agx --exposure 0.6"),
+            "Model: three.js, MIT.", shaderballs, limit=6, tonemap="--tonemap agx --exposure 0.6"),
     Picture("bulbs", "A tree of lamps", "Each point chooses among the lamps by what they do there.",
             "A cone of small coloured lamps on a dark floor, mirrored in chrome balls", OWN + " " + haven("Dikhololo Night", "Map") + ".", bulbs,
             "--env @/hdri/pmndrs_night.hdr", tonemap="--tonemap pbr-neutral", limit=1.3),
-    Picture("monkeys", "Thin films", "The same film over a pale body, over metal, and on glass.",
+    Picture("monkeys", "Thin films", "The same film over a pale body, over metal, and on glass. `--clamp` holds single bright samples down.",
             "Three monkey heads with rings of rainbow colour: pale, metal and glass",
-            "Model: UX3D (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")), monkeys, "--env @/hdri/chinese_garden_1k.hdr --env-rotate 250 --max-depth 24 --lens 0.12 --focus 12.5",
-            "640x320", limit=1.3, tonemap="--tonemap agx --exposure 0.4"),
+            "Model: UX3D (%s), %s; %s." % (KHRONOS, CC0, haven("Chinese Garden")), monkeys, "--env @/hdri/chinese_garden_1k.hdr --env-rotate 250 --max-depth 24 --lens 0.12 --focus 12.5 --clamp 8",
+            "640x320", limit=4, tonemap="--tonemap agx --exposure 0.4"),
     Picture("balls", "From mirror to chalk, near to far", "A million triangles and a lens that is sharp at one "
             "column only.", "Rows of balls from mirror to matt, sharp in the middle and blurred at both ends",
             "Model: %s, %s; %s." % (KHRONOS, CC0, haven("Vestibule")), balls,
@@ -282,10 +282,10 @@ PICTURES = [
             "window.", "A bright hall with a wooden staircase",
             "Scene: “Modern Hall” by NewSee2l035, %s, from Benedikt Bitterli's [rendering resources]"
             "(https://benedikt-bitterli.me/resources/)." % BY3,
-            "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="440x440", limit=2),
+            "@/pbrt/bitterli-staircase2/scene-v4.pbrt", size="440x440", limit=5),
     Picture("fog", "A road in fog", "Light is scattered on its way: each lantern has a halo, and distance swallows them.",
             "Two rows of lanterns, warm and cold, that fade into fog", OWN, lanterns,
-            tonemap="--tonemap agx --exposure 1.2", limit=2),
+            tonemap="--tonemap agx --exposure 1.2", limit=4),
     Picture("sun", "Hard sunlight", "Two thirds of this map's light come from a thousandth of its texels; a table "
             "of the map finds them.", "Balls in hard sunlight", OWN + " " + haven("Kloppenheim 05", "Map") + ".",
             spheres, "--env @/hdri/kloppenheim_05_1k.hdr --env-rotate 30", limit=1.3,
