@@ -35,7 +35,7 @@ static double slope(uint32_t hash, double x, double y, double z)
     return ((hash & 1) ? -u : u) + ((hash & 2) ? -v : v);
 }
 
-double noise_at(double x, double y, double z, uint32_t seed)
+static double noise_at(double x, double y, double z, uint32_t seed)
 {
     double whole[3] = {floor(x), floor(y), floor(z)};
     double at[3] = {x - whole[0], y - whole[1], z - whole[2]}, weight[3], sum = 0;

@@ -9,9 +9,8 @@
 uint32_t noise_hash(int x, int y, int z, uint32_t seed);
 /* The n-th number of a hash, 0 to below 1. */
 double noise_number(uint32_t hash, int n);
-/* Gradient noise (Perlin 2002), about -1 to 1, 0 on the whole numbers, wavelength 1 to 2. */
-double noise_at(double x, double y, double z, uint32_t seed);
-/* `octaves` of it, each of half the size and wavelength of the one before: -1 to 1. */
+/* Gradient noise (Perlin 2002, "Improving Noise", SIGGRAPH), of wavelength 1 to 2 and size 0.5, and `octaves` - 1 more,
+ * each of half the size and wavelength of the one before: -1 to 1. */
 double noise_sum(double x, double y, double z, int octaves, uint32_t seed);
 
 /* 0 below `from`, 1 above `to`, smooth between. */

@@ -151,8 +151,8 @@ static int meet_crop(const struct wheat *w, const struct ray *ray, double t, int
     double across, along, across_step, along_step, next[2], delta[2], enters = t;
     int at[2], step[2];
 
-    nearest->t = ray->to[1] < 0 ? -ray->from[1] / ray->to[1] : INFINITY;
-    nearest->part = SOIL;
+    *nearest = (struct meeting){.t = ray->to[1] < 0 ? -ray->from[1] / ray->to[1] : INFINITY, .part = SOIL,
+                                .normal = {0, 1, 0}};
     rows_of(w, ray->from[0] + t * ray->to[0], ray->from[2] + t * ray->to[2], &across, &along);
     rows_of(w, ray->to[0], ray->to[2], &across_step, &along_step);
     {
@@ -209,14 +209,9 @@ static void plant_light(const struct wheat *w, const double direction[3], double
     double across, along, albedo[3], depth, sees, cosine, lit, through;
 
     memcpy(ray.to, direction, sizeof ray.to);
-    if (!meet_crop(w, &ray, (WHEAT_EYE_M - HIGHEST) / -direction[1], CELLS_MAX, &met)) {
-        met.t = (WHEAT_EYE_M - 0.7 * WHEAT_TOP_M) / -direction[1];
-        met.part = STALK;
-        met.plant = 0;
-        met.along = 0.5;
-    }
-    if (met.part == SOIL || !(met.t < INFINITY))
-        memcpy(met.normal, (const double[3]){0, 1, 0}, sizeof met.normal);
+    if (!meet_crop(w, &ray, (WHEAT_EYE_M - HIGHEST) / -direction[1], CELLS_MAX, &met)) /* none for long */
+        met = (struct meeting){.t = (WHEAT_EYE_M - 0.7 * WHEAT_TOP_M) / -direction[1], .along = 0.5,
+                               .part = STALK, .normal = {0, 1, 0}};
     for (int i = 0; i < 3; i++)
         shadow.from[i] = ray.from[i] + met.t * ray.to[i] + 2e-3 * met.normal[i];
     memcpy(shadow.to, w->light->to_sun, sizeof shadow.to);

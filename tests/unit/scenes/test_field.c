@@ -55,6 +55,30 @@ static void test_the_seed_is_the_field(void **state)
     image_release(&c);
 }
 
+/* Rays are shared out to threads by chance: none may find anything that another one left. They look along the rows,
+ * where some meet no plant for long. */
+static void test_the_order_of_rays_does_not_matter(void **state)
+{
+    enum { RAYS = 6000 };
+    static const struct daylight light = {.to_sun = {0.6, 0.8, 0}, .sun_lux = {5, 5, 5}, .sky_lux = {1, 1, 2}};
+    static struct wheat wheat;
+    static double forwards[RAYS][3];
+
+    (void)state;
+    wheat_init(&wheat, &light, 5);
+    for (int n = 0; n < 2 * RAYS; n++) {
+        int i = n < RAYS ? n : 2 * RAYS - 1 - n;
+        double azimuth = RAD(92 + 10 * (i * 0.618 - floor(i * 0.618))), below = RAD(1.8 + 3.0 * i / RAYS), rgb[3];
+        const double direction[3] = {cos(below) * cos(azimuth), -sin(below), cos(below) * sin(azimuth)};
+
+        wheat_light(&wheat, direction, (WHEAT_EYE_M - WHEAT_TOP_M) / tan(below), 0, rgb);
+        if (n < RAYS)
+            memcpy(forwards[i], rgb, sizeof rgb);
+        else
+            assert_memory_equal(forwards[i], rgb, sizeof rgb);
+    }
+}
+
 /* Also under a sun on the horizon, and below it. */
 static void test_light_is_finite_and_positive(void **state)
 {
@@ -164,6 +188,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_the_seed_is_the_field),
+        cmocka_unit_test(test_the_order_of_rays_does_not_matter),
         cmocka_unit_test(test_light_is_finite_and_positive),
         cmocka_unit_test(test_the_land_reflects_what_wheat_does),
         cmocka_unit_test(test_the_land_ends_where_it_says),
