@@ -321,7 +321,7 @@ docs-check: all ## prove that the documents name only what exists: links, pictur
 	@scripts/check-docs.py --bin $(BIN)
 	@docs/images/make_gallery.py --check
 
-gallery: all ## make the pictures of docs/GALLERY.md again (two hours; AZULEJO_DATA names the data)
+gallery: all ## make the pictures of docs/GALLERY.md again (an hour of one core; AZULEJO_DATA names the data)
 	@docs/images/make_gallery.py
 
 docs-html: ## the documents as web pages, in out/html (needs cmark-gfm)

@@ -4,8 +4,8 @@
 
 #include "common/base/clock.h"
 #include "common/base/memory.h"
-#include "coordinator/farm/steer.h"
 #include "coordinator/farm/report.h"
+#include "coordinator/farm/steer.h"
 #include "coordinator/farm/waiting.h"
 #include "coordinator/job/wire.h"
 #include "coordinator/net/server.h"

@@ -69,10 +69,11 @@ status database_reopen(struct store *store, struct error *err) MUST_CHECK;
 /* Store `epoch_limit`, if it is not 0. */
 status epoch_store(struct store *store, struct error *err) MUST_CHECK;
 
+/* Numbers of events go on where they ended, with a gap. Call it once, before any is noted. ERR_IO, ERR_NO_MEMORY. */
+status events_begin(struct store *store, struct error *err) MUST_CHECK;
+
 /* SQLite's last error as ours: always a failure of the environment, ERR_NO_MEMORY or ERR_IO, since
  * no job causes it. Makes the store suspect. */
-/* Numbers of events go on where they ended, with a gap. Call it once, before any is noted. */
-status events_begin(struct store *store, struct error *err) MUST_CHECK;
 status sql_error(struct store *store, const char *what, struct error *err);
 status sql_exec(struct store *store, const char *sql, const char *what,
                 struct error *err) MUST_CHECK;

@@ -67,15 +67,17 @@ static void turn_away(struct http *http, int fd, const char *peer, int is_addres
         "The coordinator has no place for another connection of your address: close pages or programs that keep some "
         "open, or raise --connections-per-address.\n";
     const char *port = strrchr(peer, ':');
-    char subject[LOG_LIMIT_SUBJECT_SIZE];
+    char subject[LOG_LIMIT_SUBJECT_SIZE], more[80] = "";
     uint64_t left_out;
 
     http->counts.answers[0]++;
     snprintf(subject, sizeof subject, "%.*s", port ? (int)(port - peer) : 0, peer);
-    if (log_limit_pass(&http->complaints, subject, clock_monotonic_ns(), &left_out))
-        log_warn("the page: %s is turned away: %s, and none of them waits for a request (%llu before it)", peer,
-                 is_address ? "its address has all the connections that one may have" : "all connections are taken",
-                 (unsigned long long)left_out);
+    if (log_limit_pass(&http->complaints, subject, clock_monotonic_ns(), &left_out)) {
+        if (left_out > 0)
+            snprintf(more, sizeof more, " (and %llu like it since the last such line)", (unsigned long long)left_out);
+        log_warn("the page: %s is turned away: %s, and all of them are in use%s", peer,
+                 is_address ? "its address has all the connections that one may have" : "all connections are taken", more);
+    }
     if (is_address && !http->web->guard.is_tls)
         (void)!send(fd, body, sizeof body - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
     close(fd);

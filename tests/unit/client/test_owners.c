@@ -91,6 +91,7 @@ static void what_is_not_known_is_said(void **state)
     Azulejo__Wire__Envelope *answer = plain_answer();
     struct owners owners;
     struct error err = {0};
+    size_t shares = answer->frame_tiles->tiles[2]->n_shares;
     uint32_t thread;
 
     (void)state;
@@ -113,6 +114,7 @@ static void what_is_not_known_is_said(void **state)
     assert_null(owners_of_tile(&owners, 2, &thread));
     /* Three tiles: two of 16x4 at the lower edge and one of 8x4. */
     assert_int_equal(owners.workers[0].samples, 2 * (2 * 16 * 4 + 8 * 4));
+    answer->frame_tiles->tiles[2]->n_shares = shares; /* so that they are freed, too */
     owners_release(&owners);
     memset(&owners, 0, sizeof owners);
     owners_release(&owners); /* after a failure, too */
