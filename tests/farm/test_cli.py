@@ -443,7 +443,7 @@ def choices_of_a_job():
         expect((job["settings"]["clamp"], job["settings"]["roulette"], job["settings"]["robust"]) ==
                (0.25, False, False), job)
         expect(job["stats"]["clamped_samples"] == int(told[1]), job)
-        expect(abs(100 * job["job"]["stats"]["clamped_share"] - float(told[2])) < 0.05, job)
+        expect(abs(100 * job["stats"]["clamped_share"] - float(told[2])) < 0.05, job)
         for words in (["--sampler", "x"], ["--light-choice", "x"], ["--roulette", "maybe"],
                       ["--clamp", "-1"], ["--texture-filter", "x"], ["--robust", "x"]):
             result = farm.cli("submit", scene, *words)
