@@ -53,8 +53,16 @@ def sessions():
     """--connections-per-address: a client above it is told so; a free place is taken again"""
     with Farm() as farm:
         farm.start_coordinator("--connections-per-address", str(MOST))
-        followers = [farm.start_cli("log", "--all", "-f") for _ in range(MOST)]
-        refused = wait_for(lambda: (lambda r: r if r.code else None)(farm.cli("list")), "a client that is turned away")
+        followers = []
+
+        def ask():
+            """The answer to a client when all places are held; None: this one found a place, perhaps a follower's."""
+            followers[:] = [f for f in followers if f.poll() is None]
+            followers.extend(farm.start_cli("log", "--all", "-f") for _ in range(MOST - len(followers)))
+            result = farm.cli("list")
+            return result if result.code else None
+
+        refused = wait_for(ask, "a client that is turned away")
         expect("--connections-per-address" in refused.err and str(MOST) in refused.err, refused)
         end(followers.pop())
         wait_for(lambda: farm.cli("list").code == 0, "a free place")

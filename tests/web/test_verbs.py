@@ -201,6 +201,7 @@ def roles_are_offered_what_they_may():
                               ".then(r => r.json().then(p => [r.status, p.detail]))" % (
                                   path, method, "" if method == "GET" else ", body: '{}'"))
                 expect(got[0] == 403 and got[1], "%s: %s %s: %s" % (role, method, path, got))
+            page.allow("401")  # what it asked before it was signed out
             page.js("fetch('/api/v1/session', {method: 'DELETE'})")
             page.close()
         expect(state(farm, other) == "running" and farm.list_workers()[0]["state"] != "drained", "it was done")
