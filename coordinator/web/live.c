@@ -266,6 +266,15 @@ int live_is_heard(const struct live *live, uint64_t now_ns)
     return live->listened_ns && now_ns - live->listened_ns < LIVE_LINGER_MS * NS_PER_MS;
 }
 
+/* What may be spent on tiles that clients saw before, for this much time. */
+static int64_t share_of(const struct live *live, uint64_t passed_ns)
+{
+    uint64_t threads = live->server->farm.workforce.proven_threads, most_ns = passed_ns / LIVE_SHARE_CORE;
+    uint64_t share_ns = threads < LIVE_SHARE / LIVE_SHARE_CORE ? passed_ns / LIVE_SHARE * (threads + !threads) : most_ns;
+
+    return (int64_t)(share_ns < most_ns ? share_ns : most_ns);
+}
+
 static void on_timer(uv_timer_t *timer)
 {
     struct live *live = timer->data;
@@ -274,7 +283,7 @@ static void on_timer(uv_timer_t *timer)
 
     live->timer_runs = 0;
     if (begins_turn) {
-        live->share_ns += (int64_t)((begin_ns - live->turn_ns) / LIVE_SHARE);
+        live->share_ns += share_of(live, begin_ns - live->turn_ns);
         if (live->share_ns > LIVE_SHARE_MAX_NS)
             live->share_ns = LIVE_SHARE_MAX_NS;
         live->turn_ns = begin_ns;
