@@ -68,8 +68,8 @@ done
 wait
 for test in $(find tests/farm tests/fault tests/web -name 'test_*.py' 2>/dev/null | sort); do
     [[ $test =~ $pattern ]] || continue
-    # The long ones about administration and unusual ways to the page: in make test-web.
-    [[ $pattern == . && $test =~ ^tests/web/test_(admin|ways)\.py$ ]] && continue
+    # The long ones about administration, unusual ways to the page and its edges: in make test-web.
+    [[ $pattern == . && $test =~ ^tests/web/test_(admin|edges|ways)\.py$ ]] && continue
     skip_web "$test" && continue
     run_one "$test" python3 "$test"
 done

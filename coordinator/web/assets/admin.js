@@ -1,7 +1,8 @@
 /* admin: what takes the store's room, and who may do what. */
 import { h, children, moment, facts, copy, property, clockNow } from './dom.js';
 import { get, post, del } from './api.js';
-import { state, ended, loadOlder } from './state.js';
+import { state, ended, loadOlder, nameOf } from './state.js';
+import { context } from './context.js';
 import { may, act, listOf } from './verbs.js';
 import { bytes, span, plural, count } from './format.js';
 import { say, trouble } from './notice.js';
@@ -30,7 +31,7 @@ export function storeView(node) {
         may('operate') && h('button', { class: 'danger', onclick: prune, title: 'prune: remove old jobs that have ended' }, 'Prune')),
       h('h2', null, 'Jobs that take the most'),
       table(['job', 'owner', 'state', 'films', 'pictures', ''], (s.jobs || []).map((j) => h('tr', null,
-        h('th', { scope: 'row' }, h('a', { href: jobLink(j.job) }, j.name || `job ${j.job}`)), cell('owner', j.owner), cell('state', j.state), cell('films', bytes(j.films)), cell('pictures', bytes(j.pictures)),
+        h('th', { scope: 'row' }, h('a', { href: jobLink(j.job) }, nameOf(j.name, j.job))), cell('owner', j.owner), cell('state', j.state), cell('films', bytes(j.films)), cell('pictures', bytes(j.pictures)),
         verbCell(state.job(j.job) && ended(state.job(j.job)) && may('operate', j) && h('button', { class: 'danger', onclick: () => act('remove', j.job).then((d) => d && read()) }, 'Remove')))), 'Jobs'),
       Number(s.more_jobs) > 0 && h('p', null, `and ${plural(Number(s.more_jobs), 'smaller one')}`),
       h('h2', null, 'Owners'),
@@ -54,6 +55,7 @@ export function storeView(node) {
     else if (await act('remove', old.map((j) => j.job))) read();
   };
   read();
+  return context.on('jobs', (c) => c.loaded && read());
 }
 
 /* ---- who may do what -------------------------------------------------------------------------------- */
@@ -64,8 +66,10 @@ const OWN = 1; /* the coordinator's own token: it can be renewed, not revoked */
 function once(title, words, secret) {
   const button = h('button', { onclick: () => copy(secret, button) }, 'Copy');
   return open(title, (close) => [h('p', null, `${words} It is shown only now.`), h('div', { class: 'command' }, h('code', null, secret), button),
-    h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => close(true) }, 'I have it'))]);
+    h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => close(true) }, 'I have it'))], 'secret');
 }
+/* Behind the form that asked for it; also if somebody closed that meanwhile. */
+const shown = (fn) => setTimeout(fn);
 const when = (at) => (Number(at) > 0 ? moment(Number(at)) : 'never');
 
 export function accessView(node) {
@@ -92,28 +96,24 @@ export function accessView(node) {
     if (await confirm(`Renew ${t.name || `token ${t.token}`}?`, ['Its old secret is refused at once: pages and scripts that use it lose access until they have the new one.', t.token === state.session.token ? 'You are signed in with it: sign in again with the new one.' : ''].filter(Boolean), 'Renew'))
       post(`/tokens/${t.token}/renew`).then((made) => once('The new token', 'It replaces the old one.', made.secret)).catch(trouble);
   };
-  const create = async () => {
-    const want = await form('Create a token', [], [
-      { name: 'name', label: 'Name', hint: 'for people: whose, or what for', required: true },
-      { name: 'role', label: 'Role', options: ROLES, value: 'submit' },
-      { name: 'owner', label: 'Owner of its jobs', value: state.session.who, hint: 'user@host' },
-      { name: 'days', label: 'Expires after days', type: 'number', min: 1, hint: 'empty: never' }], 'Create',
-    (v) => ({ name: v.name, role: v.role, owner: v.owner, expires_at: v.days ? Math.round(clockNow() + Number(v.days) * 86400) : 0 }));
-    if (!want) return;
-    post('/tokens', want).then((made) => { read(); return once('The token', 'Whoever has it can do what its role may.', made.secret); }).catch(trouble);
-  };
+  const create = () => form('Create a token', [], [
+    { name: 'name', label: 'Name', hint: 'for people: whose, or what for', required: true },
+    { name: 'role', label: 'Role', options: ROLES, value: 'submit' },
+    { name: 'owner', label: 'Owner of its jobs', value: state.session.who, hint: 'user@host' },
+    { name: 'days', label: 'Expires after days', type: 'number', min: 1, hint: 'empty: never' }], 'Create',
+  (v) => ({ name: v.name, role: v.role, owner: v.owner, expires_at: v.days ? Math.round(clockNow() + Number(v.days) * 86400) : 0 }),
+  (want) => post('/tokens', want).then((made) => { read(); shown(() => once('The token', 'Whoever has it can do what its role may.', made.secret)); }));
   const readHooks = () => get('/webhooks').then((answer) => {
     const list = listOf(answer, 'webhooks');
     children(hooks, [list.length ? table(['address', 'sent', 'waiting', 'last error', ''], list.map((w) => h('tr', null, h('th', { scope: 'row' }, w.url), cell('sent', count(Number(w.sent))), cell('waiting', String(w.waiting)), cell('last error', w.last_error || '–'),
       verbCell(h('button', { onclick: () => post(`/webhooks/${w.webhook}/test`).then(() => say(`${w.url} took the test message.`), trouble).then(readHooks) }, 'Test'), h('button', { class: 'danger', onclick: () => del(`/webhooks/${w.webhook}`).then(() => { say(`No more messages to ${w.url}.`); readHooks(); }).catch(trouble) }, 'Remove')))), 'Webhooks') : h('p', null, 'None.')]);
   }).catch((why) => children(hooks, [h('p', { class: 'problem' }, why.message)]));
-  const add = async () => {
-    const want = await form('Add a webhook', ['The coordinator itself sends the messages: the address must be reachable from its machine.'], [{ name: 'url', label: 'Address', type: 'url', required: true, placeholder: 'https://' }], 'Add', (v) => v);
-    if (!want) return;
-    post('/webhooks', want).then((made) => {
+  const add = () => form('Add a webhook', ['The coordinator itself sends the messages: the address must be reachable from its machine.'],
+    [{ name: 'url', label: 'Address', type: 'url', required: true, placeholder: 'https://' }], 'Add', (v) => v,
+    (want) => post('/webhooks', want).then((made) => {
       readHooks();
-      if (made.secret) once('The webhook’s secret', 'Messages are signed with it.', made.secret);
-    }).catch(trouble);
-  };
+      if (made.secret) shown(() => once('The webhook’s secret', 'Messages are signed with it.', made.secret));
+    }));
   Promise.all([read(), readHooks()]).then(show); /* no button moves away under the pointer */
+  return context.on('jobs', (c) => { if (c.loaded) { read(); readHooks(); } });
 }

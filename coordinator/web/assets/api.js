@@ -17,7 +17,12 @@ export async function ask(path, options = {}) {
     answer = await fetch(base + path, { cache: 'no-store', credentials: 'same-origin', ...options });
   } catch (why) {
     if (why.name === 'AbortError') throw why;
-    throw new ApiError(0, { detail: 'The coordinator does not answer. The page tries again by itself.', code: 'no-answer' });
+    const asks = !options.method || options.method === 'GET';
+    throw new ApiError(0, {
+      code: 'no-answer',
+      detail: asks ? 'The coordinator does not answer. The page tries again by itself.'
+        : 'The coordinator does not answer: it is not known whether this was done. The page does not send it again by itself.',
+    });
   }
   if (answer.ok) return answer;
   let problem = {};

@@ -124,7 +124,7 @@ class Cost {
     this.button = h('button', { onclick: () => this.apply() });
     this.back = h('button', { class: 'quiet', onclick: () => { this.dragged = 0; this.draw(); } }, 'Back');
     this.why = h('p', { class: 'quiet' });
-    this.empty = h('p', { class: 'quiet' }, 'No figures yet: they come with the first passes.');
+    this.empty = h('p', { class: 'quiet' });
     this.body = h('div', null, this.chart, this.price, h('div', { class: 'row' }, this.button, this.back), this.why);
     element.replaceChildren(h('div', { class: 'row' }, h('h3', null, 'Error against cost'), this.choice), this.empty, this.body);
     element.classList.add('cost-part');
@@ -162,6 +162,7 @@ class Cost {
     this.points = pointsOf(history, this.measure);
     this.curve = info && fit(this.points);
     show(this.empty, !this.curve);
+    text(this.empty, info?.state === 'done' ? 'No figures: the frame ended before it had the samples for them.' : 'No figures yet: they come with the first passes.');
     show(this.body, this.curve);
     if (!this.curve) return;
     const own = stop.measure === this.measure && stop.target > 0 ? MEASURES[this.measure].to(stop.target) : 0;

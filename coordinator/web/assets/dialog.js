@@ -1,12 +1,13 @@
 /* dialog: questions that state what is lost, and small forms. */
 import { h } from './dom.js';
 
-/* Opens a <dialog> with these nodes; resolves with what `close(value)` got, null by Escape. */
-export function open(title, build, wide) {
+/* Opens a <dialog> with these nodes; resolves with what `close(value)` got, null by Escape. `how`: its class; "secret": what
+ * it says is nowhere else, so it stays when another asks who is there. */
+export function open(title, build, how = '') {
   return new Promise((resolve) => {
     let value = null;
     const heading = h('h2', { id: 'dialog-title' }, title);
-    const node = h('dialog', { 'aria-labelledby': 'dialog-title', class: wide ? 'wide' : '' }, heading);
+    const node = h('dialog', { 'aria-labelledby': 'dialog-title', class: how }, heading);
     const before = document.activeElement;
     const close = (v) => { value = v; node.close(); };
     node.append(...[build(close)].flat(9).filter(Boolean));
@@ -14,6 +15,11 @@ export function open(title, build, wide) {
     document.body.append(node);
     node.showModal();
   });
+}
+
+/* Questions whose answer nobody may give any more. */
+export function closeAll() {
+  for (const node of document.querySelectorAll('dialog:not(.secret)')) node.close();
 }
 
 /* Lines say what is lost; `verb` names the button. */
@@ -24,20 +30,31 @@ export const confirm = (title, lines, verb) => open(title, (close) => [
     h('button', { class: 'danger', onclick: () => close(true) }, verb)),
 ]).then(Boolean);
 
-/* fields: [{name, label, value, type, hint, options: [[value, label]], required}]. `check(values)` throws a sentence, or
- * gives what the promise resolves with. */
-export const form = (title, lines, fields, verb, check = (v) => v) => open(title, (close) => {
-  const problem = h('p', { class: 'problem', role: 'alert' });
+/* fields: [{name, label, value, type, hint, options, required}]. `check(values)` throws a sentence, or gives what the
+ * promise resolves with. `send(that)`: until it is done the form stays, with all that was written, and is sent once; then
+ * the promise resolves with its value. */
+export const form = (title, lines, fields, verb, check = (v) => v, send = (v) => v) => open(title, (close) => {
+  const problem = h('p', { class: 'problem', role: 'alert' }), button = h('button', { class: 'primary' }, verb);
   const inputs = fields.map((f) => field(f));
+  let busy = false;
+  const run = async (node) => {
+    try {
+      const value = check(values(node));
+      problem.textContent = '';
+      close(await send(value));
+    } catch (why) { problem.textContent = why.message; }
+  };
   return h('form', {
-    onsubmit: (event) => {
+    onsubmit: async (event) => {
       event.preventDefault();
-      try { close(check(values(event.target))); } catch (why) { problem.textContent = why.message; }
+      if (busy) return;
+      busy = button.disabled = true;
+      await run(event.target);
+      busy = button.disabled = false;
     },
   }, ...lines.map((line) => h('p', null, line)), ...inputs, problem,
   h('div', { class: 'buttons' },
-    h('button', { type: 'button', onclick: () => close(null) }, 'Back'),
-    h('button', { class: 'primary' }, verb)));
+    h('button', { type: 'button', onclick: () => close(null) }, 'Back'), button));
 });
 
 let fieldNumber = 0;

@@ -43,10 +43,12 @@ export function children(node, wanted) {
   }
 }
 
-/* The coordinator's clock, which all moments are of; the browser's may be hours off. Seconds since 1970. */
-let ahead = 0;
-export const setClock = (at) => { ahead = at - Date.now() / 1000; };
-export const clockNow = () => Date.now() / 1000 + ahead;
+/* The coordinator's clock, which all moments are of; the browser's may be hours off, and may be set while the page is open.
+ * Seconds since 1970. */
+const running = () => performance.now() / 1000;
+let ahead = Date.now() / 1000 - running();
+export const setClock = (at) => { ahead = at - running(); };
+export const clockNow = () => running() + ahead;
 
 /* A moment (seconds since 1970): relative, with the absolute on hover. */
 const absolute = new Intl.DateTimeFormat(undefined, { dateStyle: 'medium', timeStyle: 'medium' });

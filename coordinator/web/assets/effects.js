@@ -17,7 +17,7 @@ export function mountEffects(element, context) {
     more.setAttribute('aria-expanded', more.getAttribute('aria-expanded') !== 'true');
     draw();
   } });
-  const empty = h('p', { class: 'quiet' }, 'Nothing measured yet.');
+  const empty = h('p', { class: 'quiet' });
   let names = [];
 
   function row(name) {
@@ -39,6 +39,7 @@ export function mountEffects(element, context) {
     text(more, all ? 'Fewer' : `${shares.length - SHOWN} more`);
     show(more, shares.length > SHOWN);
     show(empty, !shares.length);
+    text(empty, context.info()?.state === 'done' ? 'Nothing was measured: it took too little time.' : 'Nothing measured yet.');
   }
 
   element.classList.add('effects-part');

@@ -20,6 +20,10 @@ export function bytes(value) {
   return `${step ? value.toFixed(value < 99.95 ? 1 : 0) : value} ${['B', 'KiB', 'MiB', 'GiB', 'TiB', 'PiB'][step]}`;
 }
 
+/* A name within a sentence: one that is written from right to left must not turn the rest around. */
+const TURNS = /[\u0590-\u08ff\u200e\u200f\u202a-\u202e\u2066-\u2069\ufb1d-\ufdff\ufe70-\ufefc]|[\u{10800}-\u{10fff}\u{1e800}-\u{1efff}]/u;
+export const isolated = (name) => (TURNS.test(name) ? `\u2068${name}\u2069` : name);
+
 /* "9 s", "41 s", "9 min", "2.5 h", "3 d" */
 export function span(s) {
   if (!(s >= 0) || !Number.isFinite(s)) return '?';

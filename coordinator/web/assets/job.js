@@ -14,6 +14,7 @@ const FIRST = {
   finishing: ['cancel'], cancelling: ['discard'], done: ['extend', 'develop'], failed: ['retry', 'remove'], cancelled: ['retry', 'remove'],
 };
 const END = { cap: 'all samples', target: 'the target', time: 'the time limit', cores: 'the core limit', cancel: 'a cancel', schedule: 'its schedule', finish: 'finish' };
+const TOO_FEW = 'too few samples to know';
 let ui = null;
 let points = new Map();     /* "job/frame" -> the last HistoryPoint of a frame that is not in work */
 let logged = { job: 0, seq: 0, busy: false };
@@ -55,7 +56,7 @@ function figures(job, frame) {
   const point = pointOf(job, frame), f = point && point.figures;
   text(ui.error, f ? display(f.display) : '–');
   attr(ui.error, 'title', f ? '95 % of the pixels are within this many codes of 255 of the picture that infinitely many samples would give' : 'Too few samples to know');
-  text(ui.errorMore, f ? [between(f.display_low, f.display_high, display).replace(/^ \(|\)$/g, ''), `${f.psnr_db === 'inf' || f.psnr_db === null ? '∞' : f.psnr_db.toFixed(1)} dB`, !f.reliable && 'may be understated'].filter(Boolean).join(' · ') : 'not known yet');
+  text(ui.errorMore, f ? [between(f.display_low, f.display_high, display).replace(/^ \(|\)$/g, ''), `${f.psnr_db === 'inf' || f.psnr_db === null ? '∞' : f.psnr_db.toFixed(1)} dB`, !f.reliable && 'may be understated'].filter(Boolean).join(' · ') : job.state === 'done' ? TOO_FEW : 'not known yet');
   text(ui.when, whenWords(job));
   const spent = point ? point.core_seconds : 0;
   text(ui.spent, coreTime(frameCount(job) > 1 ? (job.core_seconds || 0) + (ended(job) ? 0 : spent) : spent || job.core_seconds || 0));
@@ -211,7 +212,7 @@ export function update() {
   show(ui.none, !job && context.job() > 0 && state.loaded);
   if (!job) return;
   const frame = context.shownFrame();
-  text(ui.name, job.name || `job ${job.job}`);
+  text(ui.name, job.name);
   text(ui.frame, frameCount(job) > 1 || job.last_frame > job.first_frame ? `frame ${frame} / ${job.last_frame}` : '');
   ui.state.className = `state ${job.state}`;
   text(ui.stateWords, stateWords(job));

@@ -3,7 +3,8 @@ import { h } from './dom.js';
 import { get, post, del } from './api.js';
 
 /* Tabs of a browser share the session's cookie: whoever signs in or out in one does so in all. */
-const tabs = new BroadcastChannel('azulejo');
+let tabs = { postMessage() {} };
+try { tabs = new BroadcastChannel('azulejo'); } catch { /* refused with the page's storage */ }
 export const onOtherTab = (fn) => { tabs.onmessage = fn; };
 async function signIn(token) {
   await post('/session', { token });

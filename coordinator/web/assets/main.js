@@ -14,9 +14,10 @@ import { emptyJobs } from './empty.js';
 import { begin, hasToken, leave, loginForm, onOtherTab } from './login.js';
 import { act, may, owns } from './verbs.js';
 import { addKeys, allKeys, keysAreOn, switchKeys } from './keys.js';
-import { open } from './dialog.js';
+import { open, closeAll } from './dialog.js';
+import { kept } from './memory.js';
 import { undoLast, tell, say, trouble } from './notice.js';
-import { count, samplesRate, plural, display } from './format.js';
+import { count, samplesRate, plural, display, isolated } from './format.js';
 
 const VIEWS = { workers: workersView, worker: workerView, events: eventsView, store: storeView, access: accessView, submit: submitView };
 const TITLES = { workers: 'Workers', events: 'Events', store: 'Store', access: 'Access', submit: 'Submit' };
@@ -27,7 +28,7 @@ const byId = (id) => document.getElementById(id);
 
 const dark = matchMedia('(prefers-color-scheme: dark)');
 function theme() {
-  const now = localStorage.getItem('theme') || (dark.matches ? 'dark' : 'light');
+  const now = kept.get('theme') || (dark.matches ? 'dark' : 'light');
   if (document.documentElement.dataset.theme !== now) {
     document.documentElement.dataset.theme = now;
     emit('theme', now);
@@ -37,7 +38,7 @@ function theme() {
 }
 function switchTheme() {
   const to = document.documentElement.dataset.theme === 'dark' ? 'light' : 'dark';
-  if (to === (dark.matches ? 'dark' : 'light')) localStorage.removeItem('theme'); else localStorage.setItem('theme', to);
+  if (to === (dark.matches ? 'dark' : 'light')) kept.remove('theme'); else kept.set('theme', to);
   theme();
 }
 dark.addEventListener('change', theme);
@@ -45,20 +46,20 @@ theme();
 
 /* ---- notifications: of the browser, when asked for ---------------------------------------------- */
 
-const wants = () => localStorage.getItem('notify') || 'off';
+const wants = () => kept.get('notify') || 'off';
 async function askNotify(value) {
   if (value !== 'off' && 'Notification' in window && Notification.permission !== 'granted' && await Notification.requestPermission() !== 'granted') {
     say('The browser does not allow notifications for this page: allow them in its settings for this address.');
     value = 'off';
   }
-  localStorage.setItem('notify', value);
+  kept.set('notify', value);
   return value;
 }
 function notify(job) {
   if (wants() === 'off' || (wants() === 'mine' && !owns(job)) || !('Notification' in window) || Notification.permission !== 'granted') return;
   let note;
-  try { note = new Notification(`${job.name}: ${job.state}`, { body: reason(job) || (job.now?.figures ? `error ${display(job.now.figures.display)}` : ''), tag: `job-${job.job}`, icon: '/assets/icon.svg' }); } catch { /* phones have the permission, but let no page use it */
-    localStorage.setItem('notify', 'off');
+  try { note = new Notification(`${isolated(job.name)}: ${job.state}`, { body: reason(job) || (job.now?.figures ? `error ${display(job.now.figures.display)}` : ''), tag: `job-${job.job}`, icon: '/assets/icon.svg' }); } catch { /* phones have the permission, but let no page use it */
+    kept.set('notify', 'off');
     say('This browser cannot show notifications of a page: they are off.');
     return;
   }
@@ -86,7 +87,7 @@ function header() {
 }
 function title() {
   const job = context.info(), route = parse();
-  const view = TITLES[route.view] || (route.view === 'worker' ? route.name : job && `${job.name}${job.state === 'running' && job.now?.figures ? ` ${display(job.now.figures.display)}` : ` ${job.state}`}`);
+  const view = TITLES[route.view] || (route.view === 'worker' ? route.name : job && `${isolated(job.name)}${job.state === 'running' && job.now?.figures ? ` ${display(job.now.figures.display)}` : ` ${job.state}`}`);
   document.title = `${lostAt ? '⚠ ' : ''}${view ? `${view} · ` : ''}Azulejo`;
 }
 function connection(now, first) {
@@ -190,9 +191,17 @@ function take(route) {
       emit('select');
     }
     if (route.job && document.body.dataset.tab === 'queue') phone('picture');
+    checkFrame();
   } else phone('view');
   nothing();
   title();
+}
+/* A link may name a frame that the job has not (any more): another job's, or one of before it was submitted again. */
+function checkFrame() {
+  const job = context.info(), frame = context.frame();
+  if (!job || !frame || (frame >= job.first_frame && frame <= job.last_frame)) return;
+  say(`${isolated(job.name)} has no frame ${frame}: it has ${job.first_frame === job.last_frame ? `frame ${job.first_frame} only` : `frames ${job.first_frame} to ${job.last_frame}`}.`);
+  go(jobLink(job.job), true);
 }
 /* What stands where the picture would be. */
 let said = '';
@@ -215,6 +224,7 @@ function chooseOne() {
 }
 
 function changed(now) {
+  if (now.loaded || now.jobs.has(context.job())) checkFrame(); /* before its parts ask for the frame */
   if (now.jobs.size || now.removed.size || now.loaded) emit('jobs', now);
   if (now.workers) emit('workers');
   if (now.log.length) emit('log', now.log);
@@ -223,7 +233,7 @@ function changed(now) {
   for (const [number, before] of now.jobs) {
     const job = state.job(number);
     if (!job || !state.loaded || now.loaded || before === undefined || before === job.state) continue;
-    tell(`${job.name} is ${job.state}${reason(job) ? `: ${reason(job)}` : ''}`);
+    tell(`${isolated(job.name)} is ${job.state}${reason(job) ? `: ${reason(job)}` : ''}`);
     if (ended(job) || job.state === 'parked') notify(job);
   }
   header();
@@ -247,7 +257,7 @@ function help() {
     h('div', { class: 'columns' }, [...groups].map(([name, keys]) => h('section', null, h('h3', null, name), h('dl', { class: 'facts' }, keys.map(([key, words]) => [h('dt', null, h('kbd', null, key.replace('Arrow', ''))), h('dd', null, words)]))))),
     h('p', null, h('label', null, toggle, ' single keys act')),
     h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => close(), autofocus: true }, 'Close')),
-  ], true);
+  ], 'wide');
 }
 const onShown = (verb) => ({ run: () => act(verb, chosen()) });
 addKeys({
@@ -275,6 +285,8 @@ function signIn(why) {
   live.end();
   for (const id of ['refused', 'said']) children(byId(id), []); /* the form says it */
   byId('app').hidden = true;
+  closeAll();
+  document.querySelector('.menu')?.remove();
   document.querySelector('main.login')?.remove();
   document.body.prepend(loginForm(why, () => { location.reload(); }));
   byId('token').focus();

@@ -169,7 +169,9 @@ class Picture {
   }
 
   jobChanged(force) {
-    const info = this.context.info(), look = info && this.controls.ready && lookOf(info.output, this.controls.operators);
+    const info = this.context.info();
+    if (info) this.known = info.job;
+    const look = info && this.controls.ready && lookOf(info.output, this.controls.operators);
     if (look && (force || !this.lookOfJob || !sameLook(look, this.lookOfJob))) {
       this.lookOfJob = look;
       this.developed.clear(); /* made with the settings from before */
@@ -323,6 +325,7 @@ class Picture {
   describe() {
     const { pixels, shown } = this, info = this.context.info(), look = this.controls.look, notes = [];
     let again = false;
+    if (pixels && !info && this.known === shown.job) notes.push('The job was removed: this is the last of its picture');
     for (const one of this.wipe ? [look, this.controls.second()] : [look]) {
       if (!one || !isLight(this.layer) || isHere(one.operator, one.values) && (!OPERATORS[one.operator].file || one.file)) continue;
       const made = this.developed.get(this.previewPath(one)) || {};
@@ -372,16 +375,16 @@ class Picture {
   /* Large answers are asked for less often. */
   async askMap() {
     const { job, frame } = this.shown, wanted = OVERLAYS[this.overlay].needsMap || this.at;
-    if (!wanted || this.mapBusy || Date.now() < this.mapAsked || (this.map && this.mapComplete)) return;
+    if (!wanted || this.mapBusy || performance.now() < this.mapAsked || (this.map && this.mapComplete)) return;
     this.mapBusy = true;
-    const begun = Date.now();
+    const begun = performance.now();
     try {
       const map = await this.context.api.get(`/jobs/${job}/frames/${frame}/tiles`);
       if (this.shown.job === job && this.shown.frame === frame) Object.assign(this, { map, mapComplete: this.complete, mapTrouble: '' });
     } catch (why) { this.mapTrouble = why.message; }
     this.mapBusy = false;
-    const wait = Math.max(MAP_EVERY_MS, 10 * (Date.now() - begun));
-    this.mapAsked = Date.now() + wait;
+    const wait = Math.max(MAP_EVERY_MS, 10 * (performance.now() - begun));
+    this.mapAsked = performance.now() + wait;
     clearTimeout(this.mapTimer);
     this.mapTimer = setTimeout(() => this.redraw(), wait);
     this.paintOverlay();
@@ -481,7 +484,7 @@ class Picture {
   }
 
   showPreview() {
-    const info = this.context.info(), now = Date.now(), look = this.controls?.look;
+    const info = this.context.info(), now = performance.now(), look = this.controls?.look;
     this.note.textContent = `The coordinator's preview: ${this.whyNot}.`;
     if (!info || !look) return;
     const path = this.previewPath(look);

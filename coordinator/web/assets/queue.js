@@ -8,9 +8,11 @@ import { offered, act, owns, reorder, may } from './verbs.js';
 import { jobLink, go } from './router.js';
 import { span, display, target, percent } from './format.js';
 import { trouble, say } from './notice.js';
+import { keptByTab } from './memory.js';
 import { menuOf } from './job.js';
 
 const HOLD_MS = 2000;
+const DRAGGED = 'application/x-azulejo-job';
 const FILTERS = {
   all: () => true,
   active: (j) => !ended(j),
@@ -18,8 +20,8 @@ const FILTERS = {
   done: (j) => j.state === 'done',
   failed: (j) => ['failed', 'parked'].includes(j.state),
 };
-const memory = (key, value) => sessionStorage.setItem(`queue.${key}`, value);
-let filter = sessionStorage.getItem('queue.filter') || 'all', words = sessionStorage.getItem('queue.words') || '';
+const memory = (key, value) => keptByTab.set(`queue.${key}`, value);
+let filter = keptByTab.get('queue.filter') || 'all', words = keptByTab.get('queue.words') || '';
 if (!FILTERS[filter]) filter = 'all';
 
 const rows = new Map();      /* job -> row */
@@ -54,16 +56,16 @@ function second(job) {
 }
 function fill(r, job) {
   const part = share(job), frames = frameCount(job);
-  text(r.name, job.name || `job ${job.job}`);
+  text(r.name, job.name);
   text(r.head, job.state === 'running' ? percent(part) : job.state === 'queued' && job.state_text ? 'waiting' : job.state);
   const line = ended(job) ? [frames > 1 && `${job.frames_done}/${frames} frames`, reason(job)].filter(Boolean).join(' · ') : second(job);
   text(r.line, line);
   /* A reason needs the room. */
   text(r.owner, reason(job) ? '' : (job.owner || '').split('@')[0]);
-  attr(r.link, 'title', [job.owner, line].filter(Boolean).join('\n'));
+  attr(r.link, 'title', [job.name, job.owner, line].filter(Boolean).join('\n'));
   r.node.className = job.state;
   property(r.bar.firstChild, '--share', part.toFixed(3));
-  attr(r.pick, 'aria-label', `Select ${job.name || 'job'} (job ${job.job})`);
+  attr(r.pick, 'aria-label', `Select ${job.name} (job ${job.job})`);
 }
 
 function counts() {
@@ -135,7 +137,8 @@ const clear = () => { picked.clear(); mark(); };
 const waiting = () => shown.map(state.job).filter((j) => j && !ended(j));
 function move(number, place) {
   const job = state.job(number), all = [...state.jobs.values()].filter((j) => !ended(j)).sort(inOrder);
-  if (!job || ended(job)) return say('Only jobs that have not ended have a place in the queue.');
+  if (!job) return say('The job was removed meanwhile: nothing was moved.');
+  if (ended(job)) return say('Only jobs that have not ended have a place in the queue.');
   /* `place` counts what is shown; with a filter, the whole queue's place is before the same neighbour. */
   const rest = waiting().filter((j) => j !== job), whole = all.filter((j) => j !== job);
   const at = place < rest.length ? whole.indexOf(rest[place]) : rest.length ? whole.indexOf(rest.at(-1)) + 1 : 0;
@@ -155,10 +158,11 @@ function dragging() {
     if (!job || ended(job) || !may('operate', job)) { e.preventDefault(); return; }
     from = job.job;
     e.dataTransfer.effectAllowed = 'move';
-    e.dataTransfer.setData('application/x-azulejo-job', String(from));
+    e.dataTransfer.setData(DRAGGED, String(from));
   });
   list.addEventListener('dragover', (e) => {
-    if (!from) return;
+    /* Of this drag: that of a row which was removed has no end. */
+    if (!e.dataTransfer.types.includes(DRAGGED)) return;
     const li = e.target.closest('li'), job = li && state.job(li.dataset.job);
     clean();
     if (!job || ended(job) || job.job === from) return;
@@ -170,12 +174,13 @@ function dragging() {
   list.addEventListener('drop', (e) => {
     if (!over) return;
     e.preventDefault();
-    const after = over.classList.contains('below');
-    const rest = waiting().filter((j) => j.job !== from);
-    move(from, rest.findIndex((j) => j.job === Number(over.dataset.job)) + (after ? 1 : 0));
+    const after = over.classList.contains('below'), rest = waiting().filter((j) => j.job !== from);
+    const at = rest.findIndex((j) => j.job === Number(over.dataset.job));
+    if (at >= 0 || !state.job(from)) move(from, at + (after ? 1 : 0));
+    else say('The job there ended or was removed meanwhile: nothing was moved.');
     clean();
   });
-  list.addEventListener('dragend', () => { clean(); from = 0; });
+  list.addEventListener('dragend', clean);
 }
 
 /* ---- choosing one -------------------------------------------------------------------------------- */

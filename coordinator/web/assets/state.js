@@ -46,10 +46,14 @@ function flush() {
 }
 document.addEventListener('visibilitychange', () => changes && document.hidden && flush());
 
+/* A name that can be seen and pressed: one of spaces alone is none. */
+export const nameOf = (name, job) => (/[^\s\p{C}\p{Default_Ignorable_Code_Point}]/u.test(name || '') ? name : `job ${job}`);
+
 /* Keys that only the answer about one job has (azulejo.proto) stay until it is asked again. */
 const ONLY_ALONE = ['done', 'developed', 'resting'];
 export function takeJob(info) {
   const before = jobs.get(info.job);
+  info.name = nameOf(info.name, info.job);
   if (before) for (const key of ONLY_ALONE) if (!info[key] && before[key]) info[key] = before[key];
   jobs.set(info.job, info);
   if (touched) touched.add(info.job);

@@ -81,7 +81,7 @@ export function submitView(node) {
     node.append(h('h1', null, 'Submit'), h('p', null, 'Your token may look, but not submit. Ask for one with the role submit.'));
     return undefined;
   }
-  let running = null;
+  let running = null, failed = ''; /* why the last try came to nothing */
   const input = (more) => h('input', { type: 'file', multiple: true, class: 'hidden', ...more, onchange: (e) => { take(new Map([...e.target.files].map((f) => [f.webkitRelativePath || f.name, f]))); e.target.value = ''; } });
   const one = input({ id: 'pick-files', 'aria-label': 'Files' }), folder = input({ id: 'pick-folder', webkitdirectory: true, 'aria-label': 'Folder' });
   const list = h('ul', { class: 'files' }), summary = h('p'), scene = h('select', { name: 'scene', id: 'scene' }), sceneField = h('div', { class: 'field' }, h('label', { htmlFor: 'scene' }, 'Scene'), scene);
@@ -106,12 +106,13 @@ export function submitView(node) {
     fill(environment, paths.filter((p) => /\.(exr|hdr)$/i.test(p)), 'none');
     show(sceneField, scenes.length > 0);
     show(envField, environment.length > 1);
-    text(problem, paths.length && !scenes.length ? 'None of these is a scene: one must end in .gltf, .glb, .pbrt, .obj or .ply.' : '');
+    text(problem, paths.length && !scenes.length ? 'None of these is a scene: one must end in .gltf, .glb, .pbrt, .obj or .ply.' : failed);
     attr(start, 'disabled', !scenes.length || !!running);
   };
 
   async function run(v) {
-    let wanted, number = 0;
+    let wanted, number = 0, asked = false;
+    failed = '';
     try { wanted = options(v); } catch (why) { text(problem, why.message); return; }
     running = new AbortController();
     const { signal } = running;
@@ -136,6 +137,7 @@ export function submitView(node) {
       }));
       text(word, 'The scene is read…');
       attr(bar, 'value', null);
+      asked = true;
       const answer = await post(`/imports/${number}`, { scene: v.scene, options: wanted }, { signal });
       number = 0;
       chosen = new Map();
@@ -143,7 +145,7 @@ export function submitView(node) {
       tell(`Submitted as job ${answer.job}`);
       go(jobLink(answer.job));
     } catch (why) {
-      text(problem, why.name === 'AbortError' ? 'Stopped. Nothing was submitted.' : why.message);
+      failed = why.name !== 'AbortError' ? why.message : asked ? 'Stopped. If the job is in the queue all the same, it was submitted before.' : 'Stopped. Nothing was submitted.';
       if (number) del(`/imports/${number}`).catch(() => {});
     } finally {
       running = null;

@@ -7,7 +7,7 @@ import { get, post, del } from './api.js';
 import { state, takeAnswer, takeRemoved, loadJob } from './state.js';
 import { say, trouble } from './notice.js';
 import { confirm, form } from './dialog.js';
-import { frameList, errorTarget, milliseconds, target } from './format.js';
+import { frameList, errorTarget, milliseconds, target, isolated } from './format.js';
 
 const ROLES = ['none', 'view', 'submit', 'operate', 'admin'];
 const rank = (role) => ROLES.indexOf(role);
@@ -21,10 +21,11 @@ export function may(role, job) {
 
 const ALIVE = ['queued', 'running', 'parked', 'paused', 'finishing'];
 const FINAL = ['done', 'failed', 'cancelled'];
-const names = (jobs) => (jobs.length === 1 ? jobs[0].name || `job ${jobs[0].job}` : `${jobs.length} jobs`);
+const names = (jobs) => (jobs.length === 1 ? isolated(jobs[0].name) : `${jobs.length} jobs`);
 const of = (path, number) => `/jobs/${number}/${path}`;
 
-/* name: {states, when, text (what happens), done (word), ask(jobs) -> body or null, undo(jobs, body) -> [verb, body] } */
+/* name: {states, when, text (what happens), done (word), undo(jobs, body) -> [verb, body],
+ *        ask(jobs, send): asks what it must, and then gives send the body; null or false: nothing was asked for} */
 export const verbs = {
   pause: {
     states: ['queued', 'running'], done: 'paused', undo: () => ['resume'],
@@ -70,16 +71,16 @@ export const verbs = {
   },
   discard: {
     verb: 'cancel', label: 'Cancel and discard', states: [...ALIVE, 'cancelling'], dangerous: true, done: 'cancelled', body: { discard: true },
-    ask: (jobs) => confirm(`Cancel ${names(jobs)} and discard its samples?`, [
+    ask: (jobs, send) => confirm(`Cancel ${names(jobs)} and discard its samples?`, [
       'All samples of unfinished frames are lost: no pictures are made of them, and Retry begins them from nothing.',
-      'Pictures of finished frames stay.'], 'Discard the samples').then((yes) => yes && {}),
+      'Pictures of finished frames stay.'], 'Discard the samples').then((yes) => yes && send({})),
     text: 'End it, and free the room of its unfinished frames at once.',
   },
   remove: {
     label: 'Remove', states: FINAL, dangerous: true, done: 'removed',
-    ask: (jobs) => confirm(`Remove ${names(jobs)}?`, [
+    ask: (jobs, send) => confirm(`Remove ${names(jobs)}?`, [
       `The coordinator forgets ${jobs.length === 1 ? 'the job' : 'these jobs'}: ${lost(jobs)}, settings and log are lost. Nothing brings them back.`,
-      'Pictures that were downloaded stay where they are.'], 'Remove').then((yes) => yes && {}),
+      'Pictures that were downloaded stay where they are.'], 'Remove').then((yes) => yes && send({})),
     send: (number) => del(`/jobs/${number}`), text: 'Forget it, with its pictures.',
   },
 };
@@ -93,18 +94,18 @@ function lost(jobs) {
   const frames = jobs.reduce((n, j) => n + (j.frames_done || 0), 0);
   return frames ? `the pictures of ${frames} finished frame${frames === 1 ? '' : 's'}` : 'films';
 }
-async function askPriority(jobs) {
+async function askPriority(jobs, send) {
   return form(`Priority of ${names(jobs)}`, ['Jobs with a higher number go first.'],
     [{ name: 'priority', label: 'Priority', type: 'number', step: 1, value: String(jobs[0].priority), required: true }],
-    'Set the priority', (v) => ({ priority: Math.trunc(Number(v.priority)) }));
+    'Set the priority', (v) => ({ priority: Math.trunc(Number(v.priority)) }), send);
 }
-async function askFrames([job]) {
+async function askFrames([job], send) {
   return form(`Frames of ${names([job])} to render again`, [
     'They go on from their films where these are kept; a lost picture is made again without rendering.'],
   [{ name: 'frames', label: 'Frames', value: `${job.first_frame}-${job.last_frame}`, hint: 'as in 1,5,10-100x10', required: true }],
-  'Retry these frames', (v) => ({ frames: frameList(v.frames) }));
+  'Retry these frames', (v) => ({ frames: frameList(v.frames) }), send);
 }
-async function askExtend([job]) {
+async function askExtend([job], send) {
   const isDone = job.state === 'done';
   return form(`Extend ${names([job])}`, [isDone ? 'Rendering goes on from the films that are kept. Give one of these, or both.'
     : 'The new rules replace those that it has. Give one of these, or both.'], [
@@ -121,9 +122,9 @@ async function askExtend([job]) {
     if (Object.keys(stop).length) body.stop = stop;
     if (!body.spp && !body.stop) throw new Error('Say how many samples, or which error is to be reached.');
     return body;
-  });
+  }, send);
 }
-async function askDevelop([job]) {
+async function askDevelop([job], send) {
   let operators = [];
   try { operators = listOf(await get('/operators'), 'operators').map((o) => o.name); } catch (why) { trouble(why); return null; }
   const output = job.output || {};
@@ -136,7 +137,7 @@ async function askDevelop([job]) {
       ...output, tonemap: v.tonemap, exposure_ev: Number(v.exposure_ev) || 0, white_kelvin: Number(v.white_kelvin) || 0,
       parameters: v.tonemap === output.tonemap ? output.parameters || {} : {},
     },
-  }));
+  }), send);
 }
 /* A list that is the answer, or below this name in it. */
 export const listOf = (answer, name) => (Array.isArray(answer) ? answer : answer[name] || []);
@@ -161,46 +162,53 @@ async function settled(numbers) {
   for (let i = 0; i < 600 && numbers.some((n) => state.job(n)?.state === 'cancelling'); i++) await new Promise((done) => setTimeout(done, 200));
 }
 
+const GONE = 'There is no such job any more: it was removed.';
+
+/* Sends it to all of these jobs, and says what became of it. Throws if no job took it; resolves with whether all did. */
+async function deliver(verb, jobs, given, quiet) {
+  const before = jobs.map((j) => ({ ...j })), body = { ...verb.body, ...given }, failed = [], rest = [...jobs];
+  await Promise.all(Array.from({ length: 6 }, async () => {
+    for (let job; (job = rest.shift());)
+      try { await send(verb, job.job, body); } catch (why) { failed.push([job, why]); }
+  }));
+  const [first] = failed;
+  if (first && jobs.length === 1) throw first[1];
+  const why = first && new Error(`${failed.length} of ${jobs.length} jobs refused it. ${names([first[0]])}: ${first[1].message}`);
+  const done = before.filter((j) => !failed.some(([f]) => f.job === j.job));
+  if (!done.length) throw why;
+  if (why) trouble(why);
+  if (!quiet) {
+    const back = verb.undo && verb.undo(done, body);
+    const numbers = done.map((j) => j.job);
+    say(`${names(done)}: ${verb.done}.`, back ? () => settled(numbers).then(() => act(back[0], numbers, back[1] || {}, true)) : undefined, verb.undoName);
+  }
+  return !why;
+}
+
 /* A verb, for one job or several. `body`: what it would ask for. Resolves with whether all of it was done. */
 export async function act(name, numbers, body, quiet) {
-  const verb = verbs[name];
-  let jobs = [numbers].flat().map(state.job).filter(Boolean);
-  if (!verb || !jobs.length) return false;
+  const verb = verbs[name], wanted = [numbers].flat();
+  let jobs = wanted.map(state.job).filter(Boolean);
+  if (!verb || !wanted.length) return false;
   /* What the page knows may be a moment old: an answer can overtake an event. */
   const doubted = jobs.filter((j) => may('operate', j) && !allows(verb, j));
   await Promise.all(doubted.map((j) => loadJob(j.job).catch(() => {})));
   jobs = jobs.map((j) => state.job(j.job)).filter(Boolean);
   const unfit = jobs.filter((j) => !allows(verb, j));
   if (unfit.length || !jobs.length) {
-    if (!unfit.length) trouble(new Error('There is no such job any more: it was removed.'));
+    if (!unfit.length) trouble(new Error(GONE));
     else trouble(new Error(!may('operate', unfit[0])
       ? `Your token may not ${verb.verb} jobs of others: it has the role “${state.session?.role}”.`
       : `${names(unfit)} cannot be told to ${verb.verb}: ${unfit.length === 1 ? 'it is' : 'some are'} ${unfit[0].state}.`));
     return false;
   }
-  const before = jobs.map((j) => ({ ...j }));
-  if (body === undefined && verb.ask) {
-    body = await verb.ask(jobs);
-    if (!body) return false;
+  const run = (given) => deliver(verb, jobs, given, quiet);
+  try {
+    return !!await (body === undefined && verb.ask ? verb.ask(jobs, run) : run(body));
+  } catch (why) {
+    trouble(why);
+    return false;
   }
-  body = { ...verb.body, ...body };
-  const failed = [];
-  const rest = [...jobs];
-  await Promise.all(Array.from({ length: 6 }, async () => {
-    for (let job; (job = rest.shift());)
-      try { await send(verb, job.job, body); } catch (why) { failed.push([job, why]); }
-  }));
-  if (failed.length) {
-    const [job, why] = failed[0];
-    trouble(new Error(jobs.length === 1 ? why.message : `${failed.length} of ${jobs.length} jobs refused it. ${names([job])}: ${why.message}`));
-  }
-  const done = before.filter((j) => !failed.some(([f]) => f.job === j.job));
-  if (done.length && !quiet) {
-    const back = verb.undo && verb.undo(done, body);
-    const numbers = done.map((j) => j.job);
-    say(`${names(done)}: ${verb.done}.`, back ? () => settled(numbers).then(() => act(back[0], numbers, back[1] || {}, true)) : undefined, verb.undoName);
-  }
-  return !failed.length;
 }
 
 /* ---- order ------------------------------------------------------------------------------------ */
@@ -230,19 +238,19 @@ export function prioritiesFor(list, moved, place) {
 export async function reorder(list, moved, place) {
   const changed = prioritiesFor(list, moved, place);
   if (!changed.length) {
-    say(`${moved.name} has that place already; jobs that are paused are listed after those that wait.`);
+    say(`${isolated(moved.name)} has that place already; jobs that are paused are listed after those that wait.`);
     return;
   }
   const others = changed.find(([j]) => !may('operate', j));
   if (others) {
-    trouble(new Error(`${others[0].name} is not yours: your token may only move your own jobs.`));
+    trouble(new Error(`${isolated(others[0].name)} is not yours: your token may only move your own jobs.`));
     return;
   }
   const before = changed.map(([j]) => [j.job, j.priority]);
   const all = (pairs) => Promise.all(pairs.map(([number, priority]) => act('priority', number, { priority }, true)));
   const fine = await all(changed.map(([j, p]) => [j.job, p]));
   if (fine.every(Boolean))
-    say(`${changed.map(([j, p]) => `${j.name}: priority ${p}`).slice(0, 3).join(', ')}${changed.length > 3 ? ` and ${changed.length - 3} more` : ''}.`, () => all(before));
+    say(`${changed.map(([j, p]) => `${isolated(j.name)}: priority ${p}`).slice(0, 3).join(', ')}${changed.length > 3 ? ` and ${changed.length - 3} more` : ''}.`, () => all(before));
 }
 
 /* ---- workers ---------------------------------------------------------------------------------- */

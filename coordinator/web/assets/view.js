@@ -70,7 +70,7 @@ export class View {
   /* `at`: what stays in its place, in canvas pixels; else the middle. */
   zoomTo(scale, at = [this.canvas.width / 2, this.canvas.height / 2]) {
     const before = this.scale, least = Math.min(this.fitting, 1) / 2;
-    this.scale = Math.min(Math.max(scale, least), LARGEST);
+    this.scale = Math.min(Math.max(scale, least), Math.max(LARGEST, this.fitting));
     if (Math.abs(Math.log(this.scale)) < 0.04) this.scale = 1;
     this.fitted = false;
     this.x = at[0] - (at[0] - this.x) * this.scale / before;

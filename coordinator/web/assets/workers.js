@@ -40,7 +40,7 @@ export function mountStrip(node) {
     text(c.name, w.name);
     attr(c.node, 'data-worker', w.session);
     attr(c.link, 'href', workerLink(w.name));
-    attr(c.link, 'title', why(w) || `${w.host}, ${w.software}`);
+    attr(c.link, 'title', `${w.name}\n${why(w) || `${w.host}, ${w.software}`}`);
     property(c.bar.firstChild, '--share', w.threads ? Math.min(1, busy(w) / w.threads).toFixed(2) : 0);
     text(c.threads, `${w.threads} thr`);
     text(c.rate, w.samples_per_second > 0 ? `${count(w.samples_per_second)}/s` : '');
