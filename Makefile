@@ -244,20 +244,20 @@ MATERIAL_ROW_VALUE := VALUE(NUMBER, clearcoat_varnish, 0.25f, 0, 2, NONE, CLEARC
 MATERIAL_ROW_TEXTURE := TEXTURE(clearcoat_varnish, DATA, FILTERED, READ_BY_LIT, WITH(clearcoat), CLEARCOAT, 9, FACTOR, PART(clearcoat_varnish, RED))
 $(ROW)/common/scene/material_fields.h: common/scene/material_fields.h Makefile
 	@mkdir -p $(@D)
-	sed 's/^    VALUE(NUMBER, clearcoat_ior,/    $(MATERIAL_ROW_VALUE) $(MATERIAL_ROW_TEXTURE) \\\n&/' $< >$@
+	$(call show,GEN)sed 's/^    VALUE(NUMBER, clearcoat_ior,/    $(MATERIAL_ROW_VALUE) $(MATERIAL_ROW_TEXTURE) \\\n&/' $< >$@
 $(ROW)/common/scene/scene.proto: common/scene/scene.proto Makefile
 	@mkdir -p $(@D)
-	sed 's/^  TextureSlot normal_texture = 7;/&\n  float varnish = 8;\n  TextureSlot varnish_texture = 9;/' $< >$@
+	$(call show,GEN)sed 's/^  TextureSlot normal_texture = 7;/&\n  float varnish = 8;\n  TextureSlot varnish_texture = 9;/' $< >$@
 $(ROW)/common/scene/scene.pb-c.c $(ROW)/common/scene/scene.pb-c.h: $(ROW)/common/scene/scene.proto
-	cd $(ROW) && $(PROTOC_C) --c_out=. common/scene/scene.proto
+	$(call show,GEN)cd $(ROW) && $(PROTOC_C) --c_out=. common/scene/scene.proto
 $(ROW)/common/scene/scene.pb-c.o: $(ROW)/common/scene/scene.pb-c.c
-	$(CC) -I$(ROW) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
+	$(call show,CC)$(CC) -I$(ROW) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
 $(ROW)/obj/%.o: %.c | $(ROW)/common/scene/material_fields.h $(ROW)/common/scene/scene.pb-c.h $(PROTO_HDR)
 	@mkdir -p $(@D)
-	$(CC) -I$(ROW) $(CPPFLAGS) $(CFLAGS) -O1 -MMD -MP -c -o $@ $<
+	$(call show,CC)$(CC) -I$(ROW) $(CPPFLAGS) $(CFLAGS) -O1 -MMD -MP -c -o $@ $<
 $(ROW_TEST): $(ROW_OBJ) $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
 
 # The kernel variants with worker/render/base/fault.h switched on; a unit test and a folder of programs
 # with them. The archive's own variants are then not linked.
