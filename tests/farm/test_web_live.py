@@ -620,7 +620,8 @@ def tiles_name_their_workers():
 
         def whole():
             status, told = page.get(path)
-            return told if status == 200 and all(t["units"] > 4 for t in told["tiles"]) else None
+            # A group has no error before it is known how a display shows the frame; the other one may be far ahead by then.
+            return told if status == 200 and all(t["units"] > 4 and t["error"] is not None for t in told["tiles"]) else None
         check(wait_for(whole, "all tiles"))
         farm.wait_for_job(job)
         status, told = page.get(path)
