@@ -172,7 +172,11 @@ def overlays_and_the_pixel_under_the_pointer():
             page.wait("%s.controls.legend.checkVisibility() && %s.controls.legend.innerText.trim().length > 2" % (PICTURE, PICTURE), kind)
             wait_for(lambda: look(page) != plain, "the overlay '%s' to be seen" % kind)
             if kind == "workers":
-                page.wait("/ana/.test(%s.controls.legend.innerText) && /rui/.test(%s.controls.legend.innerText)" % (PICTURE, PICTURE))
+                owners = [t["worker"] for t in farm.cli("owners", job, "--json", expect=0).json()["tiles"]]
+                expect(owners and set(owners) <= {"ana", "rui"}, owners)
+                for name in set(owners):  # one may have most samples of every tile
+                    page.wait("[...%s.controls.legend.children].some(e => e.textContent === '%s %d')" % (PICTURE, name, owners.count(name)),
+                              "%s's tiles to be those that azulejo owners counts" % name)
         control(page, "overlay", kinds[0])
         left, top, width, height = canvas_place(page)
         page.mouse("mouseMoved", left + width / 2, top + height / 2)

@@ -350,11 +350,17 @@ def overlays_have_a_legend():
             rows = seen(page)
             colors = {rows[y + 2][x + 2] for y in range(0, 45, 16) for x in range(0, 67, 16)}
             expect(len(colors) == {"workers": 4, "error": 15, "time": 15, "samples": 1}.get(name, len(colors)), (name, len(colors)))
-        asked = [p for p in page.js("stage.asked") if p.endswith("/tiles")]
+        asked = [p for p in page.js("stage.asked") if p.split("?")[0].endswith("/tiles")]
         expect(1 <= len(asked) <= 2 + (time.monotonic() - began) / 3, asked)
         page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = 'none'; overlay.dispatchEvent(new Event('change')); })()")
         page.frames(3)
         expect(len({p for row in seen(page) for p in row}) > 500, "the picture is back")
+        # The worker with the most samples comes first in `shares`; `worker` is the newest unit's.
+        page.js("""(() => { const {picture, answers} = stage, map = Object.values(answers).find(a => a.tiles);
+            for (const tile of map.tiles) Object.assign(tile, {worker: 1, shares: [{worker: 2, thread: 1, units: 2, samples: 12}, {worker: 1, thread: 1, units: 1, samples: 4}]});
+            window.second = map.workers[1].name; Object.assign(picture, {map: null, mapAsked: 0});
+            const {overlay} = picture.controls; overlay.value = 'workers'; overlay.dispatchEvent(new Event('change')); })()""")
+        page.wait("document.querySelector('.legend').textContent === `${second} 15`", "all tiles to be those of the second worker")
 
 
 @tests.add
@@ -485,6 +491,63 @@ def a_lost_context_comes_back():
         page.js("new Promise(done => { stage.picture.canvas.addEventListener('webglcontextrestored', done); lose.restoreContext(); })")
         page.frames(3)
         expect(seen(page) == before, "the same pixels")
+
+
+# A picture of one colour, of which message after message comes; counts what goes to the card at once.
+HUGE = """(async () => {
+  const {screen} = stage.picture, {gl} = screen, sent = window.sent = [], out = {};
+  for (const name of ['texImage2D', 'texSubImage2D']) { const real = gl[name]; gl[name] = (...a) => {
+    const data = a.at(-1) instanceof Uint16Array || a.at(-2) instanceof Uint16Array; if (data && a.length > 8) sent.push(a[4] * (name === 'texImage2D' ? a[3] : a[5])); return real.apply(gl, a); }; }
+  const draw = screen.draw; screen.draw = (...a) => { const from = sent.length; draw.apply(screen, a);
+    out.most = Math.max(out.most || 0, sent.slice(from).reduce((x, y) => x + y, 0)); };
+  stage.begin({job: 1, frame: 1, width: 1600, height: 1040, layers: ['color'], complete: true});
+  out.begun = sent.reduce((x, y) => x + y, 0);
+  const {pixels} = stage.picture, send = tiles => { const body = new ArrayBuffer(12 + tiles.length * 2060), v = new DataView(body);
+    v.setUint32(8, tiles.length, true);
+    tiles.forEach((tile, i) => { const at = 12 + i * 2060; v.setUint32(at, tile, true); v.setUint16(at + 4, 16, true); v.setUint16(at + 6, 16, true);
+      v.setUint32(at + 8, 256, true); new Uint16Array(body, at + 12, 1024).fill(0x3000 + tile % 512); });
+    stage.watches.at(-1).to.tiles(body); };
+  send(Array.from({length: pixels.tiles - 1}, (_, i) => i)); /* the last one is missing */
+  while (!stage.picture.settled) await new Promise(done => setTimeout(done, 10));
+  stage.picture.setOverlay('none');
+  const image = stage.picture.codes(), at = (x, y) => [...image.data.slice(4 * (y * image.width + x), 4 * (y * image.width + x) + 3)];
+  const tile = n => at(n % 100 * 16 + 5, Math.floor(n / 100) * 16 + 5);
+  return Object.assign(out, {tiles: pixels.tiles, same: [0, 1, 2050, 4000, 6498].map(n => String(tile(n)) === String(tile(n % 512))), colours: new Set([0, 100, 300].map(n => String(tile(n)))).size, missing: tile(6499), none: pixels.at(1599, 1039)});
+})()"""
+
+
+@tests.add
+def a_huge_picture_comes_in_slices():
+    """nothing of a new picture goes to the card before its tiles, these at most 4 MB at once; all of it is drawn at last"""
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, soft_light(67, 45))
+        got = page.js(HUGE)
+        expect(got["begun"] == 0, "%d pixels were sent at the beginning" % got["begun"])
+        expect(0 < got["most"] <= 2048 * 256 + 65 * 1600, "%d pixels at once" % got["most"])
+        expect(all(got["same"]) and got["colours"] == 3, got)
+        expect(got["none"] is None and len(set(got["missing"])) <= 3 and max(got["missing"]) < 255, got)
+
+
+@tests.add
+def what_is_pointed_at_is_drawn_all_the_same():
+    """tiles that come while a pixel is read are drawn, also under an operator that measures nothing"""
+    light, dark = soft_light(67, 45), Light(67, 45, lambda x, y: (0.02, 0.03, 0.04, 0.001))
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.click("~Pixel by pixel")
+        page.js("stage.picture.controls.choose('linear')")
+        page.wait("stage.picture.settled")
+        box = page.js("(() => { const r = stage.picture.canvas.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()")
+        page.mouse("mouseMoved", *box)
+        page.wait("stage.picture.map && stage.picture.settled")
+        page.js("stage.picture.mapAsked = Infinity")  # its answer draws all
+        send(page, dark)
+        page.wait("stage.picture.settled")
+        page.frames(3)
+        codes = {p for row in seen(page) for p in row}
+        expect(len(codes) == 1, "%d colours of one" % len(codes))
 
 
 @tests.add

@@ -7,7 +7,10 @@
  * whole picture takes some 100 ms. All that the card holds is made again from `pixels` when its context was lost.
  */
 import { OPERATORS } from './tonemap.js';
-import { TILE } from './pixels.js';
+import { TILE, NOTHING, halfToFloat } from './pixels.js';
+
+const NO_LIGHT = halfToFloat(NOTHING);
+const UPLOADED_AT_ONCE = 2048;        /* tiles, 4 MB: between two of these people are served */
 
 /* An instance is a rectangle: left, top, right and bottom in canvas pixels. */
 const VERTEX = `#version 300 es
@@ -105,6 +108,7 @@ export class Screen {
     this.files = new Map();            /* a cube's tables -> textures */
     this.images = new Map();           /* a developed picture -> texture */
     this.probe = this.fence = null;
+    this.drawsFloats = gl.getExtension('EXT_color_buffer_float') || gl.getExtension('EXT_color_buffer_half_float');
     gl.bindVertexArray(gl.createVertexArray());
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
     gl.enableVertexAttribArray(0);
@@ -129,10 +133,29 @@ export class Screen {
       throw new Error(`the picture is larger than this graphics card's textures`);
     this.pixels = pixels;
     this.waiting = new Set();
-    this.texture(gl.TEXTURE_2D, this.textures.picture);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, pixels.width, pixels.height, 0, gl.RGBA, gl.HALF_FLOAT, pixels.data);
+    this.beginPicture();
+    for (let tile = 0; tile < pixels.tiles; tile++) if (pixels.samples[tile] > 0) this.waiting.add(tile);
     this.tiles = new Uint8Array(pixels.tiles * 4);
     this.setTints(this.tiles);
+  }
+
+  /* A picture without pixels, of which none goes to the card: one of 8K would keep the page from all else for seconds. */
+  beginPicture() {
+    const { gl, pixels, textures } = this, { width, height } = pixels;
+    gl.deleteTexture(textures.picture);
+    textures.picture = gl.createTexture();
+    this.texture(gl.TEXTURE_2D, textures.picture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA16F, width, height);
+    if (this.drawsFloats) {
+      const buffer = gl.createFramebuffer();
+      gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, textures.picture, 0);
+      gl.clearBufferfv(gl.COLOR, 0, [NO_LIGHT, 0, 0, 0]);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+      gl.deleteFramebuffer(buffer);
+    } else for (let line = 0; line < pixels.down; line++) this.uploadLine(line);
+    this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0); /* a question to the card would wait for it */
+    gl.flush();
   }
 
   changed(tile) { this.waiting.add(tile); }
@@ -152,22 +175,37 @@ export class Screen {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, ramp.length / 4, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, ramp);
   }
 
-  /* Many tiles at once: as one picture. */
-  upload() {
-    const { gl, pixels, waiting } = this;
-    if (waiting.size === 0) return;
-    gl.bindTexture(gl.TEXTURE_2D, this.textures.picture);
-    if (waiting.size > pixels.tiles / 4) {
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, pixels.width, pixels.height, gl.RGBA, gl.HALF_FLOAT, pixels.data);
-    } else {
-      gl.pixelStorei(gl.UNPACK_ROW_LENGTH, pixels.width);
-      for (const tile of waiting) {
-        const { x, y, width, height } = pixels.place(tile);
-        gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, width, height, gl.RGBA, gl.HALF_FLOAT, pixels.data, (y * pixels.width + x) * 4);
-      }
-      gl.pixelStorei(gl.UNPACK_ROW_LENGTH, 0);
+  uploadTile(tile) {
+    const { gl, pixels } = this, { x, y, width, height } = pixels.place(tile);
+    gl.pixelStorei(gl.UNPACK_ROW_LENGTH, pixels.width);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, x, y, width, height, gl.RGBA, gl.HALF_FLOAT, pixels.data, (y * pixels.width + x) * 4);
+    gl.pixelStorei(gl.UNPACK_ROW_LENGTH, 0);
+  }
+
+  uploadLine(line) {
+    const { gl, pixels } = this, y = line * TILE;
+    pixels.begin(line);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, y, pixels.width, Math.min(TILE, pixels.height - y), gl.RGBA, gl.HALF_FLOAT, pixels.data, y * pixels.width * 4);
+  }
+
+  /* So many of the tiles that wait, those first that came first; the others wait on. Returns them. Many of a line: as one. */
+  upload(most = this.waiting.size) {
+    const { gl, pixels, waiting } = this, now = [], lines = new Map();
+    for (const tile of waiting) {
+      if (now.length >= most) break;
+      const line = Math.floor(tile / pixels.across);
+      if (!lines.has(line)) lines.set(line, []);
+      lines.get(line).push(tile);
+      now.push(tile);
     }
-    waiting.clear();
+    if (!now.length) return now;
+    gl.bindTexture(gl.TEXTURE_2D, this.textures.picture);
+    for (const [line, tiles] of lines) {
+      if (tiles.length > pixels.across / 4) { this.uploadLine(line); continue; }
+      for (const tile of tiles) this.uploadTile(tile);
+    }
+    for (const tile of now) waiting.delete(tile);
+    return now;
   }
 
   program(operator, kind) {
@@ -272,9 +310,9 @@ export class Screen {
   draw(panes, view, opacity, all) {
     const { gl, canvas, pixels } = this, split = panes.length > 1 ? Math.round(view.split) : canvas.width;
     if (gl.isContextLost()) return;
+    const tiles = this.upload(UPLOADED_AT_ONCE);
     const places = all ? this.placeOf({ x: 0, y: 0, width: pixels.width, height: pixels.height }, view)
-      : [...this.waiting].flatMap((tile) => this.placeOf(pixels.place(tile), view));
-    this.upload();
+      : tiles.flatMap((tile) => this.placeOf(pixels.place(tile), view));
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, canvas.width, canvas.height);
     if (all) this.clear();
@@ -315,9 +353,10 @@ export class Screen {
 
   /* Codes 0..255 of one pixel with so many standard errors added: not rounded where the card can tell. */
   codesAt(pane, x, y, errors) {
-    const { gl } = this;
+    const { gl, pixels } = this, tile = Math.floor(y / TILE) * pixels.across + Math.floor(x / TILE);
     if (gl.isContextLost()) return null;
-    this.upload();
+    gl.bindTexture(gl.TEXTURE_2D, this.textures.picture);
+    if (this.waiting.has(tile)) this.uploadTile(tile); /* it goes on waiting: it is not drawn yet */
     if (!this.probe) {
       const isFloat = Boolean(gl.getExtension('EXT_color_buffer_float'));
       this.probe = { ...this.target(1, 1, isFloat), isFloat };
@@ -334,7 +373,7 @@ export class Screen {
   /* The whole picture at 1:1 as RGBA bytes, rows from top to bottom. */
   codes(pane) {
     const { gl } = this, { width, height } = pane.image || this.pixels, out = new Uint8ClampedArray(width * height * 4);
-    this.upload();
+    for (const tile of this.upload()) this.waiting.add(tile); /* they are not drawn yet */
     const { buffer, texture } = this.target(width, height, false);
     gl.viewport(0, 0, width, height);
     this.pane(pane, { x: 0, y: 0, scale: 1 }, [width, height], [0, 0]);

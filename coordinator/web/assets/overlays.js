@@ -46,6 +46,9 @@ export const OVERLAYS = {
   time: { text: 'time by tile', needsMap: true, value: (i, of) => of.map?.tiles[i]?.cpu_ns / 1e9, show: secondsText },
 };
 
+/* Whose a tile is, {worker, thread}: who sent most of its samples, as `azulejo owners` says (FrameTile.shares). */
+export const ownerOf = (tile) => tile.shares?.[0] || tile;
+
 /* Colours of all tiles, RGBA, and what the legend says: {tiles, range: [low, high] | workers: [{name, color, tiles}]}.
  * `order`: names of workers in the order in which they came to the job; it grows. */
 export function paint(name, of, order) {
@@ -72,7 +75,8 @@ function paintWorkers(tiles, { map }, order) {
     return order.indexOf(name);
   });
   const counts = new Map();
-  map.tiles.forEach(({ worker, thread }, i) => {
+  map.tiles.forEach((tile, i) => {
+    const { worker, thread } = ownerOf(tile);
     if (!(worker > 0) || 4 * i >= tiles.length) return;
     const place = places[worker - 1] ?? 0;
     tiles.set([...workerColor(place, thread), 255], 4 * i);

@@ -13,7 +13,7 @@ import { Screen } from './gl.js';
 import { Pace } from './pace.js';
 import { View } from './view.js';
 import { isHere, prepare, OPERATORS } from './tonemap.js';
-import { OVERLAYS, paint, legend, ramp, codesText, secondsText, samplesText } from './overlays.js';
+import { OVERLAYS, ownerOf, paint, legend, ramp, codesText, secondsText, samplesText } from './overlays.js';
 import { layerPane, layerUnit, isLight } from './layers.js';
 import { makeControls, lookOf, outputOf, sameLook } from './controls.js';
 
@@ -155,6 +155,7 @@ class Picture {
     this.controls.setLayers(this.layers, this.layer);
     this.view.setSize(data.width, data.height);
     this.paintOverlay();
+    this.describe();
     this.renew();
   }
 
@@ -379,7 +380,7 @@ class Picture {
     this.mapBusy = true;
     const begun = performance.now();
     try {
-      const map = await this.context.api.get(`/jobs/${job}/frames/${frame}/tiles`);
+      const map = await this.context.api.get(`/jobs/${job}/frames/${frame}/tiles?shares=true`);
       if (this.shown.job === job && this.shown.frame === frame) Object.assign(this, { map, mapComplete: this.complete, mapTrouble: '' });
     } catch (why) { this.mapTrouble = why.message; }
     this.mapBusy = false;
@@ -424,8 +425,8 @@ class Picture {
 
   tileWords(tile) {
     const known = this.map?.tiles[tile], samples = this.pixels.samples[tile], words = [];
-    const worker = known?.worker > 0 && this.map.workers?.[known.worker - 1];
-    if (worker) words.push(`${worker.name}${known.thread ? `, thread ${known.thread}` : ''}`);
+    const owner = known ? ownerOf(known) : {}, worker = owner.worker > 0 && this.map.workers?.[owner.worker - 1];
+    if (worker) words.push(`${worker.name}${owner.thread ? `, thread ${owner.thread}` : ''}${known.shares?.length > 1 ? ` and ${known.shares.length - 1} more` : ''}`);
     if (samples) words.push(`${samplesText(samples)} samples`);
     if (known?.error > 0) words.push(`tile's error ${codesText(known.error)}`);
     if (known?.units) words.push(`${known.units} passes`);

@@ -3,6 +3,8 @@
  * Half floats, RGBA: linear radiance, and the standard error of the luminance. What operators must know of the
  * picture is kept up to date tile by tile, in double, as common/tonemap/statistics.c measures it. A percentile is
  * exact to one part in 4096: values are counted by the upper bits of their floats.
+ *
+ * A picture of 8K takes 265 MB: a line of tiles is written to only when its first tile comes.
  */
 import { WEIGHTS, IDENTITY } from './color.js';
 
@@ -68,6 +70,8 @@ export class Pixels {
     this.down = Math.ceil(height / TILE);
     this.tiles = this.across * this.down;
     this.data = new Uint16Array(width * height * 4);
+    this.whole = new BigUint64Array(this.data.buffer);  /* a pixel each */
+    this.begun = new Uint8Array(this.down);       /* lines of tiles: has `data` something there? */
     this.samples = new Float64Array(this.tiles);  /* a pixel, mean over the tile */
     this.logs = new Float64Array(this.tiles);     /* of a tile: sum of ln Y, */
     this.least = new Float64Array(this.tiles);    /* smallest */
@@ -78,7 +82,7 @@ export class Pixels {
   }
 
   clear() {
-    for (let i = 0; i < this.data.length; i += 4) this.data[i] = NOTHING;
+    this.begun.fill(0);
     for (const of of [this.samples, this.logs, this.least, this.most, this.counts]) of.fill(0);
     this.arrived = 0;
     this.luminances = this.largest = null;        /* bins; null: not asked for */
@@ -92,10 +96,19 @@ export class Pixels {
     return { x, y, width: Math.min(TILE, this.width - x), height: Math.min(TILE, this.height - y) };
   }
 
+  /* Pixels without samples in a line of tiles. */
+  begin(line) {
+    if (this.begun[line]) return;
+    this.begun[line] = 1;
+    const pixels = TILE * this.width;
+    this.whole.fill(BigInt(NOTHING), line * pixels, Math.min((line + 1) * pixels, this.whole.length));
+  }
+
   /* False: not a tile of this picture. */
   take({ tile, width, height, samples, halves }) {
     const place = this.place(tile);
     if (!place || place.width !== width || place.height !== height) return false;
+    this.begin(Math.floor(tile / this.across));
     if (this.luminances) this.countTile(tile, -1);
     for (let y = 0; y < height; y++)
       this.data.set(halves.subarray(y * width * 4, (y + 1) * width * 4), ((place.y + y) * this.width + place.x) * 4);
@@ -182,14 +195,14 @@ export class Pixels {
     if (!this.luminances) {
       this.luminances = new Int32Array(BINS);
       this.largest = new Int32Array(BINS);
-      for (let tile = 0; tile < this.tiles; tile++) this.countTile(tile, 1);
+      for (let tile = 0; tile < this.tiles; tile++) if (this.samples[tile] > 0) this.countTile(tile, 1);
     }
     return percentileOf(ofLargest ? this.largest : this.luminances, percent, !ofLargest || this.balance !== IDENTITY);
   }
 
   /* Linear red, green, blue and the luminance's standard error; null: no samples yet, or outside. */
   at(x, y) {
-    if (!(x >= 0 && y >= 0 && x < this.width && y < this.height)) return null;
+    if (!(x >= 0 && y >= 0 && x < this.width && y < this.height && this.begun[Math.floor(y / TILE)])) return null;
     const i = (y * this.width + x) * 4;
     return this.data[i] === NOTHING ? null : [0, 1, 2, 3].map((c) => floats[this.data[i + c]]);
   }
