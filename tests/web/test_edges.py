@@ -8,7 +8,8 @@ import sys
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from browser import Browser  # noqa: E402
-from farm import Tests, wait_for  # noqa: E402
+from disk import SmallDisk, fill_up  # noqa: E402
+from farm import Skip, Tests, wait_for  # noqa: E402
 from jobs import expect  # noqa: E402
 from pressing import field, press_in, verb  # noqa: E402
 from webfarm import WebFarm, connected  # noqa: E402
@@ -320,6 +321,98 @@ def links_to_what_is_not_there():
         page.js("location.hash = '#/job/%d'" % one)
         page.wait_text("too few samples to know.*No figures: the frame ended before.*Nothing was measured", "#side")
         worker.stop()
+
+
+@tests.add
+def signed_out_elsewhere():
+    """another tab signs out, or the token is revoked: open questions and menus go, why is said, and nothing is asked any more"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker()
+        job = farm.submit(farm.scene(), *LONG)
+        page = farm.page(browser, "#/job/%d" % job, role="operate", width=1600, height=1000)
+        other = browser.page("%s/#/workers" % farm.origin(), width=1600, height=1000)
+        for each in (page, other):
+            each.allow(LOST)
+            connected(each)
+        page.wait("%s?.pixels?.arrived" % PICTURE, "the picture")
+        verb(page, "Priority")
+        field(page, "Priority", "3")
+        other.click("#who")
+        other.click("=Sign out")
+        page.wait_text("signed out in another tab", "main.login .problem")
+        page.wait("document.activeElement.id === 'token'", "the form to have the focus")
+        expect(page.find("dialog[open]") == 0, "a question of nobody is open")
+        page.frames(5)
+        before = len(page.requests)
+        other.wait("document.querySelector('main.login')", "the other tab's form")
+        other.type("#token", farm.token("operate"))
+        expect(len(page.requests) == before, "it asks on: %s" % page.requests[before:])
+        other.click("=Open")
+        page.wait("document.body.dataset.role === 'operate' && %s?.pixels?.arrived" % PICTURE, "the first tab to be signed in, too")
+        expect(page.url().endswith("#/job/%d" % job), page.url())
+        press_in(page, "#side", "More")
+        page.wait("document.querySelector('.menu')", "the menu")
+        number = [t["token"] for t in farm.api("GET", "/tokens")["tokens"] if t["name"] == "operate"][0]
+        farm.api("DELETE", "/tokens/%d" % number, expect=(200, 204))
+        for each in (page, other):
+            each.wait_text("revoked", "main.login .problem")
+            expect(each.find(".menu") == 0, "a menu of nobody is open")
+
+
+@tests.add
+def collected_from_the_page():
+    """Collect removes the job whose time has come, says what it freed, and shows how long jobs are kept"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator("--keep", "1s", "--keep-blobs", "0s", "--keep-failed", "30d")
+        farm.start_worker()
+        job = farm.submit(farm.scene(), "--size", "32x32", "--spp", "4", "--name", "old")
+        farm.wait_for_job(job)
+        page = farm.page(browser, "#/store")
+        page.wait_text("kept.*1.0 s.*failed jobs.*30.0 d.*old", "#view")
+
+        def collected():
+            page.click("=Collect")
+            page.wait("document.querySelector('#said .notice')", "what was removed")
+            words = page.text("#said")
+            clear(page)
+            return words if "Removed 1 job" in words else None
+        expect("blobs (" in wait_for(collected, "the job to go"), "the scene's blobs stay")
+        page.wait_text("No job takes room", "#view")
+        page.wait("!document.querySelector('[data-job]')", "the queue to be empty")
+
+
+@tests.add
+def a_full_store_is_said():
+    """while the disk is full the page says so with a way to what takes the room; a submission is refused in words and kept"""
+    farm = WebFarm()
+    with farm, SmallDisk(farm, 24 << 20) as folder, Browser() as browser:
+        if folder is None:
+            raise Skip("mounting is not permitted: no small disk here")
+        farm.store, filler = os.path.join(folder, "store"), os.path.join(folder, "filler")
+        farm.start_coordinator()
+        job = farm.submit(farm.scene(), "--size", "64x64", "--spp", "4", "--name", "kitchen")
+        page = farm.page(browser, "#/job/%d" % job, width=1600, height=1000)
+        page.allow("503|507|429|500")
+        page.wait_text("kitchen", "#side")
+        fill_up(filler)
+        farm.start_worker()
+        page.wait_text("No space left on device.*What takes the room", "#farm-trouble")
+        page.wait_text("store cannot be used", "#side .state")
+        page.click("#farm-trouble a")
+        page.wait_text("0 B of 24.0 MiB are free", "#view")
+        page.js("location.hash = '#/submit'")
+        page.wait("document.querySelector('form.submit')", "the form")
+        page.give_files("#pick-files", [farm.scene()])
+        page.wait("document.querySelector('#scene option')", "the scene")
+        page.js("for (const [k, v] of Object.entries({size: '32x32', spp: '4'})) document.querySelector(`[name=${k}]`).value = v")
+        page.click("form.submit .primary")
+        page.wait_text("No space left on device", "form.submit .problem")
+        os.unlink(filler)
+        page.wait("document.getElementById('farm-trouble').hidden", "the trouble to pass", 60)
+        page.click("form.submit .primary")
+        page.wait("location.hash === '#/job/%d'" % (job + 1), "the job")
+        farm.wait_for_job(job)
 
 
 if __name__ == "__main__":

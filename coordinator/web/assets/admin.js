@@ -30,12 +30,12 @@ export function storeView(node) {
         may('admin') && h('button', { onclick: collect, title: 'gc: remove what may go: by the policies, and blobs that no job needs' }, 'Collect'),
         may('operate') && h('button', { class: 'danger', onclick: prune, title: 'prune: remove old jobs that have ended' }, 'Prune')),
       h('h2', null, 'Jobs that take the most'),
-      table(['job', 'owner', 'state', 'films', 'pictures', ''], (s.jobs || []).map((j) => h('tr', null,
+      !(s.jobs || []).length ? h('p', null, 'No job takes room.') : table(['job', 'owner', 'state', 'films', 'pictures', ''], (s.jobs || []).map((j) => h('tr', null,
         h('th', { scope: 'row' }, h('a', { href: jobLink(j.job) }, nameOf(j.name, j.job))), cell('owner', j.owner), cell('state', j.state), cell('films', bytes(j.films)), cell('pictures', bytes(j.pictures)),
         verbCell(state.job(j.job) && ended(state.job(j.job)) && may('operate', j) && h('button', { class: 'danger', onclick: () => act('remove', j.job).then((d) => d && read()) }, 'Remove')))), 'Jobs'),
       Number(s.more_jobs) > 0 && h('p', null, `and ${plural(Number(s.more_jobs), 'smaller one')}`),
-      h('h2', null, 'Owners'),
-      table(['owner', 'jobs', 'films', 'pictures'], (s.owners || []).map((o) => h('tr', null, h('th', { scope: 'row' }, o.owner || 'not known'), cell('jobs', count(Number(o.jobs))), cell('films', bytes(o.films)), cell('pictures', bytes(o.pictures)))), 'Owners'),
+      (s.owners || []).length > 0 && h('h2', null, 'Owners'),
+      (s.owners || []).length > 0 && table(['owner', 'jobs', 'films', 'pictures'], (s.owners || []).map((o) => h('tr', null, h('th', { scope: 'row' }, o.owner || 'not known'), cell('jobs', count(Number(o.jobs))), cell('films', bytes(o.films)), cell('pictures', bytes(o.pictures)))), 'Owners'),
     ].filter(Boolean));
   };
   const read = () => get('/store').then(draw).catch((why) => children(body, [h('p', { class: 'problem' }, why.message)]));

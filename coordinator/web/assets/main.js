@@ -82,7 +82,7 @@ function header() {
   byId('to-failed').classList.toggle('alarm', of('failed', 'parked') > 0);
   const why = state.farm.store_usable === false ? state.farm.store_why || state.farm.store_text || 'the store cannot be written: jobs wait, nothing is lost' : '';
   show(byId('farm-trouble'), why);
-  text(byId('farm-trouble'), why);
+  text(byId('farm-trouble').firstChild, why && `${why}.`.replace(/\.\.$/, '.'));
   title();
 }
 function title() {
