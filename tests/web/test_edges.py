@@ -237,7 +237,7 @@ def names_that_are_hard_to_show():
             row, name = "[data-job=\"%d\"] " % job, NAMES[what]
             seen = page.js("[document.querySelector('%sa').title, document.querySelector('%s.name').textContent]" % (row, row))
             wanted = name if what not in ("spaces", "nothing") else "job %d" % job
-            expect(seen[0].startswith(wanted) and seen[1] == wanted, "%s: %s" % (what, seen))
+            expect(seen[0].startswith("job %d: %s\n" % (job, wanted)) and seen[1] == wanted, "%s: %s" % (what, seen))
         page.js("location.hash = '#/job/%d'" % jobs["override"])
         page.press("P")
         page.wait("document.querySelector('dialog[open] h2')?.textContent.endsWith('of \\u2068abc\\u202egnp.exe\\u2069')",

@@ -1,6 +1,6 @@
 /* keys: single keys for everything. A key acts only where nothing is typed; they can be switched off. */
 
-import { kept } from './memory.js';
+import { kept } from './state.js';
 
 const table = new Map(); /* key -> {text, run, group} */
 let on = kept.get('keys') !== 'off';

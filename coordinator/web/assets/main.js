@@ -2,7 +2,7 @@
 import { h, text, attr, show, children, clockText, clockNow } from './dom.js';
 import { context, emit } from './context.js';
 import { live } from './live.js';
-import { state, subscribe, load, loadJob, takeEvent, ended, reason, frameCount, change } from './state.js';
+import { state, subscribe, load, loadJob, takeEvent, ended, reason, change, kept } from './state.js';
 import { beginRouter, jobLink, go, parse } from './router.js';
 import { mountQueue, step, focusSearch, setFilter, chosen, pickShown, moveBy, firstShown } from './queue.js';
 import { mountJob, stepFrame } from './job.js';
@@ -15,7 +15,6 @@ import { begin, hasToken, leave, loginForm, onOtherTab } from './login.js';
 import { act, may, owns } from './verbs.js';
 import { addKeys, allKeys, keysAreOn, switchKeys } from './keys.js';
 import { open, closeAll } from './dialog.js';
-import { kept } from './memory.js';
 import { undoLast, tell, say, trouble } from './notice.js';
 import { count, samplesRate, plural, display, isolated } from './format.js';
 

@@ -2,15 +2,14 @@
  *
  *   select --> watching --picture--> size known --tiles--> drawn, at most once an animation frame
  *
- * Tiles that came are drawn alone. All is drawn when people change what they look at, and as often as pace.js lets it
+ * Tiles that came are drawn alone. All is drawn when people change what they look at, and as often as Pace lets it
  * when what the operator measures of the picture changed: until then the new tiles are shown as the others are.
  *
  * The last picture stays while a connection is lost. Without WebGL 2 the coordinator's preview is shown instead.
  */
 import { h, text, show } from './dom.js';
 import { Pixels, eachTile } from './pixels.js';
-import { Screen } from './gl.js';
-import { Pace } from './pace.js';
+import { Screen, Pace } from './gl.js';
 import { View } from './view.js';
 import { isHere, prepare, OPERATORS } from './tonemap.js';
 import { OVERLAYS, ownerOf, paint, legend, ramp, codesText, secondsText, samplesText } from './overlays.js';

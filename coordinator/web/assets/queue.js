@@ -2,13 +2,12 @@
  * Rows keep their places while the pointer is among them, and for two seconds after it last moved there.
  */
 import { h, text, attr, show, property, children } from './dom.js';
-import { state, ended, share, frameCount, reason, inOrder, loadOlder } from './state.js';
+import { state, ended, share, frameCount, reason, inOrder, loadOlder, keptByTab } from './state.js';
 import { context } from './context.js';
 import { offered, act, owns, reorder, may } from './verbs.js';
 import { jobLink, go } from './router.js';
 import { span, display, target, percent } from './format.js';
 import { trouble, say } from './notice.js';
-import { keptByTab } from './memory.js';
 import { menuOf } from './job.js';
 
 const HOLD_MS = 2000;
@@ -62,7 +61,7 @@ function fill(r, job) {
   text(r.line, line);
   /* A reason needs the room. */
   text(r.owner, reason(job) ? '' : (job.owner || '').split('@')[0]);
-  attr(r.link, 'title', [job.name, job.owner, line].filter(Boolean).join('\n'));
+  attr(r.link, 'title', [`job ${job.job}: ${job.name}`, job.owner, line].filter(Boolean).join('\n'));
   r.node.className = job.state;
   property(r.bar.firstChild, '--share', part.toFixed(3));
   attr(r.pick, 'aria-label', `Select ${job.name} (job ${job.job})`);

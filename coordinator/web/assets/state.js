@@ -5,6 +5,17 @@
 import { get } from './api.js';
 import { clockText, setClock } from './dom.js';
 
+/* What the browser keeps for this page. One that refuses (site data blocked, a full disk) must not keep the page from working. */
+function memory(name) {
+  const here = new Map(), of = (fn) => { try { return fn(window[name]); } catch { return null; } };
+  return {
+    get: (key) => of((s) => s.getItem(key)) ?? here.get(key) ?? null,
+    set(key, value) { here.set(key, value); of((s) => s.setItem(key, value)); },
+    remove(key) { here.delete(key); of((s) => s.removeItem(key)); },
+  };
+}
+export const kept = memory('localStorage'), keptByTab = memory('sessionStorage');
+
 const EVENTS_KEPT = 2000;
 const ENDED_FIRST = 200;
 
