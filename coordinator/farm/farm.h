@@ -281,8 +281,6 @@ int farm_takes_again(const struct farm *farm, uint64_t job);
 void farm_store_check(struct farm *farm, uint64_t now_ns);
 /* Hand the job's state to the store; farm_tick repeats it if that fails. */
 void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns);
-/* The same, on disk when this returns unless the store fails. */
-void farm_job_save_now(struct farm *farm, struct job *job, uint64_t now_ns);
 /* Note a line of a job's log. */
 void farm_event(struct farm *farm, const struct job_event *event);
 void farm_workers_changed(const struct farm *farm);

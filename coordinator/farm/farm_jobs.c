@@ -5,45 +5,25 @@
 #include "common/base/log.h"
 #include "coordinator/farm/farm.h"
 
-/* What a person did must not be undone by a crash, so it waits for the disk. Everything else
- * may be lost in a crash: counters are estimates, and a job with nothing left to render is ended
- * again at the start. The pinned kernel is on disk before any result: see merge_commit_run. */
-static void save(struct farm *farm, struct job *job, int now, uint64_t now_ns)
+/* The store's thread writes it soon; nothing here waits for the disk. What a person did must not be undone by a
+ * crash, so the answer is sent when it is on disk (session_answer_change). Everything else may be lost in a crash:
+ * counters are estimates, and a job with nothing left to render is ended again at the start. The pinned kernel is on
+ * disk before any result: see merge_commit_run. */
+void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     struct error err = {0};
-    status s = STATUS_OK;
+    status s;
 
     job->saved_ns = now_ns;
     job->unsaved = 0;
     if (!farm->store)
         return;
-    if (now) {
-        s = store_job_save(farm->store, job, now_ns, &err);
-        if (s != STATUS_OK)
-            farm_store_failed(farm, &err, now_ns);
-    }
-    if (!now || s != STATUS_OK)
-        s = store_job_save_later(farm->store, job, now_ns, &err);
+    s = store_job_save_later(farm->store, job, now_ns, &err);
     job->unsaved = s != STATUS_OK;
     farm->unsaved |= job->unsaved;
     if (job->unsaved)
         log_debug("job %llu: its state cannot be stored now: %s", (unsigned long long)job->id,
                   err.text);
-}
-
-void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
-{
-    save(farm, job,
-         job->state == JOB_STATE_CANCELLED || job->state == JOB_STATE_CANCELLING ||
-             job->state == JOB_STATE_PAUSED,
-         now_ns);
-}
-
-void farm_job_save_now(struct farm *farm, struct job *job, uint64_t now_ns)
-{
-    save(farm, job, 1, now_ns);
-    if (farm->store)
-        store_events_flush(farm->store);
 }
 
 void farm_event(struct farm *farm, const struct job_event *event)

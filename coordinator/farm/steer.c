@@ -43,7 +43,7 @@ status steer_pause(struct farm *farm, struct job *job, const char *who, uint64_t
     farm_job_revoke(farm, job, "the job is paused");
     farm_note(farm, job, who, "paused");
     farm_job_change(farm, job, JOB_STATE_PAUSED, text, now_ns);
-    farm_job_save_now(farm, job, now_ns);
+    farm_job_save(farm, job, now_ns);
     closing_step(farm, job, now_ns);
     return STATUS_OK;
 }
@@ -59,7 +59,7 @@ status steer_resume(struct farm *farm, struct job *job, const char *who, uint64_
     job->broken_count = 0;
     farm_note(farm, job, who, "resumed");
     farm_job_change(farm, job, JOB_STATE_QUEUED, NULL, now_ns);
-    farm_job_save_now(farm, job, now_ns);
+    farm_job_save(farm, job, now_ns);
     return STATUS_OK;
 }
 
@@ -78,7 +78,7 @@ status steer_finish(struct farm *farm, struct job *job, const char *who, uint64_
     log_info("job %" PRIu64 " (%s) is finished early by %s", job->id, job->name, who);
     farm_note(farm, job, who, "finish: frames in work complete their first pass");
     farm_job_change(farm, job, JOB_STATE_FINISHING, NULL, now_ns);
-    farm_job_save_now(farm, job, now_ns);
+    farm_job_save(farm, job, now_ns);
     closing_step(farm, job, now_ns);
     return STATUS_OK;
 }
@@ -90,8 +90,6 @@ void steer_cancel(struct farm *farm, struct job *job, int discard, const char *w
     else if (discard)
         farm_note(farm, job, who, "discard: its films are removed");
     farm_cancel(farm, job, discard, now_ns);
-    if (farm->store)
-        store_events_flush(farm->store);
 }
 
 status steer_priority(struct farm *farm, struct job *job, int32_t priority, const char *who,
@@ -105,7 +103,7 @@ status steer_priority(struct farm *farm, struct job *job, int32_t priority, cons
         return STATUS_OK;
     queue_set_priority(&farm->queue, job, priority);
     farm_note(farm, job, who, "priority %d, was %d", priority, before);
-    farm_job_save_now(farm, job, now_ns);
+    farm_job_save(farm, job, now_ns);
     farm->pump_wanted = 1;
     farm->events.job_changed(farm->events.user, job);
     return STATUS_OK;
@@ -120,7 +118,7 @@ status steer_start(struct farm *farm, struct job *job, const char *who, uint64_t
     waiting_end(farm, job);
     log_info("job %" PRIu64 " (%s) is started by %s, whatever it waited for", job->id, job->name, who);
     farm_note(farm, job, who, "started: it waits for no other job and for no time");
-    farm_job_save_now(farm, job, now_ns);
+    farm_job_save(farm, job, now_ns);
     farm->events.job_changed(farm->events.user, job);
     return STATUS_OK;
 }
@@ -155,7 +153,7 @@ status steer_extend(struct farm *farm, struct job *job, const struct job_extensi
     if (s != STATUS_OK || result.same)
         return s;
     note_rules(farm, job, who, &before, spp_before, &result);
-    farm_job_save_now(farm, job, now_ns);
+    farm_job_save(farm, job, now_ns);
     return STATUS_OK;
 }
 
@@ -257,8 +255,6 @@ status steer_retry(struct farm *farm, struct job *job, const uint32_t *frames, s
         log_info("job %" PRIu64 " (%s) is tried again by %s", job->id, job->name, who);
         farm_note(farm, job, who, "retry: %zu frame%s%s", count, count == 1 ? "" : "s",
                   named ? ", chosen" : "");
-        if (farm->store)
-            store_events_flush(farm->store);
     }
     job_reopening_release(&chosen);
     mem_free(unfinished);

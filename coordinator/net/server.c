@@ -105,6 +105,8 @@ static void close_handles(struct server *server)
     uv_close((uv_handle_t *)&server->tick, NULL);
     uv_close((uv_handle_t *)&server->commit_timer, NULL);
     uv_close((uv_handle_t *)&server->prepare, NULL);
+    store_on_saved(server->store, NULL, NULL);
+    uv_close((uv_handle_t *)&server->saved, NULL);
     uv_close((uv_handle_t *)&server->terminate, NULL);
     uv_close((uv_handle_t *)&server->interrupt, NULL);
 }
@@ -197,10 +199,21 @@ static void on_prepare(uv_prepare_t *handle)
     if (server->state == SERVER_DRAINING) {
         uint64_t due_ns;
         uint32_t tiles;
-        int idle = server->tasks == 0 && !merge_is_dirty(&server->farm, &due_ns, &tiles);
+        int idle = server->tasks == 0 && server->held == 0 && !merge_is_dirty(&server->farm, &due_ns, &tiles);
         if (idle || now_ns - server->drain_since_ns > SERVER_DRAIN_MS * NS_PER_MS)
             close_handles(server);
     }
+}
+
+/* By the store's thread. */
+static void wake_for_saved(void *user)
+{
+    uv_async_send(&((struct server *)user)->saved);
+}
+
+static void on_saved(uv_async_t *handle)
+{
+    store_deliver(((struct server *)handle->data)->store);
 }
 
 static void on_tick(uv_timer_t *timer)
@@ -324,9 +337,12 @@ static void init_handles(struct server *server)
     uv_timer_init(&server->loop, &server->tick);
     uv_timer_init(&server->loop, &server->commit_timer);
     uv_prepare_init(&server->loop, &server->prepare);
+    uv_async_init(&server->loop, &server->saved, on_saved);
     uv_signal_init(&server->loop, &server->terminate);
     uv_signal_init(&server->loop, &server->interrupt);
     server->listener.data = server->tick.data = server->commit_timer.data = server;
+    server->saved.data = server;
+    store_on_saved(server->store, wake_for_saved, server);
     server->prepare.data = server->terminate.data = server->interrupt.data = server;
 }
 
@@ -374,6 +390,7 @@ status server_run(const struct server_options *options, struct error *err)
             close_handles(server);
         }
         uv_run(&server->loop, UV_RUN_DEFAULT);
+        store_settle(server->store); /* what still waits belongs to this server */
         if (s == STATUS_OK)
             audit_note(&server->audit, &coordinator, "end", 0, NULL, NULL);
         render_requests_release(server);

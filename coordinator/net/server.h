@@ -56,6 +56,7 @@ struct server {
     uv_tcp_t listener;
     uv_timer_t tick, commit_timer;
     uv_prepare_t prepare;
+    uv_async_t saved;          /* the store wrote what somebody waits for */
     uv_signal_t terminate, interrupt;
     uint16_t port;             /* on which it listens */
     struct server_guest guest; /* zero: none */
@@ -77,6 +78,7 @@ struct server {
     struct audit audit;
     int commit_running;
     uint32_t tasks;            /* in the thread pool (task.h) */
+    uint32_t held;             /* answers that wait for the disk (held.h) */
     uint32_t previews;
     struct collector collector;
     uint32_t submits;          /* jobs being stored, that are in no queue yet, */

@@ -8,6 +8,7 @@
 #include "coordinator/farm/steer.h"
 #include "coordinator/farm/waiting.h"
 #include "coordinator/job/wire.h"
+#include "coordinator/net/held.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_audit.h"
 #include "coordinator/net/session_table.h"
@@ -199,10 +200,20 @@ void session_watches_send(struct session *session, uint64_t now_ns, int only_due
 
 /* ---- what changes a job --------------------------------------------------------------------- */
 
-status session_answer_change(struct session *session, uint64_t request, struct job *job, status s,
+static status answer_changed(struct session *session, uint64_t request, const struct held_subject *subject,
                              uint64_t now_ns, struct error *err)
 {
-    return s == STATUS_OK ? send_jobs(session, request, job, NULL, now_ns, err) : s;
+    struct job *job = session_job(session, subject->number, err);
+
+    return job ? send_jobs(session, request, job, NULL, now_ns, err) : STATUS_ERR_NOT_FOUND;
+}
+
+status session_answer_change(struct session *session, uint64_t request, const struct job *job, status s,
+                             struct error *err)
+{
+    const struct held_subject subject = {.number = job ? job->id : 0};
+
+    return s == STATUS_OK ? session_hold(session, request, answer_changed, &subject, err) : s;
 }
 
 static status cancel(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -213,7 +224,7 @@ static status cancel(struct session *session, const Azulejo__Wire__Envelope *mes
     if (!job)
         return STATUS_ERR_NOT_FOUND;
     steer_cancel(&session->server->farm, job, message->job_cancel->discard, session->who, now_ns);
-    return session_answer_change(session, message->request, job, STATUS_OK, now_ns, err);
+    return session_answer_change(session, message->request, job, STATUS_OK, err);
 }
 
 static status resume(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -224,8 +235,7 @@ static status resume(struct session *session, const Azulejo__Wire__Envelope *mes
     if (!job)
         return STATUS_ERR_NOT_FOUND;
     return session_answer_change(session, message->request, job,
-                         steer_resume(&session->server->farm, job, session->who, now_ns, err),
-                         now_ns, err);
+                         steer_resume(&session->server->farm, job, session->who, now_ns, err), err);
 }
 
 static status develop(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -236,6 +246,7 @@ static status develop(struct session *session, const Azulejo__Wire__Envelope *me
     status s =
         job ? wire_output_get(&output, message->job_develop->output, err) : STATUS_ERR_NOT_FOUND;
 
+    (void)now_ns;
     if (s == STATUS_OK)
         s = session_check_tonemap(session, &output, err);
     if (s == STATUS_OK)
@@ -243,7 +254,7 @@ static status develop(struct session *session, const Azulejo__Wire__Envelope *me
     if (s == STATUS_OK)
         farm_note(&session->server->farm, job, session->who, "developed again, with %s",
                   output.tonemap.op->name);
-    return session_answer_change(session, message->request, job, s, now_ns, err);
+    return session_answer_change(session, message->request, job, s, err);
 }
 
 static status extend(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -260,7 +271,7 @@ static status extend(struct session *session, const Azulejo__Wire__Envelope *mes
                       SETTINGS_SPP_MAX);
     if (s == STATUS_OK)
         s = steer_extend(&session->server->farm, job, &extension, session->who, now_ns, err);
-    return session_answer_change(session, message->request, job, s, now_ns, err);
+    return session_answer_change(session, message->request, job, s, err);
 }
 
 /* What the page and its API keep is theirs. */
@@ -278,11 +289,11 @@ static status guest(struct session *session, const Azulejo__Wire__Envelope *mess
 
 /* ---- dispatch ------------------------------------------------------------------------------- */
 
-enum { CLIENTS = 0, WORKERS_TOO = 1 };
+enum { CLIENTS = 0, WORKERS_TOO = 1, CHANGES = 2 }; /* CHANGES: by clients; its answer waits for the disk */
 
 static const struct {
     int body;
-    int from_workers;
+    int from;
     session_handler *run;
 } handlers[] = {
 #define BODY(name) AZULEJO__WIRE__ENVELOPE__BODY_##name
@@ -292,21 +303,21 @@ static const struct {
     {BODY(JOB_SUBMIT), CLIENTS, session_submit},
     {BODY(JOB_QUERY), CLIENTS, query},
     {BODY(JOB_WATCH), CLIENTS, watch},
-    {BODY(JOB_CANCEL), CLIENTS, cancel},
-    {BODY(JOB_RESUME), CLIENTS, resume},
-    {BODY(JOB_EXTEND), CLIENTS, extend},
-    {BODY(JOB_PAUSE), CLIENTS, session_pause},
-    {BODY(JOB_START), CLIENTS, session_start},
-    {BODY(JOB_FINISH), CLIENTS, session_finish},
-    {BODY(JOB_PRIORITY), CLIENTS, session_priority},
-    {BODY(JOB_RETRY), CLIENTS, session_retry},
-    {BODY(JOB_REMOVE), CLIENTS, session_remove},
+    {BODY(JOB_CANCEL), CHANGES, cancel},
+    {BODY(JOB_RESUME), CHANGES, resume},
+    {BODY(JOB_EXTEND), CHANGES, extend},
+    {BODY(JOB_PAUSE), CHANGES, session_pause},
+    {BODY(JOB_START), CHANGES, session_start},
+    {BODY(JOB_FINISH), CHANGES, session_finish},
+    {BODY(JOB_PRIORITY), CHANGES, session_priority},
+    {BODY(JOB_RETRY), CHANGES, session_retry},
+    {BODY(JOB_REMOVE), CHANGES, session_remove},
     {BODY(JOB_LOG_GET), CLIENTS, session_log},
     {BODY(STORE_QUERY), CLIENTS, session_store},
     {BODY(JOB_TRACE_GET), CLIENTS, session_trace},
-    {BODY(JOB_DEVELOP), CLIENTS, develop},
+    {BODY(JOB_DEVELOP), CHANGES, develop},
     {BODY(WORKER_QUERY), CLIENTS, session_workers},
-    {BODY(WORKER_STEER), CLIENTS, session_worker_steer},
+    {BODY(WORKER_STEER), CHANGES, session_worker_steer},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},
     {BODY(HISTORY_GET), CLIENTS, session_history_get},
     {BODY(FRAME_TILES_GET), CLIENTS, session_frame_tiles},
@@ -330,8 +341,10 @@ int session_client_message(struct session *session, const Azulejo__Wire__Envelop
 
     for (size_t i = 0; i < sizeof handlers / sizeof *handlers; i++)
         if (handlers[i].body == (int)message->body_case &&
-            (is_client || handlers[i].from_workers)) {
-            status s = handlers[i].run(session, message, now_ns, &err);
+            (is_client || handlers[i].from == WORKERS_TOO)) {
+            status s = handlers[i].from == CHANGES ? held_has_room(session->server, &err) : STATUS_OK;
+            if (s == STATUS_OK)
+                s = handlers[i].run(session, message, now_ns, &err);
             if (is_client)
                 session_audit(session, message, s, &err);
             if (s != STATUS_OK)

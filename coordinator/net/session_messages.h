@@ -14,9 +14,9 @@ typedef status session_handler(struct session *session, const Azulejo__Wire__Env
 /* session_reply.c: NULL and ERR_NOT_FOUND in *err if there is no such job. */
 struct job *session_job(struct session *session, uint64_t id, struct error *err) MUST_CHECK;
 
-/* session_client.c: answer a change of the job, which returned `s`, with its present state. */
-status session_answer_change(struct session *session, uint64_t request, struct job *job, status s,
-                             uint64_t now_ns, struct error *err) MUST_CHECK;
+/* session_client.c: answer a change of the job, which returned `s`, with its state once that is on disk (held.h). */
+status session_answer_change(struct session *session, uint64_t request, const struct job *job, status s,
+                             struct error *err) MUST_CHECK;
 
 session_handler session_submit;         /* session_submit.c */
 session_handler session_output_get;     /* session_outputs.c */

@@ -14,7 +14,7 @@ status session_pause(struct session *session, const Azulejo__Wire__Envelope *mes
     struct job *job = session_job(session, message->job_pause->job, err);
     status s = job ? steer_pause(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
 
-    return session_answer_change(session, message->request, job, s, now_ns, err);
+    return session_answer_change(session, message->request, job, s, err);
 }
 
 status session_finish(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -24,7 +24,7 @@ status session_finish(struct session *session, const Azulejo__Wire__Envelope *me
     struct job *job = session_job(session, message->job_finish->job, err);
     status s = job ? steer_finish(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
 
-    return session_answer_change(session, message->request, job, s, now_ns, err);
+    return session_answer_change(session, message->request, job, s, err);
 }
 
 status session_priority(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -36,7 +36,7 @@ status session_priority(struct session *session, const Azulejo__Wire__Envelope *
     status s = job ? steer_priority(farm, job, wanted->priority, session->who, now_ns, err)
                    : STATUS_ERR_NOT_FOUND;
 
-    return session_answer_change(session, message->request, job, s, now_ns, err);
+    return session_answer_change(session, message->request, job, s, err);
 }
 
 status session_start(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -46,7 +46,7 @@ status session_start(struct session *session, const Azulejo__Wire__Envelope *mes
     struct job *job = session_job(session, message->job_start->job, err);
     status s = job ? steer_start(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
 
-    return session_answer_change(session, message->request, job, s, now_ns, err);
+    return session_answer_change(session, message->request, job, s, err);
 }
 
 static int ascends(const uint32_t *numbers, size_t count)
@@ -65,11 +65,12 @@ status session_retry(struct session *session, const Azulejo__Wire__Envelope *mes
     struct job *job = session_job(session, wanted->job, err);
     status s = job ? STATUS_OK : STATUS_ERR_NOT_FOUND;
 
+    (void)now_ns;
     if (s == STATUS_OK && !ascends(wanted->frames, wanted->n_frames))
         s = error_set(err, STATUS_ERR_INPUT, "the frames to try again must ascend");
     if (s == STATUS_OK)
         s = steer_retry(farm, job, wanted->frames, wanted->n_frames, session->who, err);
-    return session_answer_change(session, message->request, job, s, now_ns, err);
+    return session_answer_change(session, message->request, job, s, err);
 }
 
 status session_remove(struct session *session, const Azulejo__Wire__Envelope *message,
@@ -182,7 +183,6 @@ status session_log(struct session *session, const Azulejo__Wire__Envelope *messa
         return STATUS_ERR_NOT_FOUND;
     if (wanted->job && wanted->newest)
         return error_set(err, STATUS_ERR_INPUT, "newest: is for the log of all jobs");
-    store_events_flush(session->server->store);
     if (!job) {
         s = answer_all(session, message->request, wanted, &answer, err);
     } else {

@@ -6,6 +6,7 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/roster.h"
+#include "coordinator/net/held.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_messages.h"
 #include "coordinator/net/session_table.h"
@@ -369,12 +370,25 @@ static status answer(struct session *session, uint64_t request, const char *name
     return workers_list(session->server, name, job, with_gone, send_workers, &asked, now_ns, err);
 }
 
+/* Those that have just left are in the store by then. */
+static status answer_gone(struct session *session, uint64_t request, const struct held_subject *subject,
+                          uint64_t now_ns, struct error *err)
+{
+    return answer(session, request, subject->name, subject->number, 1, now_ns, err);
+}
+
 status session_workers(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
                        struct error *err)
 {
     const Azulejo__Wire__WorkerQuery *query = message->worker_query;
+    struct held_subject subject = {.number = query->job};
 
-    return answer(session, message->request, query->name, query->job, query->gone, now_ns, err);
+    if (!query->gone || strlen(query->name) >= sizeof subject.name) /* nobody has such a name */
+        return answer(session, message->request, query->name, query->job, query->gone, now_ns, err);
+    if (held_has_room(session->server, err) != STATUS_OK)
+        return STATUS_ERR_LIMIT;
+    snprintf(subject.name, sizeof subject.name, "%s", query->name);
+    return session_hold(session, message->request, answer_gone, &subject, err);
 }
 
 status session_worker_steer(struct session *session, const Azulejo__Wire__Envelope *message,

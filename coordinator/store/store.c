@@ -154,6 +154,7 @@ void store_close(struct store *store)
         return;
     saves_stop(store); /* it removes films, too */
     trash_close(store->trash);
+    sqlite3_close(store->reader);
     sqlite3_close(store->db);
     if (store->lock_fd >= 0)
         close(store->lock_fd);

@@ -76,15 +76,22 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
     MUST_CHECK;
 /* Undo an insert; failure is logged. */
 void store_job_forget(struct store *store, uint64_t id);
-/* Store its state and counters; on disk when this returns. ERR_IO, ERR_NO_MEMORY. */
-status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
-                      struct error *err) MUST_CHECK;
-/* The same, soon, by the store's own thread: a sync can take seconds while films are written. A
+/* Store its state and counters soon, by the store's own thread: a sync can take seconds while films are written. A
  * save that fails is kept, and repeated when store_check finds the store usable; store_close tries
  * the waiting saves once more. The films of a job that was cancelled with discard are removed only
  * when its state is on disk. ERR_NO_MEMORY: the save was not noted. */
 status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
                             struct error *err) MUST_CHECK;
+/* Call done(user, ...) from store_deliver, when all that was noted before (saves, events, workers, shares) is on disk.
+ * ERR_IO, ERR_NO_MEMORY: it cannot be written at present, and stays noted. */
+typedef void store_done_fn(void *user, status s, const struct error *err);
+status store_when_saved(struct store *store, store_done_fn *done, void *user, struct error *err) MUST_CHECK;
+/* Call what is due of that. store_on_saved says who is told that something is due: wake(user), from any thread, which
+ * must only note it. */
+void store_deliver(struct store *store);
+void store_on_saved(struct store *store, void (*wake)(void *user), void *user);
+/* Wait until all that is noted was tried, and deliver. */
+void store_settle(struct store *store);
 /* Wait until all earlier saves of store_job_save_later are on disk. ERR_IO, ERR_NO_MEMORY: they
  * cannot be written at present. [any thread] */
 status store_await_saves(struct store *store, struct error *err) MUST_CHECK;
@@ -119,8 +126,6 @@ struct job_event {
 /* Note the event; it is stored soon. Its seq, which is never given again, also not after a restart; 0: there is no
  * memory for it. If the store fails for long, events are lost. */
 uint64_t store_event_later(struct store *store, const struct job_event *event);
-/* Store the noted events now, if possible. */
-void store_events_flush(struct store *store);
 enum { FARM_EVENTS_MAX = 1000 };
 /* The same for all jobs: the oldest `limit` events after `after`, or the newest of them. */
 status store_events_load_all(struct store *store, uint64_t after, int newest, uint32_t limit,

@@ -146,16 +146,21 @@ _Static_assert(TOKEN_FIRST == 2, "as in schema_8");
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
                "as in convert_4");
 
-status sql_error(struct store *store, const char *what, struct error *err)
+status sql_failed(struct store *store, sqlite3 *db, const char *what, struct error *err)
 {
-    int code = sqlite3_errcode(store->db);
-    int number = sqlite3_system_errno(store->db); /* of its last I/O error */
+    int code = sqlite3_errcode(db);
+    int number = sqlite3_system_errno(db); /* of its last I/O error */
     int told = number && (code == SQLITE_IOERR || code == SQLITE_CANTOPEN);
 
     atomic_store(&store->suspect, 1);
     return error_set(err, code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO,
-                     "%s/queue.sqlite: %s: %s%s%s", store->folder, what, sqlite3_errmsg(store->db),
+                     "%s/queue.sqlite: %s: %s%s%s", store->folder, what, sqlite3_errmsg(db),
                      told ? ": " : "", told ? strerror(number) : "");
+}
+
+status sql_error(struct store *store, const char *what, struct error *err)
+{
+    return sql_failed(store, store->db, what, err);
 }
 
 status sql_exec(struct store *store, const char *sql, const char *what, struct error *err)
@@ -200,20 +205,26 @@ static int bind(sqlite3_stmt *statement, int at, const struct sql_value *value)
     }
 }
 
-status sql_select(struct store *store, const char *sql, const struct sql_value *values,
-                  size_t count, sqlite3_stmt **out, struct error *err)
+status sql_ask(struct store *store, sqlite3 *db, const char *sql, const struct sql_value *values, size_t count,
+               sqlite3_stmt **out, struct error *err)
 {
-    int code = sqlite3_prepare_v2(store->db, sql, -1, out, NULL);
+    int code = sqlite3_prepare_v2(db, sql, -1, out, NULL);
     status s;
 
     for (size_t i = 0; code == SQLITE_OK && i < count; i++)
         code = bind(*out, (int)i + 1, &values[i]);
     if (code == SQLITE_OK)
         return STATUS_OK;
-    s = sql_error(store, "prepare", err);
+    s = sql_failed(store, db, "prepare", err);
     sqlite3_finalize(*out);
     *out = NULL;
     return s;
+}
+
+status sql_select(struct store *store, const char *sql, const struct sql_value *values,
+                  size_t count, sqlite3_stmt **out, struct error *err)
+{
+    return sql_ask(store, store->db, sql, values, count, out, err);
 }
 
 /* Did the last statement fail for lack of space? Some of SQLite's files report that as an I/O
@@ -238,13 +249,15 @@ static status change(struct store *store, const char *sql, const struct sql_valu
                      size_t count, int reserved, const char *what, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
+    /* In a transaction, which such an error may have ended, its owner repeats all of it. */
+    int alone = sqlite3_get_autocommit(store->db);
     status s = sql_select(store, sql, values, count, &statement, err);
     int code;
 
     if (s != STATUS_OK)
         return s;
     code = sqlite3_step(statement);
-    if (code != SQLITE_DONE && reserved && sql_give_reserve(store)) {
+    if (code != SQLITE_DONE && alone && reserved && sql_give_reserve(store)) {
         sqlite3_reset(statement);
         code = sqlite3_step(statement);
     }
@@ -429,11 +442,48 @@ static status open_as_possible(struct store *store, const char *path, struct err
     return s;
 }
 
+static void reader_close(struct store *store)
+{
+    sqlite3_close(store->reader);
+    store->reader = NULL;
+}
+
+/* The second connection. Without it, questions wait for what is being written. */
+static void reader_open(struct store *store, const char *path)
+{
+    if (store->read_only)
+        return; /* nobody writes */
+    if (sqlite3_open_v2(path, &store->reader, SQLITE_OPEN_READONLY | SQLITE_OPEN_FULLMUTEX, NULL) != SQLITE_OK ||
+        sqlite3_exec(store->reader, "SELECT count(*) FROM meta", NULL, NULL, NULL) != SQLITE_OK) {
+        log_debug("%s: no connection for reading: %s", path, store->reader ? sqlite3_errmsg(store->reader) : "no memory");
+        reader_close(store);
+        return;
+    }
+    sqlite3_busy_timeout(store->reader, BUSY_MS);
+}
+
+sqlite3 *reader_take(struct store *store)
+{
+    pthread_mutex_lock(&store->reading);
+    if (store->reader)
+        return store->reader;
+    pthread_mutex_unlock(&store->reading);
+    pthread_mutex_lock(&store->order); /* also, because `db` may be exchanged */
+    return store->db;
+}
+
+void reader_leave(struct store *store, sqlite3 *db)
+{
+    pthread_mutex_unlock(db && db == store->reader ? &store->reading : &store->order);
+}
+
 status database_open(struct store *store, struct error *err)
 {
     char *path = file_join(store->folder, "queue.sqlite");
     status s = path ? open_as_possible(store, path, err) : error_no_memory(err, "the store");
 
+    if (path && store->db)
+        reader_open(store, path);
     mem_free(path);
     return store->db ? STATUS_OK : s;
 }
@@ -453,9 +503,14 @@ status database_reopen(struct store *store, struct error *err)
     } else {
         close(fd);
         pthread_mutex_lock(&store->order);
+        pthread_mutex_lock(&store->reading);
+        reader_close(store);
         sqlite3_close(store->db);
         store->db = NULL;
         s = open_as_possible(store, path, err);
+        if (store->db)
+            reader_open(store, path);
+        pthread_mutex_unlock(&store->reading);
         pthread_mutex_unlock(&store->order);
     }
     mem_free(path);

@@ -39,18 +39,16 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
                             struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    status s = sql_select(store,
-                          "SELECT host, process, software, first_seen,"
-                          " (SELECT name FROM workers w WHERE w.host=d.host AND w.process=d.process"
-                          "  ORDER BY joined_at DESC LIMIT 1)"
-                          " FROM deliverers d WHERE number=?",
-                          SQL_VALUES(sql_number(number)), &statement, err);
-    int code;
+    sqlite3 *db = reader_take(store);
+    status s = sql_ask(store, db,
+                       "SELECT host, process, software, first_seen,"
+                       " (SELECT name FROM workers w WHERE w.host=d.host AND w.process=d.process"
+                       "  ORDER BY joined_at DESC LIMIT 1)"
+                       " FROM deliverers d WHERE number=?",
+                       SQL_VALUES(sql_number(number)), &statement, err);
+    int code = s == STATUS_OK ? sqlite3_step(statement) : SQLITE_DONE;
 
     memset(out, 0, sizeof *out);
-    if (s != STATUS_OK)
-        return s;
-    code = sqlite3_step(statement);
     if (code == SQLITE_ROW) {
         out->number = number;
         column_text(statement, 0, out->host, sizeof out->host);
@@ -59,8 +57,9 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
         out->first_seen = sqlite3_column_int64(statement, 3);
         column_text(statement, 4, out->label, sizeof out->label);
     } else if (code != SQLITE_DONE) {
-        s = sql_error(store, "the deliverers cannot be read", err);
+        s = sql_failed(store, db, "the deliverers cannot be read", err);
     }
     sqlite3_finalize(statement);
+    reader_leave(store, db);
     return s;
 }

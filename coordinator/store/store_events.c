@@ -1,5 +1,6 @@
 /* The event logs of jobs: what happened, when, and who did it. An event is noted in memory and
- * written soon by the store's own thread, or before the answer to the person who caused it. */
+ * written soon by the store's own thread; the answer to the person who caused it waits for that. Whoever reads a
+ * log finds both the stored events and those in memory. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -64,7 +65,7 @@ uint64_t store_event_later(struct store *store, const struct job_event *event)
     *store->events_end = saved;
     store->events_end = &saved->next;
     store->events_waiting++;
-    pthread_cond_signal(&store->wake);
+    pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
     return seq;
 }
@@ -88,89 +89,102 @@ static status event_write(struct store *store, const struct job_event *e, struct
                       "a job's old events cannot be removed", err);
 }
 
-/* Put events back that could not be written; newer ones may have come. */
-static void put_back(struct store *store, struct saved_event *first, size_t count)
+static void events_free(struct saved_event *first)
 {
-    struct saved_event *last = first;
-
-    while (last->next)
-        last = last->next;
-    pthread_mutex_lock(&store->lock);
-    last->next = store->events;
-    if (!store->events)
-        store->events_end = &last->next;
-    store->events = first;
-    store->events_waiting += count;
-    pthread_mutex_unlock(&store->lock);
-}
-
-status events_write(struct store *store, struct error *err)
-{
-    struct saved_event *first;
-    size_t count;
-    status s;
-
-    pthread_mutex_lock(&store->lock);
-    first = store->events;
-    count = store->events_waiting;
-    store->events = NULL;
-    store->events_waiting = 0;
-    pthread_mutex_unlock(&store->lock);
-    if (!first)
-        return STATUS_OK;
-    s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
-    if (s == STATUS_OK) {
-        for (const struct saved_event *e = first; e && s == STATUS_OK; e = e->next)
-            s = event_write(store, &e->event, err);
-        if (s == STATUS_OK)
-            s = sql_exec(store, "COMMIT", "a job's events cannot be stored", err);
-        if (s != STATUS_OK)
-            (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
-    }
-    if (s != STATUS_OK) {
-        put_back(store, first, count);
-        return s;
-    }
     while (first) {
         struct saved_event *next = first->next;
         mem_free(first);
         first = next;
     }
-    return STATUS_OK;
+}
+
+void events_take(struct store *store)
+{
+    store->events_taken = store->events;
+    store->events = NULL;
+    store->events_waiting = 0;
+}
+
+status events_write(struct store *store, struct error *err)
+{
+    status s = STATUS_OK;
+
+    for (const struct saved_event *e = store->events_taken; e && s == STATUS_OK; e = e->next)
+        s = event_write(store, &e->event, err);
+    return s;
+}
+
+void events_settle(struct store *store, int written)
+{
+    struct saved_event *first = store->events_taken, *last = first;
+
+    store->events_taken = NULL;
+    if (!first || written) {
+        events_free(first);
+        return;
+    }
+    for (store->events_waiting++; last->next; last = last->next)
+        store->events_waiting++;
+    last->next = store->events; /* newer ones may have come */
+    if (!store->events)
+        store->events_end = &last->next;
+    store->events = first;
 }
 
 void events_drop(struct store *store)
 {
-    while (store->events) {
-        struct saved_event *next = store->events->next;
-        mem_free(store->events);
-        store->events = next;
-    }
+    events_free(store->events);
+    store->events = NULL;
     store->events_waiting = 0;
 }
 
-void store_events_flush(struct store *store)
-{
-    struct error err = {0};
+typedef status event_visit(void *user, const struct job_event *event, struct error *err);
 
-    pthread_mutex_lock(&store->order);
-    if (events_write(store, &err) != STATUS_OK)
-        log_debug("%s", err.text);
-    pthread_mutex_unlock(&store->order);
+/* ---- reading: the stored ones, then those that are not on disk yet --------------------------------- */
+
+/* The noted events, in their order. Those on disk are a beginning of all: the writer takes them in order. */
+struct noted_events {
+    struct job_event *events;
+    size_t count, capacity;
+};
+
+static status copy_list(struct noted_events *noted, const struct saved_event *e, uint64_t job, uint64_t after,
+                        struct error *err)
+{
+    for (; e; e = e->next) {
+        if ((job && e->event.job != job) || e->event.seq <= after)
+            continue;
+        if (!MEM_GROW(noted->events, noted->capacity, noted->count + 1))
+            return error_no_memory(err, "a job's log");
+        noted->events[noted->count++] = e->event;
+    }
+    return STATUS_OK;
 }
 
-typedef status event_visit(void *user, const struct job_event *event, struct error *err);
+/* job 0: of all. Call it before the stored ones are read: then none is missed, and those that are written in between
+ * are found twice. */
+static status noted_copy(struct store *store, uint64_t job, uint64_t after, struct noted_events *noted,
+                         struct error *err)
+{
+    status s;
+
+    pthread_mutex_lock(&store->lock);
+    s = copy_list(noted, store->events_taken, job, after, err);
+    if (s == STATUS_OK)
+        s = copy_list(noted, store->events, job, after, err);
+    pthread_mutex_unlock(&store->lock);
+    return s;
+}
 
 /* Call visit for each row: seq, job, at, worker, who, text. */
 static status load_rows(struct store *store, const char *sql, const struct sql_value *values, size_t count,
                         event_visit *visit, void *user, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
+    sqlite3 *db = reader_take(store);
     int code = SQLITE_DONE;
-    status s;
+    status s = sql_ask(store, db, sql, values, count, &statement, err);
 
-    pthread_mutex_lock(&store->order);
-    s = sql_select(store, sql, values, count, &statement, err);
     while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
         struct job_event e = {.seq = column_number(statement, 0), .job = column_number(statement, 1),
                               .at = sqlite3_column_int64(statement, 2),
@@ -180,26 +194,113 @@ static status load_rows(struct store *store, const char *sql, const struct sql_v
         s = visit(user, &e, err);
     }
     if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "events cannot be read", err);
+        s = sql_failed(store, db, "events cannot be read", err);
     sqlite3_finalize(statement);
-    pthread_mutex_unlock(&store->order);
+    reader_leave(store, db);
+    return s;
+}
+
+struct log_reading {
+    event_visit *visit;
+    void *user;
+    uint64_t last;     /* the seq of the last visited one */
+    uint32_t count;
+};
+
+static status visit_stored(void *user, const struct job_event *event, struct error *err)
+{
+    struct log_reading *r = user;
+
+    r->last = event->seq;
+    r->count++;
+    return r->visit(r->user, event, err);
+}
+
+/* Go on with those that were found in memory only. */
+static status visit_noted(struct log_reading *r, const struct noted_events *noted, uint32_t limit, struct error *err)
+{
+    status s = STATUS_OK;
+
+    for (size_t i = 0; i < noted->count && r->count < limit && s == STATUS_OK; i++)
+        if (noted->events[i].seq > r->last)
+            s = visit_stored(r, &noted->events[i], err);
     return s;
 }
 
 status store_events_load(struct store *store, uint64_t job, uint64_t after, event_visit *visit, void *user,
                          struct error *err)
 {
-    return load_rows(store,
-                     "SELECT seq, job, at, worker, who, text FROM events WHERE job=? AND seq>? ORDER BY seq",
-                     SQL_VALUES(sql_number((int64_t)job), sql_number((int64_t)after)), visit, user, err);
+    struct noted_events noted = {0};
+    struct log_reading r = {visit, user, after, 0};
+    status s = noted_copy(store, job, after, &noted, err);
+
+    if (s == STATUS_OK)
+        s = load_rows(store,
+                      "SELECT seq, job, at, worker, who, text FROM events WHERE job=? AND seq>? ORDER BY seq",
+                      SQL_VALUES(sql_number((int64_t)job), sql_number((int64_t)after)), visit_stored, &r, err);
+    if (s == STATUS_OK)
+        s = visit_noted(&r, &noted, UINT32_MAX, err);
+    mem_free(noted.events);
+    return s;
+}
+
+/* How many of the noted ones are newer than all stored ones? */
+static status count_unstored(struct store *store, const struct noted_events *noted, size_t *out, struct error *err)
+{
+    sqlite3_stmt *statement = NULL;
+    sqlite3 *db = reader_take(store);
+    status s = sql_ask(store, db, "SELECT coalesce(max(seq), 0) FROM events", NULL, 0, &statement, err);
+    uint64_t last = 0;
+
+    if (s == STATUS_OK && sqlite3_step(statement) == SQLITE_ROW)
+        last = column_number(statement, 0);
+    else if (s == STATUS_OK)
+        s = sql_failed(store, db, "events cannot be read", err);
+    sqlite3_finalize(statement);
+    reader_leave(store, db);
+    for (*out = 0; *out < noted->count && noted->events[noted->count - 1 - *out].seq > last;)
+        ++*out;
+    return s;
+}
+
+/* The newest: of the stored ones as many as those in memory leave room for. */
+static status load_newest(struct store *store, uint64_t after, uint32_t limit, struct noted_events *noted,
+                          struct log_reading *r, struct error *err)
+{
+    size_t unstored = 0, skipped;
+    status s = count_unstored(store, noted, &unstored, err);
+
+    if (s != STATUS_OK)
+        return s;
+    skipped = unstored > limit ? unstored - limit : 0; /* the oldest of them */
+    memmove(noted->events, noted->events + (noted->count - unstored) + skipped,
+            (unstored - skipped) * sizeof *noted->events);
+    noted->count = unstored - skipped;
+    if (noted->count < limit)
+        s = load_rows(store,
+                      "SELECT * FROM (SELECT seq, job, at, worker, who, text FROM events WHERE seq>? AND seq<? "
+                      "ORDER BY seq DESC LIMIT ?) ORDER BY seq",
+                      SQL_VALUES(sql_number((int64_t)after),
+                                 sql_number(noted->count ? (int64_t)noted->events[0].seq : INT64_MAX),
+                                 sql_number(limit - (int64_t)noted->count)),
+                      visit_stored, r, err);
+    return s;
 }
 
 status store_events_load_all(struct store *store, uint64_t after, int newest, uint32_t limit, event_visit *visit,
                              void *user, struct error *err)
 {
-    return load_rows(store,
-                     newest ? "SELECT * FROM (SELECT seq, job, at, worker, who, text FROM events WHERE seq>? "
-                              "ORDER BY seq DESC LIMIT ?) ORDER BY seq"
-                            : "SELECT seq, job, at, worker, who, text FROM events WHERE seq>? ORDER BY seq LIMIT ?",
-                     SQL_VALUES(sql_number((int64_t)after), sql_number(limit)), visit, user, err);
+    struct noted_events noted = {0};
+    struct log_reading r = {visit, user, after, 0};
+    status s = noted_copy(store, 0, after, &noted, err);
+
+    if (s == STATUS_OK && newest)
+        s = load_newest(store, after, limit, &noted, &r, err);
+    else if (s == STATUS_OK)
+        s = load_rows(store, "SELECT seq, job, at, worker, who, text FROM events WHERE seq>? ORDER BY seq LIMIT ?",
+                      SQL_VALUES(sql_number((int64_t)after), sql_number(limit)), visit_stored, &r, err);
+    if (s == STATUS_OK)
+        s = visit_noted(&r, &noted, limit, err);
+    mem_free(noted.events);
+    return s;
 }

@@ -101,35 +101,36 @@ status store_history_load(struct store *store, uint64_t job, uint32_t frame, str
                           struct error *err)
 {
     sqlite3_stmt *statement = NULL;
+    sqlite3 *db;
     int code = SQLITE_DONE;
     status s;
 
     out->count = 0;
-    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
-    s = sql_select(store,
-                   "SELECT " HISTORY_COLUMNS " FROM history WHERE job=? AND frame=? "
-                   "ORDER BY place",
-                   SQL_VALUES(sql_number(job), sql_number(frame)), &statement, err);
+    db = reader_take(store);
+    s = sql_ask(store, db,
+                "SELECT " HISTORY_COLUMNS " FROM history WHERE job=? AND frame=? "
+                "ORDER BY place",
+                SQL_VALUES(sql_number(job), sql_number(frame)), &statement, err);
     if (s == STATUS_OK) {
         while (out->count < HISTORY_MAX && (code = sqlite3_step(statement)) == SQLITE_ROW)
             read_point(statement, 0, &out->points[out->count++]);
         if (code != SQLITE_DONE && code != SQLITE_ROW)
-            s = sql_error(store, "the frame's figures cannot be read", err);
+            s = sql_failed(store, db, "the frame's figures cannot be read", err);
         sqlite3_finalize(statement);
     }
-    pthread_mutex_unlock(&store->order);
+    reader_leave(store, db);
     return s;
 }
 
-status history_load_last(struct store *store, struct job *job, struct error *err)
+status history_load_last(struct store *store, sqlite3 *db, struct job *job, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     int code = SQLITE_DONE;
     /* SQLite takes the other columns from the row that has the maximum. */
-    status s = sql_select(store,
-                          "SELECT frame, max(place), " HISTORY_COLUMNS " FROM history "
-                          "WHERE job=? GROUP BY frame ORDER BY frame",
-                          SQL_VALUES(sql_number(job->id)), &statement, err);
+    status s = sql_ask(store, db,
+                       "SELECT frame, max(place), " HISTORY_COLUMNS " FROM history "
+                       "WHERE job=? GROUP BY frame ORDER BY frame",
+                       SQL_VALUES(sql_number(job->id)), &statement, err);
 
     if (s != STATUS_OK)
         return s;
@@ -145,7 +146,7 @@ status history_load_last(struct store *store, struct job *job, struct error *err
             s = error_no_memory(err, "frames' figures");
     }
     if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "the frames' figures cannot be read", err);
+        s = sql_failed(store, db, "the frames' figures cannot be read", err);
     sqlite3_finalize(statement);
     return s;
 }
@@ -155,17 +156,17 @@ status store_history_samples(struct store *store, uint64_t job,
                              struct error *err)
 {
     sqlite3_stmt *statement = NULL;
+    sqlite3 *db = reader_take(store);
     int code = SQLITE_DONE;
     status s;
 
-    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
-    s = sql_select(store, "SELECT frame, max(place), samples FROM history WHERE job=? GROUP BY frame",
+    s = sql_ask(store, db, "SELECT frame, max(place), samples FROM history WHERE job=? GROUP BY frame",
                    SQL_VALUES(sql_number(job)), &statement, err);
     while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW)
         visit(user, (uint32_t)column_number(statement, 0), column_number(statement, 2));
     if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "frames' histories cannot be read", err);
+        s = sql_failed(store, db, "frames' histories cannot be read", err);
     sqlite3_finalize(statement);
-    pthread_mutex_unlock(&store->order);
+    reader_leave(store, db);
     return s;
 }

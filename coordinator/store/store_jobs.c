@@ -36,18 +36,18 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
 {
     sqlite3_stmt *statement = NULL;
     struct job *there = NULL;
+    sqlite3 *db;
     int code, same = 0;
     status s;
 
     *id = 0;
     if (!job->token[0])
         return STATUS_OK;
+    db = reader_take(store);
     /* The original submission: an extension changes `request`. */
-    s = sql_select(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
-                   SQL_VALUES(sql_text(job->token)), &statement, err);
-    if (s != STATUS_OK)
-        return s;
-    code = sqlite3_step(statement);
+    s = sql_ask(store, db, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
+                SQL_VALUES(sql_text(job->token)), &statement, err);
+    code = s == STATUS_OK ? sqlite3_step(statement) : SQLITE_DONE;
     if (code == SQLITE_ROW) {
         *id = column_number(statement, 0);
         s = wire_job_unpack(&there, sqlite3_column_blob(statement, 1),
@@ -60,9 +60,10 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
                           "name, frames or settings; choose another token",
                           job->token, *id);
     } else if (code != SQLITE_DONE) {
-        s = sql_error(store, "the jobs cannot be read", err);
+        s = sql_failed(store, db, "the jobs cannot be read", err);
     }
     sqlite3_finalize(statement);
+    reader_leave(store, db);
     job_free(there);
     return s;
 }
@@ -128,16 +129,16 @@ static struct unit_work read_work(sqlite3_stmt *row, int at)
     return work;
 }
 
-static status load_frames(struct store *store, struct job *job, struct error *err)
+static status load_frames(struct store *store, sqlite3 *db, struct job *job, struct error *err)
 {
     struct unit_work work;
     sqlite3_stmt *statement = NULL;
     int code;
-    status s = sql_select(store,
-                          "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
-                          "clamped_values, clamped, clamped_luminance, kept_luminance, health "
-                          "FROM frames WHERE job=? ORDER BY frame",
-                          SQL_VALUES(sql_number(job->id)), &statement, err);
+    status s = sql_ask(store, db,
+                       "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
+                       "clamped_values, clamped, clamped_luminance, kept_luminance, health "
+                       "FROM frames WHERE job=? ORDER BY frame",
+                       SQL_VALUES(sql_number(job->id)), &statement, err);
 
     if (s != STATUS_OK)
         return s;
@@ -153,7 +154,7 @@ static status load_frames(struct store *store, struct job *job, struct error *er
             job_frame_set_developed(job, (uint32_t)frame);
     }
     if (code != SQLITE_DONE)
-        s = sql_error(store, "the frames cannot be read", err);
+        s = sql_failed(store, db, "the frames cannot be read", err);
     sqlite3_finalize(statement);
     return s;
 }
@@ -190,15 +191,15 @@ static status load_cuts(struct store *store, struct job *job, struct error *err)
 
 status store_job_sum(struct store *store, struct job *job, struct error *err)
 {
+    sqlite3 *db = reader_take(store);
     status s;
 
     memset(&job->work, 0, sizeof job->work);
     job_figures_release(&job->figures);
-    pthread_mutex_lock(&store->order); /* the connection may be exchanged */
-    s = load_frames(store, job, err);
+    s = load_frames(store, db, job, err);
     if (s == STATUS_OK)
-        s = history_load_last(store, job, err);
-    pthread_mutex_unlock(&store->order);
+        s = history_load_last(store, db, job, err);
+    reader_leave(store, db);
     return s;
 }
 
@@ -239,11 +240,11 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
         needs_after_parse(&job->needs, (const char *)sqlite3_column_text(row, 18));
     if (sqlite3_column_type(row, 19) == SQLITE_INTEGER)
         job->needs.not_before = sqlite3_column_int64(row, 19);
-    s = load_frames(store, job, err);
+    s = load_frames(store, store->db, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
-        s = history_load_last(store, job, err);
+        s = history_load_last(store, store->db, job, err);
     if (s != STATUS_OK) {
         job_free(job);
         return s;
@@ -377,25 +378,24 @@ status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
                         struct frame_clock *out, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    int code;
-    status s = sql_select(store,
-                          "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
-                          "WHERE job=? AND frame=?",
-                          SQL_VALUES(sql_number(job), sql_number(frame)), &statement, err);
+    sqlite3 *db = reader_take(store);
+    status s = sql_ask(store, db,
+                       "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
+                       "WHERE job=? AND frame=?",
+                       SQL_VALUES(sql_number(job), sql_number(frame)), &statement, err);
+    int code = s == STATUS_OK ? sqlite3_step(statement) : SQLITE_DONE;
 
     memset(out, 0, sizeof *out);
-    if (s != STATUS_OK)
-        return s;
-    code = sqlite3_step(statement);
     if (code == SQLITE_ROW) {
         out->active_ns = column_number(statement, 0);
         out->cpu_ns = column_number(statement, 1);
         out->from_active_ns = column_number(statement, 2);
         out->from_cpu_ns = column_number(statement, 3);
     } else if (code != SQLITE_DONE) {
-        s = sql_error(store, "a frame's time cannot be read", err);
+        s = sql_failed(store, db, "a frame's time cannot be read", err);
     }
     sqlite3_finalize(statement);
+    reader_leave(store, db);
     return s;
 }
 

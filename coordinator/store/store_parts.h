@@ -4,7 +4,7 @@
  * store_database.c  the connection, the tables and their versions, running a statement
  * store_jobs.c      the rows: jobs that are new, kept, revised, loaded; frames that are done
  * store_history.c   the rows of frames' figures
- * store_saves.c     a job's counters and state, saved at once or later by a separate thread
+ * store_saves.c     the writer thread: jobs' counters and states, and all else that is noted; who waits for it
  * store_remove.c    jobs are removed, with their rows and files
  * store_events.c    the event logs of jobs
  * store_shares.c    what owners used recently
@@ -28,12 +28,15 @@ struct saved_job;
 struct saved_event;
 struct saved_worker;
 struct saved_share;
+struct saved_wait;
 struct trash;
 
 struct store {
     char *folder;
     int lock_fd;
-    sqlite3 *db;
+    sqlite3 *db;                   /* what is written goes through it */
+    sqlite3 *reader;               /* questions: it waits for no writer. NULL: it could not be opened */
+    pthread_mutex_t reading;       /* held while `reader` is used or exchanged; taken after `order`, before `lock` */
     int read_only;                 /* `db` was opened for reading; store_check opens it again */
     uint64_t epoch_limit;          /* to be stored; 0: it is */
     atomic_int suspect;
@@ -41,18 +44,21 @@ struct store {
     int clear_held;                /* files of removed jobs are still there: a backup was being made */
 
     /* Saves that wait for the writer thread. `order` is held by a thread that writes to the
-     * database: from a row's leaving the list until it is written, so that an older row never
+     * database: from a row's leaving the list until it is written or back, so that an older row never
      * overwrites a newer one, and while the connection is exchanged. `lock` protects the members
      * below; it is taken last. */
     pthread_mutex_t lock, order;
-    pthread_cond_t wake, idle;
-    struct saved_job *saves;
-    struct saved_event *events, **events_end; /* events_end: only if there are any */
+    pthread_cond_t work, idle;
+    struct saved_job *saves, *saves_taken; /* _taken: those being written now, also of what follows */
+    struct saved_event *events, **events_end, *events_taken; /* events_end: only if there are any */
     size_t events_waiting;
     uint64_t event_next;           /* the seq of the next event */
-    struct saved_worker *workers, **workers_end; /* the same */
+    struct saved_worker *workers, **workers_end, *workers_taken; /* the same */
     size_t workers_waiting;
-    struct saved_share *shares;
+    struct saved_share *shares, *shares_taken;
+    struct saved_wait *waits, **waits_end, *waits_over; /* who waits for all that was noted before; their end */
+    void (*wake)(void *user);      /* somebody should call store_deliver */
+    void *wake_user;
     int busy, ending, has_writer;
     int failing;                   /* the last save failed with `save_error`; */
     int retry;                     /* the next one may be tried */
@@ -95,6 +101,15 @@ struct sql_value sql_bytes(const struct buffer *bytes);
     (const struct sql_value[]){__VA_ARGS__}, \
         sizeof((const struct sql_value[]){__VA_ARGS__}) / sizeof(struct sql_value)
 
+/* The connection for a question, which is asked between these two. Without a reader it is `db`, and waits for its
+ * writers. What it finds is on disk. [any thread] */
+sqlite3 *reader_take(struct store *store);
+void reader_leave(struct store *store, sqlite3 *db);
+/* The last error of that connection, as ours, and a statement on it. */
+status sql_failed(struct store *store, sqlite3 *db, const char *what, struct error *err);
+status sql_ask(struct store *store, sqlite3 *db, const char *sql, const struct sql_value *values, size_t count,
+               sqlite3_stmt **out, struct error *err) MUST_CHECK;
+
 /* A statement whose rows the caller steps through, and which it finalizes. */
 status sql_select(struct store *store, const char *sql, const struct sql_value *values,
                   size_t count, sqlite3_stmt **out, struct error *err) MUST_CHECK;
@@ -116,22 +131,30 @@ status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t a
 status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
                   const struct film_coverage *cut, struct error *err) MUST_CHECK;
 /* Note the newest figures of the job's finished frames in job->figures. */
-status history_load_last(struct store *store, struct job *job, struct error *err) MUST_CHECK;
+status history_load_last(struct store *store, sqlite3 *db, struct job *job, struct error *err) MUST_CHECK;
 /* The table of deliverers, and a row of it. */
 extern const char deliverers_schema[];
 status deliverer_write(struct store *store, const struct deliverer *deliverer,
                        struct error *err) MUST_CHECK;
 
-/* The table of events. events_write stores what is noted; `order` is held. events_drop forgets it. */
+/* The table of events. events_take sets aside what is noted, events_write writes that in the transaction of its
+ * caller, who holds `order`; events_settle forgets it, or notes it again. `lock` is held for take and settle.
+ * events_drop forgets what is noted. */
 extern const char events_schema[];
+void events_take(struct store *store);
 status events_write(struct store *store, struct error *err) MUST_CHECK;
+void events_settle(struct store *store, int written);
 void events_drop(struct store *store);
 
 /* The same of workers. */
+void workers_take(struct store *store);
+void workers_settle(struct store *store, int written);
 status workers_write(struct store *store, struct error *err) MUST_CHECK;
 void workers_drop(struct store *store);
 
 /* The same of the owners' shares. */
+void shares_take(struct store *store);
+void shares_settle(struct store *store, int written);
 status shares_write(struct store *store, struct error *err) MUST_CHECK;
 void shares_drop(struct store *store);
 

@@ -1,4 +1,5 @@
-/* Saves of what changes while jobs run, at once or later: a job's row, a new deliverer. */
+/* Saves of what changes while jobs run: a job's row, a new deliverer. The writer thread writes all that is noted in
+ * one transaction, so that a disk that takes long to sync is asked once; then it tells who waits for that. */
 #include <stdio.h>
 #include <string.h>
 
@@ -84,6 +85,8 @@ static status row_write(struct store *store, const struct saved_job *row, struct
                    sql_number(row->id)),
         "the job's state cannot be stored", err);
 
+    if (s == STATUS_OK && sqlite3_changes(store->db) == 0)
+        return STATUS_OK; /* the job was removed meanwhile */
     return s == STATUS_OK ? clocks_write(store, row, err) : s;
 }
 
@@ -93,13 +96,16 @@ static int films_are_over(const struct saved_job *row)
     return row->state == JOB_STATE_CANCELLED && (row->marks & JOB_MARK_DISCARDED);
 }
 
+static struct saved_job **find_in(struct saved_job **list, uint64_t id)
+{
+    while (*list && (*list)->id != id)
+        list = &(*list)->next;
+    return list;
+}
+
 static struct saved_job **saves_find(struct store *store, uint64_t id)
 {
-    struct saved_job **at = &store->saves;
-
-    while (*at && (*at)->id != id)
-        at = &(*at)->next;
-    return at;
+    return find_in(&store->saves, id);
 }
 
 /* Take the job's waiting row out of the list: a newer one follows. */
@@ -120,43 +126,88 @@ void saves_forget(struct store *store, uint64_t id)
     pthread_mutex_unlock(&store->lock);
 }
 
-/* Note the result of a row that left the list; `order` is held. A failed row goes back unless a
- * newer one came. */
-static void row_written(struct store *store, struct saved_job *row, status s,
-                        const struct error *why)
+/* ---- who waits ------------------------------------------------------------------------------ */
+
+struct saved_wait {
+    struct saved_wait *next;
+    store_done_fn *done;
+    void *user;
+    status result;
+    struct error error;
+};
+
+status store_when_saved(struct store *store, store_done_fn *done, void *user, struct error *err)
 {
+    struct saved_wait *wait = mem_calloc(1, sizeof *wait);
+
+    if (!wait)
+        return error_no_memory(err, "an answer that waits for the disk");
+    wait->done = done;
+    wait->user = user;
     pthread_mutex_lock(&store->lock);
-    store->failing = s != STATUS_OK;
-    store->retry = 0;
-    if (store->failing) {
-        store->save_error = *why;
-        if (row && !*saves_find(store, row->id)) {
-            row->next = store->saves;
-            store->saves = row;
-            row = NULL;
-        }
-    }
-    store->busy = 0;
-    if (!store->saves || store->failing)
-        pthread_cond_broadcast(&store->idle);
+    if (!store->waits)
+        store->waits_end = &store->waits;
+    *store->waits_end = wait;
+    store->waits_end = &wait->next;
+    store->retry = 1; /* a failure is found by trying */
+    pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
-    mem_free(row);
+    return STATUS_OK;
 }
 
-static int nothing_waits(const struct store *store)
+void store_on_saved(struct store *store, void (*wake)(void *user), void *user)
+{
+    pthread_mutex_lock(&store->lock);
+    store->wake = wake;
+    store->wake_user = user;
+    pthread_mutex_unlock(&store->lock);
+}
+
+void store_deliver(struct store *store)
+{
+    struct saved_wait *over;
+
+    pthread_mutex_lock(&store->lock);
+    over = store->waits_over;
+    store->waits_over = NULL;
+    pthread_mutex_unlock(&store->lock);
+    while (over) {
+        struct saved_wait *next = over->next;
+        over->done(over->user, over->result, &over->error);
+        mem_free(over);
+        over = next;
+    }
+}
+
+static int nothing_is_noted(const struct store *store)
 {
     return !store->saves && !store->events && !store->workers && !store->shares;
 }
 
-/* Wait until there is a row or an event that may be written. 0: the store closes, and there is
- * none. */
-static int await_row(struct store *store)
+static int nothing_waits(const struct store *store)
+{
+    return nothing_is_noted(store) && !store->waits;
+}
+
+void store_settle(struct store *store)
+{
+    pthread_mutex_lock(&store->lock);
+    while (store->has_writer && (store->busy || (!nothing_waits(store) && (!store->failing || store->retry))))
+        pthread_cond_wait(&store->idle, &store->lock);
+    pthread_mutex_unlock(&store->lock);
+    store_deliver(store);
+}
+
+/* ---- the writer thread ---------------------------------------------------------------------- */
+
+/* Wait until there is something that may be written. 0: the store closes, and there is nothing. */
+static int await_work(struct store *store)
 {
     int there;
 
     pthread_mutex_lock(&store->lock);
     while (!store->ending && (nothing_waits(store) || (store->failing && !store->retry)))
-        pthread_cond_wait(&store->wake, &store->lock);
+        pthread_cond_wait(&store->work, &store->lock);
     there = !nothing_waits(store) && (!store->failing || store->retry);
     if (!there && store->saves)
         log_error("%s; the present states of jobs are not stored: jobs that ended continue at the next start",
@@ -166,41 +217,163 @@ static int await_row(struct store *store)
     return there;
 }
 
-/* The writer thread: one row after another, until the store closes and none is left. */
+/* Set aside what is noted, and who waits for it. */
+static struct saved_wait *take_all(struct store *store)
+{
+    struct saved_wait *waits;
+
+    pthread_mutex_lock(&store->lock);
+    waits = store->waits;
+    store->waits = NULL;
+    store->saves_taken = store->saves;
+    store->saves = NULL;
+    events_take(store);
+    workers_take(store);
+    shares_take(store);
+    pthread_mutex_unlock(&store->lock);
+    return waits;
+}
+
+static status rows_write(struct store *store, struct error *err)
+{
+    status s = STATUS_OK;
+
+    for (const struct saved_job *row = store->saves_taken; row && s == STATUS_OK; row = row->next)
+        s = row->deliverer.number ? deliverer_write(store, &row->deliverer, err) : row_write(store, row, err);
+    return s;
+}
+
+static status others_write(struct store *store, struct error *err)
+{
+    status s = events_write(store, err);
+
+    if (s == STATUS_OK)
+        s = workers_write(store, err);
+    if (s == STATUS_OK)
+        s = shares_write(store, err);
+    return s;
+}
+
+/* In one transaction: the rows, what else was noted, or both. */
+static status write_once(struct store *store, int rows, int others, struct error *err)
+{
+    status s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
+
+    if (s != STATUS_OK)
+        return s;
+    if (rows)
+        s = rows_write(store, err);
+    if (s == STATUS_OK && others)
+        s = others_write(store, err);
+    if (s == STATUS_OK)
+        s = sql_exec(store, "COMMIT", "the job's state cannot be stored", err);
+    return s;
+}
+
+static void roll_back(struct store *store)
+{
+    if (!sqlite3_get_autocommit(store->db))
+        (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
+}
+
+/* The states of jobs must not wait for others to free space, nor for what else cannot be written: they are tried
+ * again alone, on a full disk with the reserve. */
+static status write_taken(struct store *store, int *rows, int *others, struct error *err)
+{
+    status s = write_once(store, 1, 1, err);
+
+    *rows = *others = s == STATUS_OK;
+    if (s == STATUS_OK)
+        return s;
+    if (store->saves_taken) {
+        (void)sql_give_reserve(store);
+        roll_back(store);
+        *rows = write_once(store, 1, 0, err) == STATUS_OK;
+        roll_back(store);
+        if (*rows && (s = write_once(store, 0, 1, err)) == STATUS_OK)
+            *others = 1;
+    }
+    roll_back(store);
+    return s;
+}
+
+/* Rows that could not be written are noted again, unless newer ones came; `lock` is held. */
+static void rows_settle(struct store *store, int written, struct saved_job **ended)
+{
+    while (store->saves_taken) {
+        struct saved_job *row = store->saves_taken;
+
+        store->saves_taken = row->next;
+        if (written ? !row->deliverer.number && films_are_over(row) : !*saves_find(store, row->id)) {
+            struct saved_job **list = written ? ended : &store->saves;
+            row->next = *list;
+            *list = row;
+        } else {
+            mem_free(row);
+        }
+    }
+}
+
+/* `order` is held: no other row of these jobs was written meanwhile. *ended: jobs whose films are over. */
+static void settle(struct store *store, int rows, int others, status s, const struct error *why,
+                   struct saved_job **ended)
+{
+    pthread_mutex_lock(&store->lock);
+    rows_settle(store, rows, ended);
+    events_settle(store, others);
+    workers_settle(store, others);
+    shares_settle(store, others);
+    store->failing = s != STATUS_OK;
+    store->retry = store->waits != NULL;
+    if (store->failing)
+        store->save_error = *why;
+    pthread_mutex_unlock(&store->lock);
+}
+
+static void end_waits(struct store *store, struct saved_wait *waits, status s, const struct error *why)
+{
+    struct saved_wait **last;
+
+    for (struct saved_wait *wait = waits; wait; wait = wait->next) {
+        wait->result = s;
+        wait->error = *why;
+    }
+    pthread_mutex_lock(&store->lock);
+    for (last = &store->waits_over; *last; last = &(*last)->next)
+        ;
+    *last = waits;
+    store->busy = 0;
+    pthread_cond_broadcast(&store->idle);
+    if (waits && store->wake)
+        store->wake(store->wake_user);
+    pthread_mutex_unlock(&store->lock);
+}
+
+/* Until the store closes and nothing is left. */
 static void *write_saves(void *user)
 {
     struct store *store = user;
 
-    while (await_row(store)) {
+    while (await_work(store)) {
         struct error err = {0};
-        struct saved_job *row;
-        uint64_t ended = 0;
+        struct saved_wait *waits;
+        struct saved_job *ended = NULL;
+        int rows = 1, others = 1;
         status s = STATUS_OK;
 
         pthread_mutex_lock(&store->order);
-        pthread_mutex_lock(&store->lock);
-        row = store->saves; /* the first row may have been replaced */
-        if (row)
-            store->saves = row->next;
-        pthread_mutex_unlock(&store->lock);
-        if (row)
-            s = row->deliverer.number ? deliverer_write(store, &row->deliverer, &err)
-                                      : row_write(store, row, &err);
-        if (row && s == STATUS_OK && !row->deliverer.number && films_are_over(row))
-            ended = row->id;
-        if (s == STATUS_OK) {
-            s = events_write(store, &err);
-            if (s == STATUS_OK)
-                s = workers_write(store, &err);
-            if (s == STATUS_OK)
-                s = shares_write(store, &err);
-            mem_free(s == STATUS_OK ? NULL : row); /* it is written */
-            row = s == STATUS_OK ? row : NULL;
-        }
-        row_written(store, row, s, &err);
+        waits = take_all(store);
+        if (store->saves_taken || store->events_taken || store->workers_taken || store->shares_taken)
+            s = write_taken(store, &rows, &others, &err);
+        settle(store, rows, others, s, &err, &ended);
         pthread_mutex_unlock(&store->order);
-        if (ended) /* not earlier: the job's end is on disk now */
-            store_films_remove(store, ended);
+        while (ended) { /* not earlier: the job's end is on disk now */
+            struct saved_job *next = ended->next;
+            store_films_remove(store, ended->id);
+            mem_free(ended);
+            ended = next;
+        }
+        end_waits(store, waits, s, &err);
     }
     return NULL;
 }
@@ -209,7 +382,8 @@ void saves_init(struct store *store)
 {
     pthread_mutex_init(&store->lock, NULL);
     pthread_mutex_init(&store->order, NULL);
-    pthread_cond_init(&store->wake, NULL);
+    pthread_mutex_init(&store->reading, NULL);
+    pthread_cond_init(&store->work, NULL);
     pthread_cond_init(&store->idle, NULL);
 }
 
@@ -226,37 +400,22 @@ void saves_stop(struct store *store)
     if (store->has_writer) {
         pthread_mutex_lock(&store->lock);
         store->ending = store->retry = 1;
-        pthread_cond_signal(&store->wake);
+        pthread_cond_signal(&store->work);
         pthread_mutex_unlock(&store->lock);
         pthread_join(store->writer, NULL);
+        store->has_writer = 0;
     }
+    store_deliver(store);
     while (store->saves)
         saves_drop(store, store->saves->id);
     events_drop(store);
     workers_drop(store);
     shares_drop(store);
-    pthread_cond_destroy(&store->wake);
+    pthread_cond_destroy(&store->work);
     pthread_cond_destroy(&store->idle);
     pthread_mutex_destroy(&store->lock);
     pthread_mutex_destroy(&store->order);
-}
-
-status store_job_save(struct store *store, const struct job *job, uint64_t now_ns,
-                      struct error *err)
-{
-    struct saved_job row;
-    status s;
-
-    row_take(&row, job, now_ns);
-    pthread_mutex_lock(&store->order);
-    pthread_mutex_lock(&store->lock);
-    saves_drop(store, job->id);
-    pthread_mutex_unlock(&store->lock);
-    s = row_write(store, &row, err);
-    pthread_mutex_unlock(&store->order);
-    if (s == STATUS_OK && films_are_over(&row))
-        store_films_remove(store, row.id);
-    return s;
+    pthread_mutex_destroy(&store->reading);
 }
 
 /* Write the row after all that wait. */
@@ -265,7 +424,7 @@ static void save_later(struct store *store, struct saved_job *row)
     pthread_mutex_lock(&store->lock);
     saves_drop(store, row->id);
     *saves_find(store, UINT64_MAX) = row;
-    pthread_cond_signal(&store->wake);
+    pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
 }
 
@@ -388,9 +547,9 @@ void saves_retry(struct store *store)
 {
     pthread_mutex_lock(&store->lock);
     store->retry = 1;
-    if (nothing_waits(store) && !store->busy) /* what failed was written at once, or is gone */
+    if (nothing_is_noted(store) && !store->busy) /* what failed was written at once, or is gone */
         store->failing = 0;
-    pthread_cond_signal(&store->wake);
+    pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
 }
 
@@ -419,7 +578,7 @@ int store_job_unsaved(struct store *store, uint64_t id)
     int waits;
 
     pthread_mutex_lock(&store->lock);
-    waits = *saves_find(store, id) != NULL;
+    waits = *saves_find(store, id) || *find_in(&store->saves_taken, id);
     pthread_mutex_unlock(&store->lock);
     return waits;
 }

@@ -27,7 +27,7 @@ status store_share_save_later(struct store *store, const struct owner_share *sha
     }
     if (saved)
         saved->share = *share;
-    pthread_cond_signal(&store->wake);
+    pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
     return saved ? STATUS_OK : error_no_memory(err, "an owner's share");
 }
@@ -37,7 +37,6 @@ static void put_back(struct store *store, struct saved_share *saved)
 {
     struct saved_share *newer;
 
-    pthread_mutex_lock(&store->lock);
     for (newer = store->shares; newer && strcmp(newer->share.owner, saved->share.owner) != 0;
          newer = newer->next)
         ;
@@ -46,33 +45,38 @@ static void put_back(struct store *store, struct saved_share *saved)
         store->shares = saved;
         saved = NULL;
     }
-    pthread_mutex_unlock(&store->lock);
     mem_free(saved);
+}
+
+void shares_take(struct store *store)
+{
+    store->shares_taken = store->shares;
+    store->shares = NULL;
 }
 
 status shares_write(struct store *store, struct error *err)
 {
-    struct saved_share *saved;
     status s = STATUS_OK;
 
-    pthread_mutex_lock(&store->lock);
-    saved = store->shares;
-    store->shares = NULL;
-    pthread_mutex_unlock(&store->lock);
-    while (saved) {
-        struct saved_share *next = saved->next;
-        if (s == STATUS_OK)
-            s = sql_change(store, "INSERT OR REPLACE INTO shares (owner, core_s, at) VALUES (?, ?, ?)",
-                           SQL_VALUES(sql_text(saved->share.owner), sql_real(saved->share.core_s),
-                                      sql_number(saved->share.at_s)),
-                           "an owner's share cannot be stored", err);
-        if (s == STATUS_OK)
+    for (const struct saved_share *saved = store->shares_taken; saved && s == STATUS_OK; saved = saved->next)
+        s = sql_change(store, "INSERT OR REPLACE INTO shares (owner, core_s, at) VALUES (?, ?, ?)",
+                       SQL_VALUES(sql_text(saved->share.owner), sql_real(saved->share.core_s),
+                                  sql_number(saved->share.at_s)),
+                       "an owner's share cannot be stored", err);
+    return s;
+}
+
+void shares_settle(struct store *store, int written)
+{
+    while (store->shares_taken) {
+        struct saved_share *saved = store->shares_taken;
+
+        store->shares_taken = saved->next;
+        if (written)
             mem_free(saved);
         else
             put_back(store, saved);
-        saved = next;
     }
-    return s;
 }
 
 void shares_drop(struct store *store)

@@ -42,7 +42,7 @@ void store_worker_later(struct store *store, const struct worker_row *row)
     *store->workers_end = saved;
     store->workers_end = &saved->next;
     store->workers_waiting++;
-    pthread_cond_signal(&store->wake);
+    pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
 }
 
@@ -112,21 +112,6 @@ static status forget_oldest(struct store *store, struct error *err)
                       "workers that left long ago cannot be removed", err);
 }
 
-static void put_back(struct store *store, struct saved_worker *first, size_t count)
-{
-    struct saved_worker *last = first;
-
-    while (last->next)
-        last = last->next;
-    pthread_mutex_lock(&store->lock);
-    last->next = store->workers;
-    if (!store->workers)
-        store->workers_end = &last->next;
-    store->workers = first;
-    store->workers_waiting += count;
-    pthread_mutex_unlock(&store->lock);
-}
-
 static void rows_free(struct saved_worker *first)
 {
     while (first) {
@@ -136,37 +121,37 @@ static void rows_free(struct saved_worker *first)
     }
 }
 
-status workers_write(struct store *store, struct error *err)
+void workers_take(struct store *store)
 {
-    struct saved_worker *first;
-    size_t count;
-    status s;
-
-    pthread_mutex_lock(&store->lock);
-    first = store->workers;
-    count = store->workers_waiting;
+    store->workers_taken = store->workers;
     store->workers = NULL;
     store->workers_waiting = 0;
-    pthread_mutex_unlock(&store->lock);
-    if (!first)
-        return STATUS_OK;
-    s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
-    if (s == STATUS_OK) {
-        for (const struct saved_worker *w = first; w && s == STATUS_OK; w = w->next)
-            s = row_add(store, &w->row, err);
-        if (s == STATUS_OK)
-            s = forget_oldest(store, err);
-        if (s == STATUS_OK)
-            s = sql_exec(store, "COMMIT", "what workers did cannot be stored", err);
-        if (s != STATUS_OK)
-            (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
+}
+
+status workers_write(struct store *store, struct error *err)
+{
+    status s = STATUS_OK;
+
+    for (const struct saved_worker *w = store->workers_taken; w && s == STATUS_OK; w = w->next)
+        s = row_add(store, &w->row, err);
+    return s == STATUS_OK && store->workers_taken ? forget_oldest(store, err) : s;
+}
+
+void workers_settle(struct store *store, int written)
+{
+    struct saved_worker *first = store->workers_taken, *last = first;
+
+    store->workers_taken = NULL;
+    if (!first || written) {
+        rows_free(first);
+        return;
     }
-    if (s != STATUS_OK) {
-        put_back(store, first, count);
-        return s;
-    }
-    rows_free(first);
-    return STATUS_OK;
+    for (store->workers_waiting++; last->next; last = last->next)
+        store->workers_waiting++;
+    last->next = store->workers; /* newer ones may have come */
+    if (!store->workers)
+        store->workers_end = &last->next;
+    store->workers = first;
 }
 
 void workers_drop(struct store *store)
@@ -215,27 +200,23 @@ status store_workers_gone(struct store *store, const char *name,
                           void *user, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
-    struct error why = {0};
+    sqlite3 *db = reader_take(store);
     int code = SQLITE_DONE;
-    status s;
+    status s = sql_ask(store, db,
+                       "SELECT name, instance, host, process, address, software, threads, joined_at,"
+                       " left_at, connections, units, samples, cpu_ns, why, lines FROM workers"
+                       " WHERE left_at>0 AND (?1='' OR name=?1) ORDER BY left_at DESC, seq DESC LIMIT ?2",
+                       SQL_VALUES(sql_text(name), sql_number(WORKERS_GONE_MAX)), &statement, err);
 
-    pthread_mutex_lock(&store->order);
-    if (workers_write(store, &why) != STATUS_OK)
-        log_debug("%s", why.text);
-    s = sql_select(store,
-                   "SELECT name, instance, host, process, address, software, threads, joined_at,"
-                   " left_at, connections, units, samples, cpu_ns, why, lines FROM workers"
-                   " WHERE left_at>0 AND (?1='' OR name=?1) ORDER BY left_at DESC, seq DESC LIMIT ?2",
-                   SQL_VALUES(sql_text(name), sql_number(WORKERS_GONE_MAX)), &statement, err);
     while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
         struct worker_row row;
         read_row(statement, &row);
         s = visit(user, &row, err);
     }
     if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "the workers that left cannot be read", err);
+        s = sql_failed(store, db, "the workers that left cannot be read", err);
     sqlite3_finalize(statement);
-    pthread_mutex_unlock(&store->order);
+    reader_leave(store, db);
     return s;
 }
 

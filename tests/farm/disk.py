@@ -72,3 +72,22 @@ class OddDisk:
 
     def work(self):
         os.unlink(self.control)
+
+
+class StalledDisk(OddDisk):
+    """A disk that hangs at a test's word: while it does, no call returns that syncs, or writes at a place, in a file
+    whose path has `text`."""
+
+    def __init__(self, farm):
+        super().__init__(farm)
+        self.stalled = farm.path("stalled-disk")
+        self.env["STALLED_DISK"] = self.stalled
+
+    def hang(self, text="/store/"):
+        with open(self.stalled + ".new", "w") as out:
+            out.write(text)
+        os.rename(self.stalled + ".new", self.stalled)
+
+    def go_on(self):
+        if os.path.exists(self.stalled):
+            os.unlink(self.stalled)

@@ -5,6 +5,9 @@
  * part of the paths concerned. No file, or an empty one: nothing fails. It is read at every call, so a
  * test changes it as it goes.
  *
+ * STALLED_DISK names a file that says which paths hang, by a part of them: a call that syncs or writes at a place
+ * (fsync, fdatasync, pwrite) does not return while that file is there.
+ *
  * SLOW_REMOVAL=MS,BYTES: freeing the room of a file larger than BYTES takes MS milliseconds, as on ext4 with
  * discard: where its last name goes, or the last descriptor of one without a name.
  */
@@ -42,15 +45,44 @@ static int fault(const char *path, int writes)
     return number;
 }
 
-static int fd_fault(int fd)
+static void fd_path(int fd, char *path, size_t size)
 {
-    char link[64], path[4096];
+    char link[64];
     ssize_t got;
 
     snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
-    got = readlink(link, path, sizeof path - 1);
+    got = readlink(link, path, size - 1);
     path[got > 0 ? got : 0] = 0;
+}
+
+static int fd_fault(int fd)
+{
+    char path[4096];
+
+    fd_path(fd, path, sizeof path);
     return fault(path, 1);
+}
+
+/* Wait while the disk that holds the file hangs. */
+static void stall(int fd)
+{
+    const char *control = getenv("STALLED_DISK");
+    char path[4096], text[256];
+    int code = errno;
+    long file, got;
+
+    if (!control)
+        return;
+    fd_path(fd, path, sizeof path);
+    while ((file = syscall(SYS_openat, AT_FDCWD, control, O_RDONLY | O_CLOEXEC)) >= 0) {
+        got = syscall(SYS_read, (int)file, text, sizeof text - 1);
+        syscall(SYS_close, (int)file);
+        text[got > 0 ? got : 0] = 0;
+        if (!strstr(path, text))
+            break;
+        nanosleep(&(struct timespec){0, 5000000}, NULL);
+    }
+    errno = code;
 }
 
 static void *next(const char *name)
@@ -88,6 +120,7 @@ MKOSTEMP(mkostemp64)
     {                                                                       \
         ssize_t (*real)(int, const void *, size_t, off_t) =                 \
             (ssize_t (*)(int, const void *, size_t, off_t))next(#name);     \
+        stall(fd);                                                          \
         return fd_fault(fd) ? -1 : real(fd, data, size, at);                \
     }
 PWRITE(pwrite)
@@ -105,6 +138,7 @@ EXPORT int fsync(int fd)
 {
     int (*real)(int) = (int (*)(int))next("fsync");
 
+    stall(fd);
     return fd_fault(fd) ? -1 : real(fd);
 }
 
@@ -112,6 +146,7 @@ EXPORT int fdatasync(int fd)
 {
     int (*real)(int) = (int (*)(int))next("fdatasync");
 
+    stall(fd);
     return fd_fault(fd) ? -1 : real(fd);
 }
 

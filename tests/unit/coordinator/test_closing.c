@@ -132,6 +132,7 @@ static void discarding_makes_no_picture(void **state)
     assert_int_equal(job->state, JOB_STATE_CANCELLED);
     sim_develop(sim);
     assert_int_equal(job->frames_done_count, 0);
+    store_settle(f->store);
     assert_false(store_film_exists(f->store, job->id, 1));
 }
 

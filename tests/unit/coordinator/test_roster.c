@@ -201,6 +201,7 @@ static size_t gone(struct sim_stored *f, const char *name, struct rows *rows)
     struct error err = {0};
 
     rows->count = 0;
+    store_settle(f->store); /* as the answer waits for it */
     assert_int_equal(store_workers_gone(f->store, name, take_row, rows, &err), STATUS_OK);
     return rows->count;
 }

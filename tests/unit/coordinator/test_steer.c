@@ -194,7 +194,7 @@ static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, str
     case START:
         job->needs.not_before = INT64_MAX;
         job->needs.after[job->needs.after_count++] = 1;
-        farm_job_save_now(farm, job, f->sim->now_ns);
+        farm_job_save(farm, job, f->sim->now_ns);
         return steer_start(farm, job, "ana@desk", f->sim->now_ns, err);
     case EXTEND: {
         const struct job_extension more = {.spp = 64};
@@ -323,7 +323,8 @@ static void every_verb_in_every_state(void **state)
 
             if ((s == STATUS_ERR_REFUSED) != (outcome == '-'))
                 fail_msg("verb %d in state %s: %d (%s)", verb, job_state_word(job->state), s, err.text);
-            if (s == STATUS_OK && outcome != '=') /* on disk, not only soon */
+            store_settle(f->store); /* its answer waits for that */
+            if (s == STATUS_OK && outcome != '=')
                 assert_false(store_job_unsaved(f->store, 1));
             if (outcome == '-')
                 assert_true(strstr(err.text, "job 1 is ") && strchr(err.text, ':'));
@@ -587,6 +588,7 @@ static void discarded_films_do_not_come_back(void **state)
     tick(f);
     farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
     farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
+    store_settle(f->store);
     assert_false(exists(f, "films/1"));
     snprintf(path, sizeof path, "%s/films/1", f->folder);
     assert_int_equal(mkdir(path, 0700), 0);
@@ -594,6 +596,7 @@ static void discarded_films_do_not_come_back(void **state)
     assert_int_equal(file_write_atomic(path, "means", 5, NULL), STATUS_OK);
     sim_develop(f->sim);
     tick(f);
+    store_settle(f->store);
     assert_false(exists(f, "films/1"));
 }
 
@@ -633,7 +636,6 @@ static void the_log_names_people(void **state)
     assert_int_equal(steer_priority(&f->sim->farm, job, 3, "ben@desk", f->sim->now_ns, NULL),
                      STATUS_OK);
     steer_cancel(&f->sim->farm, job, 1, "cy@desk", f->sim->now_ns);
-    store_events_flush(f->store);
     assert_int_equal(store_events_load(f->store, job->id, 0, take_line, &lines, NULL), STATUS_OK);
     assert_string_equal(lines.text, "coordinator: submitted as simulated\n"
                                     "coordinator: runs, first on \n"
@@ -659,7 +661,7 @@ static void the_log_is_bounded(void **state)
         if (event.from_worker)
             store_event_later(f->store, &event);
     }
-    store_events_flush(f->store);
+    store_settle(f->store);
     assert_int_equal(store_events_load(f->store, 5, 0, take_line, &lines, NULL), STATUS_OK);
     assert_int_equal(lines.from_workers, JOB_WORKER_LINES_MAX);
     assert_int_equal(lines.count, JOB_EVENTS_MAX + JOB_WORKER_LINES_MAX);

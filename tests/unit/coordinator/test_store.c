@@ -69,6 +69,23 @@ static status adopt(void *user, struct job *job, struct error *err)
 
 static const struct unit_work no_work;
 
+static void take_result(void *user, status s, const struct error *err)
+{
+    (void)err;
+    *(status *)user = s;
+}
+
+/* What an answer that waits for it is told. */
+static status save_job(struct store *store, const struct job *job, struct error *err)
+{
+    status result = STATUS_ERR_INTERNAL;
+
+    assert_int_equal(store_job_save_later(store, job, 0, err), STATUS_OK);
+    assert_int_equal(store_when_saved(store, take_result, &result, err), STATUS_OK);
+    store_settle(store);
+    return result;
+}
+
 static void jobs_survive_a_restart(void **state)
 {
     struct store *store = sim_store(folder);
@@ -109,7 +126,7 @@ static void jobs_survive_a_restart(void **state)
     job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6};
     job->active_ns = 1500000000;
     job->conflicts = 7;
-    assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
+    assert_int_equal(save_job(store, job, &err), STATUS_OK);
     assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 5, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
     assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
     assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
@@ -249,7 +266,7 @@ static void jobs_of_version_5_go_on(void **state)
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
     job->state = JOB_STATE_RUNNING;
     snprintf(job->kernel, sizeof job->kernel, "a kernel");
-    assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
+    assert_int_equal(save_job(store, job, &err), STATUS_OK);
     job_free(job);
     store_close(store);
     assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
@@ -286,7 +303,7 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
         snprintf(job->kernel, sizeof job->kernel, "azulejo 0.1.0");
         job->conflicts = 1;
         job->stats.cpu_ns = 300;
-        assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK);
+        assert_int_equal(save_job(store, job, &err), STATUS_OK);
         if (i == COUNT - 1)
             assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
         job_free(job);
@@ -391,7 +408,7 @@ static void failed_saves_are_tried_again(void **state)
     assert_int_equal(store_job_save_later(store, job, 0, &err), STATUS_OK);
     assert_int_not_equal(store_await_saves(store, &err), STATUS_OK);
     change_database("ALTER TABLE away RENAME TO jobs");
-    assert_int_equal(store_job_save(store, job, 0, &err), STATUS_OK); /* it takes the row's place */
+    assert_int_equal(save_job(store, job, &err), STATUS_OK); /* it takes the row's place */
     assert_true(comes_to(store, 1));
     store_close(store);
     job_free(job);

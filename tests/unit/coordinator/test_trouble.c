@@ -266,6 +266,7 @@ static void films_that_were_left_are_removed(void **state)
     ended = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     waiting = sim_submit(sim, 16, 16, 1, 1, 1, 0);
     farm_cancel(&sim->farm, ended, 1, sim->now_ns);
+    store_settle(store); /* it removes their films itself: the kill comes after that */
     assert_int_equal(ended->id, 1);
     assert_int_equal(waiting->id, 2);
     for (int id = 1; id <= 3; id++) {
