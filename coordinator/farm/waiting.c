@@ -57,7 +57,7 @@ static void wait_no_longer(struct farm *farm, struct job *job, uint32_t i, uint6
     needs->after_count--; /* also on disk: an extension of that job is not waited for */
     memmove(needs->after + i, needs->after + i + 1, (needs->after_count - i) * sizeof *needs->after);
     farm->order.stale = 1;
-    farm_job_save(farm, job, now_ns); /* the done job may be removed next: store_job_remove_later writes it first */
+    farm_job_save(farm, job, now_ns); /* the done job may be removed next: store_job_remove waits for that */
     farm->events.job_changed(farm->events.user, job);
 }
 

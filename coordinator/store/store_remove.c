@@ -33,10 +33,14 @@ status store_job_remove(struct store *store, uint64_t id, struct error *err)
         "DELETE FROM clocks WHERE job=?", "DELETE FROM history WHERE job=?",
         "DELETE FROM events WHERE job=?", "DELETE FROM jobs WHERE id=?",
         "INSERT INTO removed (job) VALUES (?)"};
+    struct error ignored;
     int again;
     status s;
 
     saves_forget(store, id);
+    /* Other jobs may wait for this one no longer (waiting.c): that must not be lost when it is gone. Where they cannot be
+     * written, removing must work all the same: it makes room. */
+    (void)!store_await_saves(store, &ignored);
     pthread_mutex_lock(&store->order);
     s = change_all(store, changes, sizeof changes / sizeof *changes, id, &again, err);
     if (again) /* removing makes room, so it must work on a full disk */

@@ -330,6 +330,17 @@ static void settle(struct store *store, int rows, int others, status s, const st
     pthread_mutex_unlock(&store->lock);
 }
 
+/* Not earlier: the jobs' ends are on disk now. Not later: with `order`, such a job may go on, and have new films. */
+static void remove_films(struct store *store, struct saved_job *ended)
+{
+    while (ended) {
+        struct saved_job *next = ended->next;
+        store_films_remove(store, ended->id);
+        mem_free(ended);
+        ended = next;
+    }
+}
+
 static void end_waits(struct store *store, struct saved_wait *waits, status s, const struct error *why)
 {
     struct saved_wait **last;
@@ -366,13 +377,8 @@ static void *write_saves(void *user)
         if (store->saves_taken || store->events_taken || store->workers_taken || store->shares_taken)
             s = write_taken(store, &rows, &others, &err);
         settle(store, rows, others, s, &err, &ended);
+        remove_films(store, ended);
         pthread_mutex_unlock(&store->order);
-        while (ended) { /* not earlier: the job's end is on disk now */
-            struct saved_job *next = ended->next;
-            store_films_remove(store, ended->id);
-            mem_free(ended);
-            ended = next;
-        }
         end_waits(store, waits, s, &err);
     }
     return NULL;

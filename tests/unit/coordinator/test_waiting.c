@@ -136,6 +136,7 @@ static void what_was_done_may_be_removed(void **state)
     job_set_state(&sim->farm.queue, first, JOB_STATE_DONE, NULL, sim->now_ns, sim->farm.wall_s);
     assert_int_equal(steer_remove(&sim->farm, first, "ana@desk", sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(job->needs.after_count, 0);
+    assert_false(store_job_unsaved(f->store, job->id)); /* a kill now does not bring the need back */
     id = job->id;
     sim_stored_restart(f);
     assert_int_equal(queue_find(&f->sim->farm.queue, id)->needs.after_count, 0);
