@@ -262,10 +262,29 @@ int http_on_body(struct http_connection *c, const uint8_t *data, size_t size)
     return 0;
 }
 
+/* The client has sent more behind a body without waiting for the answer. The library calls for the body's end again and
+ * again then, a processor full of calls, and comes to nothing else. The answer is this connection's last one. */
+static int end_pipeline(struct http_connection *c)
+{
+    c->close_after = 1;
+    if (!c->begun && c->request) {
+        if (!c->body_paused)
+            lws_rx_flow_control(c->wsi, 0);
+        c->body_paused = 1; /* the answer's begin resumes it */
+        return c->is_dead ? -1 : 0;
+    }
+    while (c->out.bytes > 0 && !lws_send_pipe_choked(c->wsi) && http_on_writable(c) == 0)
+        ;
+    return -1;
+}
+
 int http_on_body_end(struct http_connection *c)
 {
     struct http_request *request = c->request;
 
+    if (c->body_over)
+        return end_pipeline(c);
+    c->body_over = 1;
     if (!request || c->state != HTTP_BODY || c->body_left > 0)
         return c->is_dead ? -1 : 0;
     c->state = HTTP_ANSWERING;

@@ -212,6 +212,26 @@ def odd_requests():
 
 
 @tests.add
+def pipelined_bodies():
+    """requests behind a body that was not answered yet: the first is answered, and the coordinator goes on"""
+    with Farm() as farm:
+        page = started(farm)
+        known = "content-type: application/json\r\nauthorization: Bearer %s\r\n" % page.token
+        cases = (("/api/v1/session", "", b'{"token": "none"}', 401),   # answered at once, and to anybody
+                 ("/api/v1/session", "content-type: application/json\r\n", b"{}", 400),
+                 ("/api/v1/jobs/1/priority", known, b'{"priority": 1}', 404),
+                 ("/api/v1/blobs/missing", known, b'{"digest": []}', 200),
+                 ("/api/v1/tokens", known, b'{"role": "view"}', 200))  # answered when it is on disk
+        for path, more, body, first in cases:
+            for last in (request_bytes(page, path, "POST", more, body), request_bytes(page), b"G", b"\r\n"):
+                with page.connect(5) as peer:
+                    peer.sendall(request_bytes(page, path, "POST", more, body) + last)
+                    got = peer.recv(65536)
+                    expect(statuses(got)[:1] == [first], "%s: %s" % (path, got[:200]))
+                    expect(page.get("/healthz", limit_s=5).status == 200, "%s, then %s" % (path, last[:20]))
+
+
+@tests.add
 def large():
     """headers and bodies above their limits are refused, and cost nothing"""
     with Farm() as farm:
