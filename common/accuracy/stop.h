@@ -35,6 +35,12 @@ static inline int stop_has_rounds(const struct stop_rules *rules)
     return rules->adaptive || rules->has_target;
 }
 
+/* Does any rule but the cap on samples end a frame? */
+static inline int stop_ends_a_frame(const struct stop_rules *rules)
+{
+    return rules->has_target || rules->time_limit_ms > 0 || rules->core_limit_ms > 0;
+}
+
 /* ERR_INPUT names the value and its range. */
 status stop_rules_validate(const struct stop_rules *rules, struct error *err) MUST_CHECK;
 

@@ -269,6 +269,10 @@ static status extend(struct session *session, const Azulejo__Wire__Envelope *mes
     if (s == STATUS_OK && wanted->spp > SETTINGS_SPP_MAX)
         s = error_set(err, STATUS_ERR_INPUT, "%u samples a pixel: must be 1..%d", wanted->spp,
                       SETTINGS_SPP_MAX);
+    if (s == STATUS_OK && wanted->spp == 0 && !stop_ends_a_frame(&extension.rules))
+        s = error_set(err, STATUS_ERR_INPUT,
+                      "no rule says when the pictures are good enough: give samples a pixel (spp), a target error, a "
+                      "time limit or a limit of core time");
     if (s == STATUS_OK)
         s = steer_extend(&session->server->farm, job, &extension, session->who, now_ns, err);
     return session_answer_change(session, message->request, job, s, err);

@@ -103,6 +103,10 @@ def every_route():
         allowed(api, "develop", done, "done", {"output": {"tonemap": "aces", "formats": ["png"]}})
         api.does(422, "post", JOB + "/develop", {"output": {"tonemap": "no-such"}}, job=done)
         wait_for(lambda: info(api, done)["frames_developed"] == 1, "its pictures")
+        for nothing in (None, {}, {"spp": 0}, {"stop": {}}, {"stop": {"adaptive": True}}):
+            answer = api.does(422, "post", JOB + "/extend", nothing, job=done)
+            expect("no rule says" in answer.json()["detail"], answer)
+        expect(info(api, done)["state"] == "done", "it is as it was")
         allowed(api, "extend", done, "queued running done", {"spp": 8})
         reaches(api, done, "done")
         job = farm.submit(farm.scene(), "--name", "long", *ENDLESS)
