@@ -22,8 +22,8 @@ enum {
     LIVE_TURN_MS = 40,           /* changed tiles are looked for this often, */
     LIVE_AGAIN_MS = 1,           /* or, when there were too many for one turn, */
     LIVE_TURN_NS = 2000000,      /* which takes this long at most, all clients together, */
-    LIVE_SHARE = 1000,           /* and in the long run this part of the threads that render; not counting first tiles, nor the
-                                  * kernel's part, so that three pages cost a render under 1 % */
+    LIVE_SHARE = 1000,           /* and in the long run this part of the threads that render; not counting a frame's first tiles and
+                                  * its last ones, nor the kernel's part */
     LIVE_SHARE_CORE = 20,        /* but at most this part of a processor */
     LIVE_SHARE_MAX_NS = 4000000, /* of which so much may be saved up */
     LIVE_STILL_MS = 300,         /* without a result: then tiles with a few new samples are sent, too */

@@ -247,12 +247,14 @@ static int send_tiles(struct live_client *client, const struct job_frame *frame,
 {
     struct live *live = client->live;
     struct live_watch *w = &client->watch;
+    /* Its last tiles go out while its files are made: what is late is read from the disk, for each client anew. */
+    int ended = frame->end != FRAME_END_NONE;
 
     for (int i = 0; i < LIVE_SLICE_TILES; i++) {
         const struct tile_cache_entry *e;
         int is_first;
         int64_t tile;
-        if (!client_has_room(client) || (live->share_ns <= 0 && w->picture.fresh_left == 0))
+        if (!client_has_room(client) || (live->share_ns <= 0 && w->picture.fresh_left == 0 && !ended))
             return 0;
         tile = picture_next(&w->picture, frame->shown, &is_first);
         if (tile == PICTURE_NO_TILE) {
