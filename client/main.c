@@ -7,6 +7,7 @@
 
 #include "client/commands/command.h"
 #include "client/farm/signals.h"
+#include "client/terminal/format.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
 
@@ -85,6 +86,16 @@ static int output_end(status *result, struct error *err)
     return 0;
 }
 
+/* The end of what only prints words: its exit code. */
+static int end_words(status *result, struct error *err)
+{
+    if (output_end(result, err))
+        return 128 + SIGPIPE;
+    if (*result != STATUS_OK)
+        fprintf(stderr, "azulejo: %s\n", err->text);
+    return status_exit_code(*result);
+}
+
 int main(int argc, char **argv)
 {
     struct error err = {0};
@@ -102,11 +113,11 @@ int main(int argc, char **argv)
     if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
         strcmp(argv[1], "help") == 0) {
         print_help();
-        return output_end(&result, &err) ? 128 + SIGPIPE : status_exit_code(result);
+        return end_words(&result, &err);
     }
     if (strcmp(argv[1], "--version") == 0) {
         printf("azulejo %s\n", AZULEJO_VERSION);
-        return 0;
+        return end_words(&result, &err);
     }
     if (argv[1][0] == '-')
         return report_unknown("option", argv[1]);
@@ -117,6 +128,7 @@ int main(int argc, char **argv)
     result = command->run(command, argc - 1, argv + 1, &exit_code, &err);
     if (output_end(&result, &err))
         return 128 + SIGPIPE;
+    text_disarm(err.text); /* it may name files as a scene or another machine calls them */
     if (signals_stop()) {
         if (err.text[0])
             fprintf(stderr, "azulejo: %s\n", err.text);

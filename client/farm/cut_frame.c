@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "common/accuracy/stop.h"
+#include "common/scene/settings.h"
 
 /* Of one pixel; 0 if the coordinator sends no size. */
 static double mean_samples(const Azulejo__Wire__JobInfo *job, const Azulejo__Wire__CutFrame *cut)
@@ -24,12 +25,14 @@ const char *cut_frame_text(char out[CUT_FRAME_TEXT_SIZE], const Azulejo__Wire__J
                            const Azulejo__Wire__CutFrame *cut)
 {
     uint32_t spp = job->settings ? job->settings->spp : 0;
+    char wanted[16] = "";
     int used;
 
+    if (spp < SETTINGS_SPP_MAX) /* else nobody gave a number */
+        snprintf(wanted, sizeof wanted, " of %u", spp);
     if (cut_frame_is_cancelled(cut))
-        used = snprintf(out, CUT_FRAME_TEXT_SIZE,
-                        "frame %u holds %.4g of %u samples a pixel (%u to %u)", cut->frame,
-                        mean_samples(job, cut), spp, cut->samples_min, cut->samples_max);
+        used = snprintf(out, CUT_FRAME_TEXT_SIZE, "frame %u holds %.4g%s samples a pixel (%u to %u)", cut->frame,
+                        mean_samples(job, cut), wanted, cut->samples_min, cut->samples_max);
     else
         used = snprintf(out, CUT_FRAME_TEXT_SIZE, "frame %u %s after %u to %u samples a pixel (%.4g)",
                         cut->frame, frame_end_text((enum frame_end)cut->end), cut->samples_min, cut->samples_max,

@@ -1,6 +1,7 @@
 #include "client/farm/destination.h"
 
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 
 #include "client/farm/output.h"
@@ -15,6 +16,22 @@ int destination_is_folder(const char *path)
     if (length && path[length - 1] == '/')
         return 1;
     return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
+}
+
+/* "x.tiff" would become x.tiff.exr, and a device or a pipe a file beside it: neither is what was meant. */
+static status check_path(const char *out, struct error *err)
+{
+    static const char *const others[] = {"tif", "tiff", "hdr", "pfm", "bmp", "gif", "tga", "ppm", "webp", "mp4", "mov"};
+    const char *extension = file_extension(out);
+    struct stat info;
+
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (strcasecmp(extension, others[i]) == 0)
+            return error_set(err, STATUS_ERR_USAGE, "-o %s: pictures are written as .exr, .png or .jpg%s", out,
+                             *extension == 'm' ? "; a film is made by --video" : "");
+    if (stat(out, &info) == 0 && !S_ISDIR(info.st_mode) && !S_ISREG(info.st_mode))
+        return error_set(err, STATUS_ERR_USAGE, "-o %s: is neither a file nor a folder", out);
+    return STATUS_OK;
 }
 
 /* A path that is no folder: the file, or the files' name. */
@@ -50,6 +67,10 @@ status destination_init(struct destination *d, const char *out, unsigned formats
     d->numbered = frames > 1;
     if (!out || !*out)
         out = "./";
+    if (!destination_is_folder(out))
+        result = check_path(out, err);
+    if (result != STATUS_OK)
+        return result;
     if (destination_is_folder(out)) {
         d->folder = mem_strdup(out);
         d->base = mem_strdup(scene_name);
@@ -75,6 +96,10 @@ status destination_of_job(struct destination *d, const char *out, unsigned forma
     if (!out || !*out)
         out = ".";
     named = destination_is_folder(out) ? 0 : output_format_of(out);
+    if (!destination_is_folder(out))
+        result = check_path(out, err);
+    if (result != STATUS_OK)
+        return result;
     if (!named)
         d->folder = mem_strdup(out);
     else if (!(named & formats))

@@ -453,6 +453,35 @@ def choices_of_a_job():
 
 
 @tests.add
+def what_output_cannot_be():
+    """-o of another format, a device or a pipe is refused with the remedy, and nothing is written beside it"""
+    with Farm() as farm:
+        scene = farm.scene()
+        os.mkfifo(farm.path("pipe"))
+        before = sorted(os.listdir(farm.folder))
+        for out, why in (("pic.tiff", ".exr, .png or .jpg"), ("pic.HDR", ".exr, .png or .jpg"),
+                         ("film.mp4", "--video"), ("pipe", "neither a file nor a folder"),
+                         ("/dev/null", "neither a file nor a folder")):
+            result = farm.cli("render", scene, *SMALL, "-o", out)
+            expect(result.code == 2 and out in result.err and why in result.err, result)
+        expect(sorted(os.listdir(farm.folder)) == before, os.listdir(farm.folder))
+        farm.cli("render", scene, *SMALL, "-o", "scene.v2", "--quiet", expect=0)
+        expect(os.path.exists(farm.path("scene.v2.exr")), "another dot is part of the name")
+
+
+@tests.add
+def words_that_reach_the_terminal():
+    """a file's name does not speak to the terminal; help that cannot be written says so"""
+    with Farm() as farm:
+        result = farm.cli("render", "a\033[31mb.gltf", "-o", "x")
+        expect(result.code == 3 and "\033" not in result.err and "a?[31mb.gltf" in result.err, result)
+        for word in ("--help", "--version"):
+            with open("/dev/full", "wb") as full:
+                done = subprocess.run(farm.cli_argv(word), stdout=full, stderr=subprocess.PIPE)
+            expect(done.returncode == 8 and b"standard output" in done.stderr, done)
+
+
+@tests.add
 def default_size_and_camera():
     """the size follows the camera's aspect, cameras go by name or number"""
     with Farm() as farm:
