@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include <jansson.h>
+
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
@@ -29,6 +31,15 @@ static status name_check(const char *path, const char *name, size_t length, stru
     return STATUS_OK;
 }
 
+/* As the answers that name the file need it. */
+static int is_utf8(const char *text)
+{
+    json_t *string = json_string(text);
+
+    json_decref(string);
+    return string != NULL;
+}
+
 status import_path_check(const char *path, struct error *err)
 {
     status s = STATUS_OK;
@@ -40,6 +51,8 @@ status import_path_check(const char *path, struct error *err)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             return error_set(err, STATUS_ERR_USAGE,
                              "a file's path has a control character; rename the file");
+    if (!is_utf8(path))
+        return error_set(err, STATUS_ERR_USAGE, "a file's path is not UTF-8; rename the file");
     for (const char *name = path; s == STATUS_OK;) {
         size_t length = strcspn(name, "/");
         if (++depth > IMPORT_DEPTH_MAX)

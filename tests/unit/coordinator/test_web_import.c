@@ -33,7 +33,7 @@ static void plain_paths_are_taken(void **state)
 static void paths_that_lead_elsewhere_are_refused(void **state)
 {
     static const char *const bad[] = {"", "/", "/etc/passwd", "..", "../x", "a/../b", "a/..", "./a", "a/.", "a//b", "a/",
-                                      "a\nb", "a\x7f", "\x1b[2J"};
+                                      "a\nb", "a\x7f", "\x1b[2J", "a/\xff\xfe", "\xc0\xaf"};
     char deep[200] = "", name[400];
     struct error err = {0};
 
