@@ -273,8 +273,9 @@ static status load_newest(struct store *store, uint64_t after, uint32_t limit, s
     if (s != STATUS_OK)
         return s;
     skipped = unstored > limit ? unstored - limit : 0; /* the oldest of them */
-    memmove(noted->events, noted->events + (noted->count - unstored) + skipped,
-            (unstored - skipped) * sizeof *noted->events);
+    if (unstored > 0) /* else there may be no array */
+        memmove(noted->events, noted->events + (noted->count - unstored) + skipped,
+                (unstored - skipped) * sizeof *noted->events);
     noted->count = unstored - skipped;
     if (noted->count < limit)
         s = load_rows(store,
