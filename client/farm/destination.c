@@ -18,18 +18,23 @@ int destination_is_folder(const char *path)
     return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
 }
 
-/* "x.tiff" would become x.tiff.exr, and a device or a pipe a file beside it: neither is what was meant. */
+/* Of a path that is no folder. "x.tiff" would become x.tiff.exr, and a device or a pipe a file beside it: neither is what
+ * was meant. */
 static status check_path(const char *out, struct error *err)
 {
-    static const char *const others[] = {"tif", "tiff", "hdr", "pfm", "bmp", "gif", "tga", "ppm", "webp", "mp4", "mov"};
+    static const struct {
+        const char *extension, *remedy;
+    } others[] = {{"tif", ""}, {"tiff", ""}, {"hdr", ""}, {"pfm", ""}, {"bmp", ""}, {"gif", ""}, {"tga", ""}, {"ppm", ""},
+                  {"webp", ""}, {"mp4", "; render and fetch make videos with --video"},
+                  {"mov", "; render and fetch make videos with --video"}};
     const char *extension = file_extension(out);
     struct stat info;
 
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
-        if (strcasecmp(extension, others[i]) == 0)
+        if (strcasecmp(extension, others[i].extension) == 0)
             return error_set(err, STATUS_ERR_USAGE, "-o %s: pictures are written as .exr, .png or .jpg%s", out,
-                             *extension == 'm' ? "; a film is made by --video" : "");
-    if (stat(out, &info) == 0 && !S_ISDIR(info.st_mode) && !S_ISREG(info.st_mode))
+                             others[i].remedy);
+    if (stat(out, &info) == 0 && !S_ISREG(info.st_mode))
         return error_set(err, STATUS_ERR_USAGE, "-o %s: is neither a file nor a folder", out);
     return STATUS_OK;
 }
@@ -67,15 +72,13 @@ status destination_init(struct destination *d, const char *out, unsigned formats
     d->numbered = frames > 1;
     if (!out || !*out)
         out = "./";
-    if (!destination_is_folder(out))
-        result = check_path(out, err);
-    if (result != STATUS_OK)
-        return result;
     if (destination_is_folder(out)) {
         d->folder = mem_strdup(out);
         d->base = mem_strdup(scene_name);
     } else {
-        result = name_file(d, out, formats, err);
+        result = check_path(out, err);
+        if (result == STATUS_OK)
+            result = name_file(d, out, formats, err);
     }
     if (result == STATUS_OK && (!d->folder || !d->base))
         result = error_no_memory(err, "a path");
@@ -88,18 +91,19 @@ status destination_of_job(struct destination *d, const char *out, unsigned forma
                           struct error *err)
 {
     status result = STATUS_OK;
-    unsigned named;
+    unsigned named = 0;
 
     memset(d, 0, sizeof *d);
     d->formats = formats;
     d->jpeg_extension = "jpg";
     if (!out || !*out)
         out = ".";
-    named = destination_is_folder(out) ? 0 : output_format_of(out);
-    if (!destination_is_folder(out))
+    if (!destination_is_folder(out)) {
         result = check_path(out, err);
-    if (result != STATUS_OK)
-        return result;
+        if (result != STATUS_OK)
+            return result;
+        named = output_format_of(out);
+    }
     if (!named)
         d->folder = mem_strdup(out);
     else if (!(named & formats))

@@ -460,7 +460,7 @@ def what_output_cannot_be():
         os.mkfifo(farm.path("pipe"))
         before = sorted(os.listdir(farm.folder))
         for out, why in (("pic.tiff", ".exr, .png or .jpg"), ("pic.HDR", ".exr, .png or .jpg"),
-                         ("film.mp4", "--video"), ("pipe", "neither a file nor a folder"),
+                         ("film.MP4", "--video"), ("pipe", "neither a file nor a folder"),
                          ("/dev/null", "neither a file nor a folder")):
             result = farm.cli("render", scene, *SMALL, "-o", out)
             expect(result.code == 2 and out in result.err and why in result.err, result)
