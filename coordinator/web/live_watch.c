@@ -247,7 +247,7 @@ static int send_tiles(struct live_client *client, const struct job_frame *frame,
 {
     struct live *live = client->live;
     struct live_watch *w = &client->watch;
-    /* Its last tiles go out while its files are made: what is late is read from the disk, for each client anew. */
+    /* Its last tiles go out while its files are made: what is late is read from the disk, for each client again. */
     int ended = frame->end != FRAME_END_NONE;
 
     for (int i = 0; i < LIVE_SLICE_TILES; i++) {
