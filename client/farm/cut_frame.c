@@ -28,7 +28,7 @@ const char *cut_frame_text(char out[CUT_FRAME_TEXT_SIZE], const Azulejo__Wire__J
     char wanted[16] = "";
     int used;
 
-    if (spp < SETTINGS_SPP_MAX) /* else nobody gave a number */
+    if (spp < SETTINGS_SPP_MAX) /* else the job has no cap of its own */
         snprintf(wanted, sizeof wanted, " of %u", spp);
     if (cut_frame_is_cancelled(cut))
         used = snprintf(out, CUT_FRAME_TEXT_SIZE, "frame %u holds %.4g%s samples a pixel (%u to %u)", cut->frame,

@@ -52,7 +52,7 @@ struct http_connection {
     int ended;                          /* its last byte is in the queue */
     int close_after;                    /* the connection ends with this answer, */
     int lingers;                        /* and some of what still comes is skipped first */
-    int body_over;                      /* the library has told of the body's end */
+    int body_over;                      /* the library has reported the end of the body */
     int body_paused, running;           /* a socket's handlers on the stack */
     int is_dead;                        /* to be ended; */
     int is_ending;                      /* the library ends it, once the loop has closed its socket */
