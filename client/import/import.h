@@ -87,7 +87,7 @@ struct import_result {
     uint64_t vertices;
     uint64_t degenerate_triangles;  /* dropped */
     uint64_t blob_bytes;
-    double position_spacing_m;      /* spacing of floats at the far end of the scene */
+    double position_spacing_m;      /* of the AOV position at the far end of the scene: floats' spacing */
     struct scene_simplify_report simplified;
     struct import_animation *animations; /* in the scene's arena, like the variants' names */
     size_t animation_count;

@@ -209,8 +209,7 @@ static void print_origin(const struct import_result *result, FILE *out)
 
     fprintf(out, "centre:         %.10g, %.10g, %.10g m\n", origin[0], origin[1], origin[2]);
     if (result->position_spacing_m > 0)
-        fprintf(out, "    positions are kept in steps of %.2g m at its far end\n",
-                result->position_spacing_m);
+        fprintf(out, "    --aov position has steps of %.2g m at its far end\n", result->position_spacing_m);
 }
 
 void import_report_print(const struct import_result *result, FILE *out)

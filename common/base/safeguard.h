@@ -34,6 +34,7 @@
     X(GRAZING_RAY, "float decides where a ray along a plane meets it")                            \
     X(HUGE_TRIANGLES, "a huge triangle's error hides what is near it")                            \
     X(EDGE_INSET, "a ray from an edge misses the neighbour that stands there")                    \
+    X(OWN_EDGE, "one long triangle of a mesh spoils the shadows of its short ones")              \
     X(AIM_AT_END, "a shadow ray from an edge misses the wall before a lamp")                      \
     X(REFINE_FIRST, "of faces closer than float's error the second is met first")                 \
     X(CONTACT_TOGETHER, "of faces in contact some are skipped, some crossed twice")               \
@@ -119,6 +120,7 @@
 /* Cameras, poses, the scene's numbers: worker/render/camera, common/{math,scene}, client/import. */
 #define SAFEGUARDS_OF_CAMERA(X) \
     X(REBASE, "a scene far from its file's origin is drawn in steps of floats") \
+    X(VIEW_ORIGIN, "one far thing spoils the shadows of all that is near") \
     X(VERTEX_ORIGIN, "triangles of a text file in map coordinates collapse") \
     X(POSE_DOUBLE, "places of nodes far from their parents are rounded to floats") \
     X(POSE_TINY_SCALE, "a camera below nodes of tiny scale loses its direction") \

@@ -410,6 +410,13 @@ static inline int scene_color_is(const float color[3], float value)
     return color[0] == value && color[1] == value && color[2] == value;
 }
 
+/* Where to find a blob's bytes; they must stay valid as long as what reads them says. */
+struct scene_blob_reader {
+    status (*get)(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                  struct error *err);
+    void *user;
+};
+
 /* Check every index, count, enum and number. ERR_INPUT names the table, the row and the
  * field. */
 status scene_validate(const struct scene *scene, struct error *err) MUST_CHECK;

@@ -14,13 +14,6 @@
 
 #include "common/scene/scene.h"
 
-/* Where to find a blob's bytes; they must stay valid until scene_simplify returns. */
-struct scene_blob_reader {
-    status (*get)(void *user, const struct digest *digest, const uint8_t **data,
-                  size_t *size_bytes, struct error *err);
-    void *user;
-};
-
 /* What was simplified; how many of each. */
 struct scene_simplify_report {
     uint32_t folded;            /* constant textures that became part of a factor */

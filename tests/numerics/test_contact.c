@@ -607,5 +607,6 @@ int main(int argc, char **argv)
         cube_rays = strtoull(argv[1], NULL, 10);
         return cmocka_run_group_tests_name("contact", many, NULL, NULL);
     }
+    render_keep_origin(1); /* rays and places here are in the scenes' own coordinates */
     return cmocka_run_group_tests_name("contact", tests, NULL, NULL);
 }

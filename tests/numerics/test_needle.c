@@ -269,5 +269,6 @@ int main(int argc, char **argv)
 
     if (argc > 1)
         rays_wanted = (uint64_t)strtod(argv[1], NULL);
+    render_keep_origin(1); /* rays and places here are in the scenes' own coordinates */
     return cmocka_run_group_tests_name("needle", tests, NULL, NULL);
 }

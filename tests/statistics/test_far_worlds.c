@@ -200,27 +200,53 @@ static void test_gltf(void **state)
 
 /* ---- what is lost ------------------------------------------------------------------------- */
 
-/* Two boxes a thousand kilometres apart: one of them is 500 km from the centre. */
-static void test_wide_world(void **state)
+static void import_with_square(const char *camera, double x, double z, double half, struct import_result *import)
 {
     static const double nowhere[3] = {0, 0, 0};
-    static const double far_off[4][3] = {
-        {1e6, 0, -2}, {1e6 + 2, 0, -2}, {1e6 + 2, 1.5, -2}, {1e6, 1.5, -2}};
+    const double square[4][3] = {
+        {x - half, 0.5 - half, z}, {x + half, 0.5 - half, z}, {x + half, 0.5 + half, z}, {x - half, 0.5 + half, z}};
     struct import_options options = IMPORT_OPTIONS_DEFAULT;
-    struct import_result import;
     struct error err = {0};
-    char text[4096], *at;
+    char whole[2048], text[4096], *at;
 
-    (void)state;
-    pbrt_text(text, nowhere, 0);
+    pbrt_text(whole, nowhere, 0);
+    if (camera)
+        snprintf(text, sizeof text, "Scale -1 1 1 LookAt .25 .5 4 0 .5 0 0 1 0 Camera %s %s", camera,
+                 strstr(whole, "WorldBegin"));
+    else
+        strcpy(text, whole);
     at = text + strlen(text);
     at += sprintf(at, "Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \"point3 P\" [");
-    print_points(&at, far_off, 4, nowhere);
+    print_points(&at, square, 4, nowhere);
     sprintf(at, "]\n");
-    if (import_scene_memory(text, strlen(text), "wide.pbrt", NULL, &options, &import, &err))
+    if (import_scene_memory(text, strlen(text), "wide.pbrt", NULL, &options, import, &err))
         fail_msg("%s", err.text);
-    assert_warned(&import, "far from the scene's centre");
+}
+
+/* Two things a thousand kilometres apart: a view of one needs no digits of the other (test_near_and_far). */
+static void test_wide_world(void **state)
+{
+    struct import_result import;
+
+    (void)state;
+    import_with_square(NULL, 1e6, -2, 1, &import);
+    assert_int_equal(import.warning_count, 0);
     assert_true(import.position_spacing_m == 0.03125);
+    import_result_release(&import);
+}
+
+/* A hundredth of a degree shows a wall 6 m off and a chip half a metre away: no origin has digits for both. One
+ * degree shows neither so large. */
+static void test_near_and_far_at_once(void **state)
+{
+    struct import_result import;
+
+    (void)state;
+    import_with_square("\"perspective\" \"float fov\" .01", 0.21875, 3.5, 1e-5, &import);
+    assert_warned(&import, "sees things near by and others");
+    import_result_release(&import);
+    import_with_square("\"perspective\" \"float fov\" 1", 0.21875, 3.5, 1e-3, &import);
+    assert_int_equal(import.warning_count, 0);
     import_result_release(&import);
 }
 
@@ -245,6 +271,7 @@ int main(void)
         cmocka_unit_test(test_vertices),   cmocka_unit_test(test_matrices),
         cmocka_unit_test(test_obj),        cmocka_unit_test(test_gltf),
         cmocka_unit_test(test_wide_world), cmocka_unit_test(test_coarse_file),
+        cmocka_unit_test(test_near_and_far_at_once),
     };
 
     return cmocka_run_group_tests_name("far worlds", tests, NULL, NULL);

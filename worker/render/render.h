@@ -82,6 +82,10 @@ size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t ti
  * the tests that both give the same bits. */
 void render_force_general(int on);
 
+/* Leave the coordinates of scenes that are built from now on where the import put them, whatever the camera
+ * sees: for tests that shoot rays of their own, or that need the errors of a place far off. */
+void render_keep_origin(int on);
+
 /* The kernel that renders the scene, "textured", and how many effects it holds. */
 const char *render_kernel_variant(const struct render_scene *scene);
 

@@ -118,6 +118,7 @@ struct render_scene {
     uint32_t roulette_depth;      /* Russian roulette begins at this vertex; UINT32_MAX: never */
     uint32_t frame;               /* the frame it was built for; any, unless `animated` */
     int animated;                 /* another frame needs a scene of its own */
+    struct accel_digits digits;   /* .origin: of all coordinates here, in the scene's (scene_sight) */
     struct world_mesh *meshes;
     struct world_material *materials;
     struct world_instance *instances;
@@ -178,6 +179,15 @@ void world_triangle(const struct render_scene *scene, const struct world_instanc
 
 /* The same in double, for the accel; `scene` is a struct render_scene. */
 accel_corners world_exact_corners;
+
+/* A place in the scene's coordinates, as the description and those who ask for it have them. `rest`: what
+ * rounding p left over; NULL: not known. */
+static inline struct vec3 world_outside(const struct render_scene *scene, struct vec3 p, const double rest[3])
+{
+    return vec3_make((real)((double)p.x + (rest ? rest[0] : 0) + scene->digits.origin[0]),
+                     (real)((double)p.y + (rest ? rest[1] : 0) + scene->digits.origin[1]),
+                     (real)((double)p.z + (rest ? rest[2] : 0) + scene->digits.origin[2]));
+}
 
 /* Is something that refracts, or a medium, so near that every contact counts? */
 static inline int world_near_boundary(const struct render_scene *scene, struct vec3 p)

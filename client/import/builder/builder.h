@@ -159,6 +159,9 @@ struct import_format {
  * if there are none), and make all positions except the nodes' relative to it. Warns of visible
  * rounding. Once, before scene_place(). */
 void scene_rebase(struct builder *b);
+/* rebase.c: warn of cameras that see so near and so far that floats cannot hold both (scene_sight). Once, when
+ * everything has its place. ERR_NO_MEMORY. */
+status scene_report_views(struct builder *b) MUST_CHECK;
 
 /* framing.c: put everything that follows a node to its place at time 0, and aim `framed` (may be
  * NULL) at the whole scene from the front, right and above, considering several moments if it
@@ -168,5 +171,7 @@ status scene_place(struct builder *b, struct scene_camera *framed) MUST_CHECK;
 
 /* The bytes of a blob that was added; NULL: there is none. */
 const struct import_blob *builder_blob(const struct builder *b, const struct scene_blob *blob);
+/* The blobs for what reads them; `b` must outlive it. */
+struct scene_blob_reader builder_reader(struct builder *b);
 
 #endif

@@ -226,12 +226,15 @@ static status blob_get(void *user, const struct digest *digest, const uint8_t **
     return STATUS_OK;
 }
 
+struct scene_blob_reader builder_reader(struct builder *b)
+{
+    return (struct scene_blob_reader){blob_get, b};
+}
+
 /* Remove what no picture can show; this also finds damaged images. */
 static status simplify(struct builder *b)
 {
-    const struct scene_blob_reader reader = {blob_get, b};
-
-    return scene_simplify(&b->out->scene, reader, &b->out->simplified, b->err);
+    return scene_simplify(&b->out->scene, builder_reader(b), &b->out->simplified, b->err);
 }
 
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)
@@ -273,6 +276,8 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     result = simplify(b);
     if (result == STATUS_OK)
         result = bodies_find(b);
+    if (result == STATUS_OK)
+        result = scene_report_views(b);
     if (result != STATUS_OK)
         return result;
     light_the_dark(b);

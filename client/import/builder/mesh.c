@@ -1,6 +1,7 @@
 #include "client/import/builder/mesh.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -21,6 +22,69 @@ void mesh_origin_choose(const double first[3], double origin[3])
         far |= fabs(first[c]) >= ORIGIN_FAR && SAFEGUARD(VERTEX_ORIGIN);
     for (int c = 0; c < 3; c++)
         origin[c] = far ? first[c] : 0;
+}
+
+/* Own origins lie on a grid of this many metres. A float holds multiples of the step up to there. */
+#define ORIGIN_GRID 64.0
+#define ORIGIN_STEP (ORIGIN_GRID * 0x1p-24)
+enum { MEDIAN_POINTS = 2048 };
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* The median of some of the coordinates, and the median deviation from it. */
+static double median_of(const double *points, size_t count, int axis, double *spread)
+{
+    double sorted[MEDIAN_POINTS], middle;
+    size_t stride = count / MEDIAN_POINTS + 1, n = 0;
+
+    for (size_t i = 0; i < count; i += stride)
+        if (isfinite(points[3 * i + (size_t)axis]))
+            sorted[n++] = points[3 * i + (size_t)axis];
+    *spread = 0;
+    if (n == 0)
+        return 0;
+    qsort(sorted, n, sizeof *sorted, by_value);
+    middle = sorted[n / 2];
+    for (size_t i = 0; i < n; i++)
+        sorted[i] = fabs(sorted[i] - middle);
+    qsort(sorted, n, sizeof *sorted, by_value);
+    *spread = sorted[n / 2];
+    return middle;
+}
+
+void mesh_origin_near(const double *points, size_t count, const double shared[3], double metre,
+                      struct mesh_origin *out)
+{
+    const double grid = ORIGIN_GRID * metre;
+    double own[3], away = 0, extent = 0;
+
+    memcpy(out->at, shared, sizeof out->at);
+    out->step = 0;
+    if (!SAFEGUARD(VERTEX_ORIGIN))
+        return;
+    for (int c = 0; c < 3; c++) {
+        double spread;
+        own[c] = shared[c] + grid * rint((median_of(points, count, c, &spread) - shared[c]) / grid);
+        away = fmax(away, fabs(own[c] - shared[c]));
+        extent = fmax(extent, spread);
+    }
+    if (away < ORIGIN_FAR * metre || extent > away)
+        return;
+    memcpy(out->at, own, sizeof own);
+    out->step = ORIGIN_STEP * metre;
+}
+
+/* + 0.0f: one zero only, so that equal positions are equal in their bits. */
+float mesh_place(const struct mesh_origin *origin, double value, int axis)
+{
+    double from = value - origin->at[axis];
+
+    return (float)(origin->step > 0 ? origin->step * rint(from / origin->step) : from) + 0.0f;
 }
 
 void mesh_source_release(struct mesh_source *mesh)

@@ -43,6 +43,19 @@ void mesh_source_release(struct mesh_source *mesh);
  * equal. */
 void mesh_origin_choose(const double first[3], double origin[3]);
 
+/* The origin of one mesh of a file whose meshes share `shared`: that one, or if most of the mesh lies far from
+ * it one of its own. points [count][3], and all lengths, in units of which `metre` are a metre. Near meshes
+ * that touch get the same origin or one that mesh_place puts their equal vertices at equal places from. */
+struct mesh_origin {
+    double at[3];
+    double step; /* positions are multiples of it, 0: as exact as floats are */
+};
+void mesh_origin_near(const double *points, size_t count, const double shared[3], double metre,
+                      struct mesh_origin *out);
+
+/* Coordinate `axis` of a position, relative to the origin. */
+float mesh_place(const struct mesh_origin *origin, double value, int axis);
+
 /* Replace the vertices by copies: new vertex i is old vertex from[i]. ERR_NO_MEMORY. */
 status mesh_source_gather(struct mesh_source *mesh, const uint32_t *from, size_t count,
                           struct error *err) MUST_CHECK;

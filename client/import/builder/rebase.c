@@ -4,9 +4,14 @@
 
 #include "client/import/builder/builder.h"
 #include "common/base/safeguard.h"
+#include "common/scene/move.h"
+#include "common/scene/sight.h"
 
 /* Rounding by more than this share of an object's size is visible. */
 static const double rough_share = 1e-4;
+/* Pixels of a picture of this height, and how many of them may be wrong in silence. */
+enum { USUAL_HEIGHT = 1080, CAMERAS_REPORTED = 8 };
+#define BLUR_PIXELS 2.0
 
 struct box_d {
     double low[3], high[3];
@@ -39,36 +44,6 @@ static int bounds_of(const struct scene *scene, int only_still, struct box_d *ou
     return found;
 }
 
-static void move(struct transform_d *to_world, const double origin[3])
-{
-    for (int r = 0; r < 3; r++)
-        to_world->m[r][3] -= origin[r];
-}
-
-static void move_all(struct scene *scene)
-{
-    const double *origin = scene->origin;
-
-    for (uint32_t i = 0; i < scene->instance_count; i++)
-        move(&scene->instances[i].to_world, origin);
-    for (uint32_t i = 0; i < scene->camera_count; i++)
-        move(&scene->cameras[i].to_world, origin);
-    for (uint32_t i = 0; i < scene->medium_count; i++)
-        if (scene->media[i].has_grid)
-            move(&scene->media[i].grid_to_world, origin);
-    for (uint32_t i = 0; i < scene->light_count; i++) {
-        struct scene_light *light = &scene->lights[i];
-        unsigned parts = scene_light_parts(light->kind);
-        if (parts & LIGHT_HAS_FRAME)
-            move(&light->to_world, origin);
-        for (int c = 0; c < 3 && parts & LIGHT_HAS_PLACE; c++)
-            light->position[c] -= origin[c];
-    }
-    for (uint32_t i = 0; i < scene->environment.portal_count; i++)
-        for (int c = 0; c < 3; c++)
-            scene->environment.portals[i].corner[c] -= origin[c];
-}
-
 /* The spacing of floats at the box's largest coordinate. */
 static double spacing_of(const double low[3], const double high[3])
 {
@@ -90,8 +65,7 @@ static double size_of(const double low[3], const double high[3])
     return size;
 }
 
-/* Name objects so far from the origin, in the world or in their own mesh, that float rounds them
- * visibly. */
+/* Name meshes so far from their own origin that their file's floats are visibly rounded. */
 static void report_losses(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
@@ -99,7 +73,7 @@ static void report_losses(struct builder *b)
     for (uint32_t i = 0; i < scene->instance_count; i++) {
         const struct scene_instance *instance = &scene->instances[i];
         const struct scene_mesh *mesh = &scene->meshes[instance->mesh];
-        struct box_d box, own;
+        struct box_d own;
         double spacing, size;
         for (int c = 0; c < 3; c++) {
             own.low[c] = (double)mesh->bounds_min[c];
@@ -107,43 +81,65 @@ static void report_losses(struct builder *b)
         }
         spacing = spacing_of(own.low, own.high);
         size = size_of(own.low, own.high);
-        if (spacing > rough_share * size) {
+        if (spacing > rough_share * size)
             builder_warn(
                 b, "digits of a mesh",
                 "\"%.80s\": the file gives its positions in steps of %.2g at a size of %.2g, "
                 "because they are far from the mesh's own origin: move the mesh to its origin and "
                 "its node to the place, and export again",
                 instance->name, spacing, size);
-            continue;
-        }
-        if (instance->node >= 0 || instance->skin >= 0 ||
-            !scene_instance_bounds(scene, i, box.low, box.high))
-            continue;
-        spacing = spacing_of(box.low, box.high);
-        size = size_of(box.low, box.high);
-        if (spacing > rough_share * size)
-            builder_warn(b, "digits of the world",
-                         "\"%.80s\" is %.2g m in size and far from the scene's centre: its "
-                         "positions are kept in steps of %.2g m; leave out what makes the scene so "
-                         "large, or render it separately",
-                         instance->name, size, spacing);
     }
+}
+
+/* What the renderer's origin for the view leaves wrong by more than a pixel or two. */
+static status report_view(struct builder *b, const struct scene_pose *pose, uint32_t camera)
+{
+    const struct scene *scene = &b->out->scene;
+    double origin[3], detail_m, distance_m, aspect = (double)scene->cameras[camera].aspect;
+    struct scene_sight *sight;
+    status s = scene_sight_new(&sight, scene, pose, camera, aspect > 0 ? aspect : 16.0 / 9, builder_reader(b),
+                               b->err);
+
+    if (s != STATUS_OK)
+        return s;
+    (void)scene_sight_origin(sight, origin);
+    if (scene_sight_blur(sight, origin, USUAL_HEIGHT, &detail_m, &distance_m) > BLUR_PIXELS)
+        builder_warn(b, "near and far",
+                     "camera \"%.80s\" sees things near by and others %.2g m away, too large for floats to hold "
+                     "both: there, shadows of details below %.2g m may be wrong; render what is far by a job of "
+                     "its own, without what is near",
+                     scene->cameras[camera].name, distance_m, detail_m);
+    scene_sight_free(sight);
+    return STATUS_OK;
+}
+
+status scene_report_views(struct builder *b)
+{
+    const struct scene *scene = &b->out->scene;
+    struct scene_pose pose;
+    status s = scene_pose_init(&pose, scene, 0, b->err);
+
+    for (uint32_t i = 0; i < scene->camera_count && i < CAMERAS_REPORTED && s == STATUS_OK; i++)
+        s = report_view(b, &pose, i);
+    scene_pose_release(&pose);
+    return s;
 }
 
 void scene_rebase(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
     struct box_d box;
+    double middle[3];
 
     if (!SAFEGUARD(REBASE) || (!bounds_of(scene, 1, &box) && !bounds_of(scene, 0, &box)))
         return;
     for (int c = 0; c < 3; c++) {
-        double middle = box.low[c] / 2 + box.high[c] / 2;
-        scene->origin[c] = isfinite(middle) ? middle + 0.0 : 0;
-        box.low[c] -= scene->origin[c];
-        box.high[c] -= scene->origin[c];
+        middle[c] = box.low[c] / 2 + box.high[c] / 2;
+        middle[c] = isfinite(middle[c]) ? middle[c] + 0.0 : 0;
+        box.low[c] -= middle[c];
+        box.high[c] -= middle[c];
     }
     b->out->position_spacing_m = spacing_of(box.low, box.high);
-    move_all(scene);
+    scene_move(scene, middle);
     report_losses(b);
 }

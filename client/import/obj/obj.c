@@ -39,9 +39,8 @@ static status read_vertex(struct obj *o, struct obj_line *line)
         mesh_origin_choose(x, o->origin);
         o->has_origin = 1;
     }
-    /* + 0.0f: one zero only, so that equal positions are equal in their bits. */
     for (size_t c = 0; c < 3; c++)
-        o->v[3 * o->v_count + c] = good ? (float)(x[c] - o->origin[c]) + 0.0f : NAN;
+        o->v[3 * o->v_count + c] = good ? x[c] : (double)NAN;
     /* x y z r g b, or x y z w r g b: display colours, as ZBrush and MeshLab write them. */
     if (count >= 6 && !o->colors) {
         if (!MEM_GROW(o->colors, o->color_capacity, 4 * (o->v_count + 1)))

@@ -85,9 +85,10 @@ struct obj {
     const char *name;               /* of the file, for messages */
     const char *folder;             /* NULL: no other files */
 
-    double origin[3];               /* of v: chosen by the first vertex */
+    double origin[3];               /* shared by the meshes near it: chosen by the first vertex */
     int has_origin;
-    float *v, *colors, *vt, *vn;    /* [3], [4] or NULL, [2], [3]; a v that cannot be read: NAN */
+    double *v;                      /* [3]; one that cannot be read: NAN */
+    float *colors, *vt, *vn;        /* [4] or NULL, [2], [3] */
     size_t v_count, vt_count, vn_count, v_capacity, color_capacity, vt_capacity, vn_capacity;
     struct obj_corner *corners;
     size_t corner_count, corner_capacity;

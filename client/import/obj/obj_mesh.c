@@ -16,11 +16,12 @@
 
 /* ---- what can be drawn ---------------------------------------------------------------------- */
 
-static struct vec3 position(const struct obj *o, size_t corner)
+/* Of unit length, from one corner to another. */
+static struct vec3 direction(const struct obj *o, size_t from, size_t to)
 {
-    const float *p = o->v + 3 * (size_t)o->corners[corner].v;
+    const double *a = o->v + 3 * (size_t)o->corners[from].v, *b = o->v + 3 * (size_t)o->corners[to].v;
 
-    return vec3_make(p[0], p[1], p[2]);
+    return vec3_normalize(vec3_make((float)(b[0] - a[0]), (float)(b[1] - a[1]), (float)(b[2] - a[2])));
 }
 
 static int face_is_good(struct obj *o, const struct obj_face *face)
@@ -66,13 +67,13 @@ static struct vec3 newell(const struct obj *o, const struct obj_face *face)
     double normal[3] = {0, 0, 0}, most;
 
     for (uint32_t i = 1; i + 1 < face->count; i++) {
-        const float *a = o->v + 3 * (size_t)o->corners[face->first].v;
-        const float *b = o->v + 3 * (size_t)o->corners[face->first + i].v;
-        const float *c = o->v + 3 * (size_t)o->corners[face->first + i + 1].v;
+        const double *a = o->v + 3 * (size_t)o->corners[face->first].v;
+        const double *b = o->v + 3 * (size_t)o->corners[face->first + i].v;
+        const double *c = o->v + 3 * (size_t)o->corners[face->first + i + 1].v;
         double p[3], q[3];
         for (int k = 0; k < 3; k++) {
-            p[k] = (double)b[k] - (double)a[k];
-            q[k] = (double)c[k] - (double)a[k];
+            p[k] = b[k] - a[k];
+            q[k] = c[k] - a[k];
         }
         for (int k = 0; k < 3; k++)
             normal[k] += p[(k + 1) % 3] * q[(k + 2) % 3] - p[(k + 2) % 3] * q[(k + 1) % 3];
@@ -131,12 +132,10 @@ static float corner_angle(const struct obj *o, size_t corner)
 {
     const struct obj_face *face = &o->faces[o->corner_face[corner]];
     size_t i = corner - face->first;
-    struct vec3 at = position(o, corner);
-    struct vec3 next = position(o, face->first + (i + 1) % face->count);
-    struct vec3 last = position(o, face->first + (i + face->count - 1) % face->count);
+    struct vec3 next = direction(o, corner, face->first + (i + 1) % face->count);
+    struct vec3 last = direction(o, corner, face->first + (i + face->count - 1) % face->count);
 
-    return det_acos(
-        vec3_dot(vec3_normalize(vec3_sub(next, at)), vec3_normalize(vec3_sub(last, at))));
+    return det_acos(vec3_dot(next, last));
 }
 
 /* The mean of the faces around the corner's vertex that are smooth with its face. */
@@ -215,13 +214,15 @@ static status cut_faces(struct obj *o, const struct part_faces *part, struct mes
 {
     struct polygon_scratch scratch = {0};
     uint32_t *polygon = NULL;
-    size_t polygon_capacity = 0, base = 0;
+    float *outline = NULL;
+    size_t polygon_capacity = 0, outline_capacity = 0, base = 0;
     status result = STATUS_OK;
 
     for (size_t k = part->first; k < part->end && result == STATUS_OK; k++) {
         const struct obj_face *face = &o->faces[part->order[k]];
         uint32_t *indices = mesh->indices + 3 * mesh->triangle_count;
-        if (!MEM_GROW(polygon, polygon_capacity, face->count)) {
+        if (!MEM_GROW(polygon, polygon_capacity, face->count) ||
+            !MEM_GROW(outline, outline_capacity, 3 * (size_t)face->count)) {
             result = error_no_memory(o->err, "OBJ faces");
             break;
         }
@@ -229,11 +230,14 @@ static status cut_faces(struct obj *o, const struct part_faces *part, struct mes
             const struct obj_corner *corner = &o->corners[face->first + i];
             struct vec3 n = part->has_normals ? vec3_normalize(corner_normal(o, face->first + i))
                                               : vec3_splat(0);
-            polygon[i] = corner->v;
+            polygon[i] = i;
+            for (size_t c = 0; c < 3; c++) /* relative to the first corner: differences are what counts */
+                outline[3 * i + c] = (float)(o->v[3 * (size_t)corner->v + c] -
+                                             o->v[3 * (size_t)o->corners[face->first].v + c]);
             keys[base + i] =
                 (struct vertex_key){corner->v, corner->t, {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f}};
         }
-        result = polygon_triangulate(&scratch, o->v, polygon, face->count, indices, o->err);
+        result = polygon_triangulate(&scratch, outline, polygon, face->count, indices, o->err);
         for (size_t i = 0; i < 3 * (size_t)(face->count - 2) && result == STATUS_OK; i++)
             indices[i] += (uint32_t)base;
         mesh->triangle_count += face->count - 2;
@@ -245,15 +249,18 @@ static status cut_faces(struct obj *o, const struct part_faces *part, struct mes
         }
     }
     mem_free(polygon);
+    mem_free(outline);
     polygon_scratch_release(&scratch);
     return result;
 }
 
-static void fill_vertex(const struct obj *o, const struct vertex_key *key, struct mesh_source *mesh)
+static void fill_vertex(const struct obj *o, const struct vertex_key *key, const struct mesh_origin *origin,
+                        struct mesh_source *mesh)
 {
     size_t at = mesh->vertex_count++;
 
-    memcpy(mesh->positions + 3 * at, o->v + 3 * (size_t)key->v, 3 * sizeof(float));
+    for (int c = 0; c < 3; c++)
+        mesh->positions[3 * at + (size_t)c] = mesh_place(origin, o->v[3 * (size_t)key->v + (size_t)c], c);
     if (mesh->normals)
         memcpy(mesh->normals + 3 * at, key->normal, 3 * sizeof(float));
     if (mesh->colors)
@@ -266,16 +273,34 @@ static void fill_vertex(const struct obj *o, const struct vertex_key *key, struc
     }
 }
 
+static status choose_origin(const struct obj *o, const struct part_faces *part, const struct vertex_key *keys,
+                            struct mesh_origin *out)
+{
+    double *points = mem_alloc_array(part->corners, 3 * sizeof *points);
+
+    if (!points)
+        return error_no_memory(o->err, "OBJ vertices");
+    for (size_t i = 0; i < part->corners; i++)
+        memcpy(points + 3 * i, o->v + 3 * (size_t)keys[i].v, 3 * sizeof *points);
+    mesh_origin_near(points, part->corners, o->origin, 1, out);
+    mem_free(points);
+    return STATUS_OK;
+}
+
 static status weld_corners(struct obj *o, const struct part_faces *part,
                            const struct vertex_key *keys, struct mesh_source *mesh)
 {
     uint32_t *weld = mem_alloc_array(part->corners, sizeof *weld);
+    struct mesh_origin origin;
     size_t distinct = 0;
     status result = STATUS_OK;
 
     if (!weld)
         return error_no_memory(o->err, "OBJ vertices");
-    result = vertices_weld(keys, sizeof *keys, part->corners, weld, o->err);
+    result = choose_origin(o, part, keys, &origin);
+    memcpy(mesh->origin, origin.at, sizeof mesh->origin);
+    if (result == STATUS_OK)
+        result = vertices_weld(keys, sizeof *keys, part->corners, weld, o->err);
     for (size_t i = 0; i < part->corners && result == STATUS_OK; i++)
         distinct += weld[i] == i;
     mesh->positions = mem_alloc_array(distinct, 3 * sizeof(float));
@@ -288,7 +313,7 @@ static status weld_corners(struct obj *o, const struct part_faces *part,
     for (size_t i = 0; i < part->corners && result == STATUS_OK; i++)
         if (weld[i] == i) {
             weld[i] = (uint32_t)mesh->vertex_count;
-            fill_vertex(o, &keys[i], mesh);
+            fill_vertex(o, &keys[i], &origin, mesh);
         } else {
             weld[i] = weld[weld[i]]; /* the first of them already has its number */
         }
@@ -333,6 +358,7 @@ static status make_part(struct obj *o, const struct obj_part *part, struct part_
     struct mesh_source mesh = {0};
     struct scene_instance instance;
     struct mesh_tangents tangents;
+    double origin[3];
     const char *name = builder_name(o->b, o->words.texts[part->name]);
     uint32_t material;
     int64_t row = BUILDER_NO_ROW;
@@ -342,6 +368,7 @@ static status make_part(struct obj *o, const struct obj_part *part, struct part_
     TRY(obj_material_row(o, part->material, part->line, faces->has_colors, &material));
     tangents = tangents_of(&o->b->materials[material]);
     result = make_source(o, faces, &mesh);
+    memcpy(origin, mesh.origin, sizeof origin);
     if (result == STATUS_OK)
         result = mesh_finish(o->b, &mesh, name, &tangents, &row);
     mesh_source_release(&mesh);
@@ -352,7 +379,7 @@ static status make_part(struct obj *o, const struct obj_part *part, struct part_
     instance.mesh = (uint32_t)row;
     instance.material = material;
     for (int c = 0; c < 3; c++)
-        instance.to_world.m[c][3] = o->origin[c];
+        instance.to_world.m[c][3] = origin[c];
     return builder_add_instance(o->b, &instance);
 }
 

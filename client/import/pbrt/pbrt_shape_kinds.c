@@ -58,17 +58,31 @@ static void choose_origin(void *user, const double first[3], double origin[3])
         memcpy(origin, local, sizeof local);
 }
 
+/* How many of the shape's own units are a metre: a power of two. */
+static double metre_of(const struct transform_d *ctm)
+{
+    double volume = fabs(transform_d_determinant(ctm));
+    int exponent = 0;
+
+    if (volume > 0 && volume < INFINITY)
+        (void)frexp(volume, &exponent);
+    return ldexp(1, -(exponent / 3));
+}
+
 /* "P" relative to its new origin. */
 static status copy_positions(struct pbrt *p, const struct pbrt_directive *d,
                              const struct pbrt_param *param, float **out, double origin[3])
 {
     struct origin_choice choice = {p, d};
+    struct mesh_origin near;
 
     TRY(copy_floats(p, param, SCENE_COORDINATE_MAX, out));
     if (param->number_count >= 3)
         choose_origin(&choice, param->numbers, origin);
+    mesh_origin_near(param->numbers, param->number_count / 3, origin, metre_of(&d->ctm.at[0]), &near);
+    memcpy(origin, near.at, sizeof near.at);
     for (size_t i = 0; i < param->number_count; i++)
-        (*out)[i] = (float)(param->numbers[i] - origin[i % 3]) + 0.0f;
+        (*out)[i] = mesh_place(&near, param->numbers[i], (int)(i % 3));
     return STATUS_OK;
 }
 

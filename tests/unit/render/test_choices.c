@@ -330,5 +330,6 @@ int main(void)
         cmocka_unit_test(test_light_choice),
     };
 
+    render_keep_origin(1); /* rays and places here are in the scenes' own coordinates */
     return cmocka_run_group_tests_name("choices", tests, NULL, NULL);
 }

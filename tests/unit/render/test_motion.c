@@ -653,5 +653,6 @@ int main(void)
         cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_light_alone),
         cmocka_unit_test(test_out_of_memory),
     };
+    render_keep_origin(1); /* rays and places here are in the scenes' own coordinates */
     return cmocka_run_group_tests_name("motion", tests, NULL, NULL);
 }

@@ -344,6 +344,7 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     accel->accept = in->accept;
     accel->corners = in->corners;
     accel->scene = in->scene;
+    accel->digits = in->digits;
     accel->mesh_count = in->mesh_count;
     accel->geometry_count = in->instance_count;
     snprintf(config, sizeof config, "isa=%s,threads=1,set_affinity=0",

@@ -49,6 +49,7 @@ struct ray {
     int contacts;          /* also meet faces closer to left[0] than Embree's error, even
                               those that share no corner with it; slower */
     real inset;           /* metres from the start to the edges of left[0]; a lower bound */
+    real edge;             /* metres: the longest edge of left[0]; 0: not known */
     struct vec3 off;       /* unit: the normal of left[0], on the side to which the ray goes */
     real end_inset;       /* the same from the end to the edges of `end`; 0: none */
     real end_cosine;      /* between the ray and the normal of `end`, positive */
@@ -61,6 +62,13 @@ struct contact {
     int facing;            /* the ray meets the side of counter-clockwise winding (accel_accept) */
     int repeats;           /* the same sheet as the face met or an earlier contact, at a shared
                               edge or vertex: to be left, but not crossed a second time */
+};
+
+/* How fine coordinates are: as floats are at a place, but no finer than at the same place in the scene's own
+ * coordinates, which lie `origin` apart and in which its vertices were given. Where those are very coarse, because
+ * of something far from all that is seen, they count only up to `reach` metres. 0 0 0 and 0: both are the same. */
+struct accel_digits {
+    double origin[3], reach;
 };
 
 struct accel_mesh {
@@ -107,6 +115,7 @@ struct accel_input {
     const void *scene;            /* passed to both callbacks */
     enum bvh_quality quality;
     int not_robust;               /* 1: a ray may slip between triangles that share an edge */
+    struct accel_digits digits;
 };
 
 /* The input's arrays of positions and indices must outlive the accel; the tables need not.
@@ -138,8 +147,11 @@ int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, c
 int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, const void *query);
 
 /* A ray crosses faces closer than this as one event: floats cannot separate them. In units of 2^-23
- * of the position's largest coordinate. */
+ * of the position's largest coordinate (struct accel_digits). */
 enum { ACCEL_COINCIDENT_ULPS = 8 };
+
+/* The distance, along their normal, below which faces at `place` coincide, metres. */
+double accel_gap(const struct accel_digits *digits, const double place[3]);
 
 /* Every accepted face within this distance of the face `hit` at `place` (double, on that face),
  * measured along its normal. Only direction and time of `ray` count. Sorted by the gap along the

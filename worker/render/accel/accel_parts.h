@@ -51,6 +51,7 @@ struct accel {
     accel_accept *accept;
     accel_corners *corners;
     const void *scene;
+    struct accel_digits digits;
     _Atomic(ptrdiff_t) bytes;
 };
 

@@ -8,6 +8,9 @@
 #define BACK_ERRORS 64.0
 /* A ray this many errors away from the edges of the single face that it leaves may start off it. */
 #define INSET_ERRORS 64.0
+/* What stands at a face's edges is taken to have edges at most so many times as long: the error of longer ones
+ * is INSET_ERRORS times smaller than what it would have to be to matter. */
+#define NEIGHBOUR_RATIO 16.0
 /* Double decides about a plane to which the ray makes a smaller angle than this. */
 #define GRAZING_COSINE 0x1p-18
 /* A ray that leaked is traced again at most this many times, turned by this angle (radians),
@@ -203,8 +206,12 @@ static void aim_at_end(struct query_context *q)
 static inline void look_at_start(struct query_context *q)
 {
     const struct accel_geometry *g = &q->accel->geometries[q->ray->left[0].instance];
+    double extent = g->error_extent;
 
-    q->error_left = g->error_origin * q->largest + g->error_extent;
+    /* The larger triangles of its instance are elsewhere, or double finds them near the ray's start. */
+    if (q->ray->edge > 0 && SAFEGUARD(OWN_EDGE))
+        extent = fmin(extent, g->error_origin * NEIGHBOUR_RATIO * (double)q->ray->edge);
+    q->error_left = g->error_origin * q->largest + extent;
     q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
 }
 
@@ -399,12 +406,15 @@ static int meets(struct query_context *q, struct hit *hit)
     return met;
 }
 
-/* The distance, along their normal, below which floats cannot separate faces at `place`. */
-static double coincident_gap(const double place[3])
+double accel_gap(const struct accel_digits *digits, const double place[3])
 {
+    double most = exact_largest(place), given[3];
     int exponent;
 
-    (void)frexp(exact_largest(place), &exponent);
+    for (int k = 0; k < 3; k++)
+        given[k] = place[k] + digits->origin[k];
+    most = fmax(most, fmin(exact_largest(given), digits->reach));
+    (void)frexp(most, &exponent);
     return ldexp(ACCEL_COINCIDENT_ULPS, exponent - 24);
 }
 
@@ -439,7 +449,7 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     gap = (exact_crossing(corner, n, q.origin, q.direction) - q.nearest_t) *
           fabs(exact_dot(n, q.direction)) / sqrt(exact_dot(n, n));
     go(place, direction, reach, place);
-    if (gap < coincident_gap(place) * (1 - 1e-6)) /* 8 ulp up to rounding count as apart */
+    if (gap < accel_gap(&accel->digits, place) * (1 - 1e-6)) /* 8 ulp up to rounding count as apart */
         return 0;
     *hit = q.nearest;
     return 1;
@@ -551,7 +561,7 @@ uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, cons
     line.direction = vec3_make((real)along[0], (real)along[1], (real)along[2]);
     query_start(&q, accel, &line, query, QUERY_COINCIDENT);
     memcpy(q.direction, along, sizeof along);
-    q.gap_max = coincident_gap(place);
+    q.gap_max = accel_gap(&accel->digits, place);
     q.about = hit;
     q.contacts = out;
     q.contact_count = 0;

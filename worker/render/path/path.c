@@ -99,7 +99,7 @@ static void path_shade(const struct path *path, struct path_vertex *v, struct pa
         return;
     record->hit = 1;
     record->distance = s->t;
-    record->position = s->p;
+    record->position = world_outside(scene, s->p, s->rest);
     record->normal = s->basis.n;
     record->albedo = v->params.base_color;
     record->instance = (uint32_t)(s->instance - scene->instances);

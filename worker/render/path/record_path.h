@@ -35,7 +35,7 @@ static void record_surface(const struct path *path, const struct path_vertex *v)
 
     if (!r)
         return;
-    r->p = s->p;
+    r->p = world_outside(path->scene, s->p, s->rest);
     r->ng = s->ng;
     r->t = s->t;
     r->front = s->front;
@@ -63,6 +63,7 @@ static void record_in_medium(const struct path *path, real t)
         return;
     r->kind = RECORD_MEDIUM;
     r->p = t < INFINITY ? vec3_mad(path->ray.origin, path->ray.direction, t) : path->ray.origin;
+    r->p = world_outside(path->scene, r->p, NULL);
     r->t = t;
 }
 

@@ -2,12 +2,15 @@
 #include "worker/render/world.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <string.h>
 
 #include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "common/scene/move.h"
 #include "common/scene/pose.h"
+#include "common/scene/sight.h"
 #include "worker/render/base/bounds.h"
 #include "worker/render/scene/image_share.h"
 #include "worker/render/path/enclosure.h"
@@ -296,7 +299,7 @@ static status build_accel(struct render_scene *w, const struct scene *scene, str
     struct accel_instance *instances = mem_calloc(w->instance_count, sizeof *instances);
     struct accel_input input = {meshes, instances, w->mesh_count + 1, w->instance_count, w->settings.isa,
                                 w->kernel->accept, world_exact_corners, w,
-                                w->settings.bvh_quality, w->settings.not_robust};
+                                w->settings.bvh_quality, w->settings.not_robust, w->digits};
     status s;
 
     if (!meshes || !instances) {
@@ -408,6 +411,41 @@ static void load_camera(struct render_scene *w, const struct world_poses *poses)
             w->effects |= EFFECT_DEFORMATION;
 }
 
+/* Coarser digits than those at so many times the extent of what is seen do not matter to faces in contact. */
+#define DIGITS_REACH 64.0
+
+static _Atomic(int) origin_kept;
+
+void render_keep_origin(int on)
+{
+    atomic_store(&origin_kept, on);
+}
+
+/* The frame's own origin of coordinates. */
+static status choose_origin(struct render_scene *w, const struct scene *scene, struct blob_source blobs,
+                            struct error *err)
+{
+    const struct render_settings *settings = &w->settings;
+    const double width = settings_whole_width(settings), height = settings_whole_height(settings);
+    const struct scene_blob_reader reader = {blobs.get, blobs.user};
+    struct scene_sight *sight = NULL;
+    struct scene_pose pose;
+    double open_s, close_s;
+    status s;
+
+    if (atomic_load(&origin_kept))
+        return STATUS_OK;
+    scene_shutter(scene, settings, w->frame, &open_s, &close_s);
+    s = scene_pose_init(&pose, scene, open_s, err);
+    if (s == STATUS_OK)
+        s = scene_sight_new(&sight, scene, &pose, settings->camera, width / height, reader, err);
+    if (s == STATUS_OK)
+        w->digits.reach = DIGITS_REACH * scene_sight_origin(sight, w->digits.origin);
+    scene_sight_free(sight);
+    scene_pose_release(&pose);
+    return s;
+}
+
 static status build(struct render_scene *w, const struct scene *scene,
                     const struct world_used *used, struct blob_source blobs, struct error *err)
 {
@@ -440,6 +478,24 @@ static status build(struct render_scene *w, const struct scene *scene,
     return s;
 }
 
+static status build_moved(struct render_scene *w, const struct scene *scene, const struct world_used *used,
+                          struct blob_source blobs, struct error *err)
+{
+    struct scene moved;
+    status s = choose_origin(w, scene, blobs, err);
+
+    if (s == STATUS_OK && w->digits.reach == 0)
+        return build(w, scene, used, blobs, err);
+    if (s == STATUS_OK)
+        s = scene_copy_movable(&moved, scene, err);
+    if (s != STATUS_OK)
+        return s;
+    scene_move(&moved, w->digits.origin);
+    s = build(w, &moved, used, blobs, err);
+    scene_copy_release(&moved);
+    return s;
+}
+
 status render_scene_new(struct render_scene **out, const struct scene *scene,
                         const struct render_settings *settings, uint32_t frame,
                         struct blob_source blobs, struct error *err)
@@ -464,7 +520,9 @@ status render_scene_new(struct render_scene **out, const struct scene *scene,
     w->effects = scene_effects(scene, settings, frame, NULL);
     s = world_used_init(&used, scene, settings, err);
     if (s == STATUS_OK)
-        s = build(w, scene, &used, blobs, err);
+        s = build_moved(w, scene, &used, blobs, err);
+    if (s == STATUS_OK)
+        world_place_keys(w, scene);
     world_used_release(&used);
     if (s != STATUS_OK) {
         render_scene_free(w);

@@ -489,7 +489,6 @@ static uint32_t body_of(const struct render_scene *w, const struct scene_instanc
                                                                          : description->material;
 }
 
-/* Of the position at rest: the same in all frames. */
 static uint32_t alpha_key(const struct scene_instance *description)
 {
     uint32_t bits[12], key = description->material;
@@ -509,7 +508,6 @@ static status place_one(struct placer *p, uint32_t index, const uint32_t *uses)
     p->instance->mesh = p->description->mesh;
     p->instance->material = p->description->material;
     p->instance->body = body_of(p->w, p->description);
-    p->instance->alpha_key = alpha_key(p->description);
     p->w->info.triangles += p->mesh->triangle_count;
     if (placement == PLACE_DEFORMED)
         return place_deformed(p);
@@ -537,6 +535,12 @@ status world_place(struct render_scene *w, const struct world_poses *poses, stru
 done:
     mem_free(uses);
     return s;
+}
+
+void world_place_keys(struct render_scene *w, const struct scene *scene)
+{
+    for (uint32_t i = 0; i < w->instance_count; i++)
+        w->instances[i].alpha_key = alpha_key(&scene->instances[i]);
 }
 
 int world_place_moves(const struct render_scene *w)

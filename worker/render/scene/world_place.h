@@ -15,6 +15,10 @@
 status world_place(struct render_scene *w, const struct world_poses *poses, struct error *err)
     MUST_CHECK;
 
+/* The keys of the stochastic alpha, from `scene` as it was imported: the same in all frames, whatever their
+ * origins. */
+void world_place_keys(struct render_scene *w, const struct scene *scene);
+
 /* Does any instance move while the shutter is open? */
 int world_place_moves(const struct render_scene *w);
 

@@ -56,19 +56,15 @@ static int moves(const struct world_instance *instance)
     return instance->motion_steps > 0;
 }
 
-double touch_slack(const double corner[3][3])
+double touch_slack(const struct accel_digits *digits, const double corner[3][3])
 {
-    double most = fmax(exact_largest(corner[0]),
-                       fmax(exact_largest(corner[1]), exact_largest(corner[2])));
-    int exponent;
-
-    (void)frexp(most, &exponent);
-    return ldexp(2 * ACCEL_COINCIDENT_ULPS, exponent - 24);
+    return 2 * fmax(accel_gap(digits, corner[0]),
+                    fmax(accel_gap(digits, corner[1]), accel_gap(digits, corner[2])));
 }
 
-static void bound(const double corner[3][3], struct world_box *box)
+static void bound(const struct accel_digits *digits, const double corner[3][3], struct world_box *box)
 {
-    double slack = touch_slack(corner);
+    double slack = touch_slack(digits, corner);
 
     for (int a = 0; a < 3; a++) {
         double low = fmin(corner[0][a], fmin(corner[1][a], corner[2][a])) - slack;
@@ -165,7 +161,7 @@ static status find_items(struct finder *f, int *too_many)
             struct world_box box;
 
             world_exact_corners(f->w, i, t, 0, corner);
-            bound(corner, &box);
+            bound(&f->w->digits, corner, &box);
             if (!in_region(f, &box))
                 continue;
             item.triangle = t;
@@ -226,7 +222,7 @@ static int meets_plane(const double a[3][3], const double normal[3], const doubl
     return low < slack && high > -slack;
 }
 
-int touch_coincide(const double a[3][3], const double b[3][3])
+int touch_coincide(const struct accel_digits *digits, const double a[3][3], const double b[3][3])
 {
     double n[3], m[3], lean[3], n2, m2, slack;
 
@@ -237,7 +233,7 @@ int touch_coincide(const double a[3][3], const double b[3][3])
     m2 = exact_dot(m, m);
     if (!(n2 > 0 && m2 > 0) || exact_dot(lean, lean) > TOUCH_LEAN * TOUCH_LEAN * n2 * m2)
         return 0;
-    slack = fmax(touch_slack(a), touch_slack(b));
+    slack = fmax(touch_slack(digits, a), touch_slack(digits, b));
     return meets_plane(a, n, b, slack) && meets_plane(b, m, a, slack) && overlap_along(a, b, n) &&
            overlap_along(b, a, n);
 }
@@ -269,7 +265,7 @@ static int compare(void *user, uint32_t a, uint32_t b)
 
         world_exact_corners(f->w, x->instance, x->triangle, 0, p);
         world_exact_corners(f->w, y->instance, y->triangle, 0, q);
-        if (touch_coincide(p, q))
+        if (touch_coincide(&f->w->digits, p, q))
             x->touches = y->touches = 1;
     }
     return 0;

@@ -13,15 +13,16 @@
 
 enum { TOUCH_TRIANGLES_MAX = 1 << 22, TOUCH_PAIRS_EACH = 64, TOUCH_PAIRS_MIN = 1 << 22 };
 
+struct accel_digits;
 struct render_scene;
 
 /* Sets world_instance.touches. The instances must be placed. ERR_NO_MEMORY. */
 status world_touch_find(struct render_scene *w, struct error *err) MUST_CHECK;
 
 /* May a ray through the inside of both triangles meet them closer than floats can separate? */
-int touch_coincide(const double a[3][3], const double b[3][3]);
+int touch_coincide(const struct accel_digits *digits, const double a[3][3], const double b[3][3]);
 
 /* Metres: twice the distance that floats cannot resolve at these corners. */
-double touch_slack(const double corner[3][3]);
+double touch_slack(const struct accel_digits *digits, const double corner[3][3]);
 
 #endif

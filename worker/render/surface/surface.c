@@ -19,10 +19,10 @@ void world_triangle(const struct render_scene *scene, const struct world_instanc
         corner[k] = vec3_make((real)c[k][0], (real)c[k][1], (real)c[k][2]);
 }
 
-/* A lower bound of the distance to the nearest edge: the smallest weight times the smallest
+/* The longest edge, and a lower bound of the distance to the nearest: the smallest weight times the smallest
  * height. */
-static real surface_inset(double u, double v, double double_area, const double e1[3],
-                           const double e2[3])
+static inline void surface_set_edges(double u, double v, double double_area, const double e1[3],
+                                     const double e2[3], struct surface *s)
 {
     double a = exact_dot(e1, e1), b = exact_dot(e2, e2), ab = exact_dot(e1, e2);
     double c = a + b - 2 * ab, w = 1 - u - v, least, longest;
@@ -31,7 +31,8 @@ static real surface_inset(double u, double v, double double_area, const double e
     least = w < least ? w : least;
     longest = a > b ? a : b;
     longest = c > longest ? c : longest;
-    return longest > 0 ? (real)(least * double_area / sqrt(longest)) : 0;
+    s->edge = (real)sqrt(longest);
+    s->inset = longest > 0 ? (real)(least * double_area / sqrt(longest)) : 0;
 }
 
 /* The hit's place, after s->t. Far from the origin of world or ray, a place along the ray in float
@@ -100,7 +101,7 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     surface_set_place(ray, p, s);
     s->area = (real)(0.5 * length);
     s->contacts = world_near_boundary(scene, s->p);
-    s->inset = surface_inset(u, v, length, e1, e2);
+    surface_set_edges(u, v, length, e1, e2, s);
 
     sign = surface_winding(s->instance);
     s->front = exact_dot(n, d) * sign < 0;
@@ -141,5 +142,6 @@ void surface_leave(const struct surface *s, struct vec3 direction, struct ray *r
     ray->reaches = 0;
     ray->contacts = s->contacts;
     ray->inset = s->inset;
+    ray->edge = s->edge;
     ray->off = vec3_dot(direction, s->ng) < 0 ? vec3_neg(s->ng) : s->ng;
 }

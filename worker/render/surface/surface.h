@@ -29,6 +29,7 @@ struct surface {
     real area;               /* of the triangle, m^2 */
     int contacts;             /* very close faces count (struct ray) */
     real inset;              /* lower bound of the distance to the triangle's edges, metres */
+    real edge;               /* its longest edge, metres; 0: not known */
     real footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
     real time;               /* 0..1: the ray's */
     int front;                /* met from the side of counter-clockwise winding */

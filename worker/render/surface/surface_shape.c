@@ -46,6 +46,7 @@ void surface_on_shape(const struct render_scene *scene, const struct ray *ray,
     s->p = exact_round(p, s->rest);
     s->area = 1;
     s->contacts = world_near_boundary(scene, s->p);
+    s->edge = 0;
     s->inset = INFINITY; /* there are no edges beyond which a neighbour stands */
     s->front = side == shape->front;
     s->ng = vec3_make((real)(sign * n[0]), (real)(sign * n[1]), (real)(sign * n[2]));
