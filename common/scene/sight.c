@@ -1,6 +1,5 @@
 #include "common/scene/sight.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -407,14 +406,14 @@ static double spread_of(const struct scene_sight *sight, const double origin[3])
     return sum / (double)sight->count;
 }
 
-/* The mean distance of what is seen from `origin`; what needs precision counts more. */
-static double extent_of(const struct scene_sight *sight, const double origin[3])
+/* The harmonic mean of the distances from the camera. */
+static double distance_of(const struct scene_sight *sight)
 {
     double total = 0;
 
     for (size_t i = 0; i < sight->count; i++)
         total += sight->weights[i];
-    return spread_of(sight, origin) * (double)sight->count / total;
+    return (double)sight->count / total;
 }
 
 /* Take few digits: most coordinates are then as exact as they were, and views that differ little have the same
@@ -433,17 +432,17 @@ static void round_off(double extent, double origin[3])
 double scene_sight_origin(const struct scene_sight *sight, double origin[3])
 {
     static const double imported[3] = {0, 0, 0};
-    double extent;
+    double distance;
 
     memset(origin, 0, 3 * sizeof *origin);
     if (sight->count == 0 || !SAFEGUARD(VIEW_ORIGIN))
         return 0;
     for (int c = 0; c < 3; c++)
         origin[c] = median_of(sight, c);
-    extent = extent_of(sight, origin);
-    round_off(extent, origin);
+    distance = distance_of(sight);
+    round_off(distance * spread_of(sight, origin), origin);
     if (spread_of(sight, imported) > SPREAD_KEPT * spread_of(sight, origin))
-        return fmax(extent, DBL_MIN);
+        return distance;
     memset(origin, 0, 3 * sizeof *origin);
     return 0;
 }

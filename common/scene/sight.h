@@ -21,8 +21,8 @@ status scene_sight_new(struct scene_sight **out, const struct scene *scene, cons
     MUST_CHECK;
 void scene_sight_free(struct scene_sight *sight);
 
-/* The origin for this view, metres relative to the scene's, and the mean distance from it of what is seen (of near
- * things more than of far ones), metres. 0 0 0 and 0: it may stay. */
+/* The origin for this view, metres relative to the scene's. Returns how far what is seen is from the camera, metres
+ * (the harmonic mean; half the height of a parallel view). 0 0 0 and 0: the origin may stay. */
 double scene_sight_origin(const struct scene_sight *sight, double origin[3]);
 
 /* The largest detail, in pixels of a picture of this height, whose shadow may be wrong with that origin, and

@@ -110,7 +110,7 @@ static void find_all(const struct render_scene *scene, uint8_t touches[MESHES][E
     for (uint32_t i = 0; i < TRIANGLES; i++)
         for (uint32_t k = 0; k < i; k++)
             if ((bounds(i / EACH) || bounds(k / EACH)) &&
-                touch_coincide(&digits, corner[i], corner[k])) {
+                touch_coincide(&scene->digits, corner[i], corner[k])) {
                 touches[i / EACH][i % EACH] |= (uint8_t)crossable(i / EACH);
                 touches[k / EACH][k % EACH] |= (uint8_t)crossable(k / EACH);
             }

@@ -411,8 +411,8 @@ static void load_camera(struct render_scene *w, const struct world_poses *poses)
             w->effects |= EFFECT_DEFORMATION;
 }
 
-/* Coarser digits than those at so many times the extent of what is seen do not matter to faces in contact. */
-#define DIGITS_REACH 64.0
+/* Coarser digits than those at so many times the distance of what is seen do not matter to faces in contact. */
+#define DIGITS_REACH 16.0
 
 static _Atomic(int) origin_kept;
 
