@@ -12,7 +12,7 @@
 #include "common/scene/effects.h"
 #include "tests/support/radiance.h"
 
-enum { COMPARISONS = 80 };
+enum { COMPARISONS = 95 };
 
 static struct render_settings narrow(uint32_t spp, uint32_t depth)
 {
@@ -99,6 +99,49 @@ static void test_shadow(void **state)
             lit = s[0].mean;
         }
         radiance_expect(&b, &settings, COMPARISONS, lit / 2, "half a shadow");
+        builder_release(&b);
+    }
+}
+
+/* The share of the hemisphere's cosine that a square lamp of half side `a` covers, seen from `d` metres
+ * below its centre and parallel to it (Nusselt; the closed form of a rectangle at its corner, four times). */
+static double square_above(double a, double d)
+{
+    double x = a / d, root = sqrt(1 + x * x);
+
+    return 4 * (x / root * atan(x / root)) / M_PI;
+}
+
+/* A lamp that is there by a share gives that share of its light, by whichever strategy it is found: the
+ * floor below finds it by light sampling and by its own directions. */
+static void test_lamp(void **state)
+{
+    static const struct {
+        enum scene_alpha_mode mode;
+        float alpha;
+        double share;
+    } lamps[] = {{ALPHA_BLEND, 1, 1},        {ALPHA_BLEND, 0.5f, 0.5}, {ALPHA_BLEND, 0.125f, 0.125},
+                 {ALPHA_MASK, 0.6f, 1}, {ALPHA_MASK, 0.4f, 0}};
+    const double covered = square_above(0.5, 1);
+
+    (void)state;
+    for (size_t k = 0; k < sizeof lamps / sizeof *lamps; k++) {
+        struct render_settings settings = narrow(64, 1);
+        struct scene_material *m;
+        struct scene_builder b;
+
+        builder_init(&b);
+        builder_lambert(&b, 0.8f);
+        builder_place(&b, builder_quad(&b), 0, vec3_make(10, 1, 10), vec3_splat(0));
+        veil(&b, lamps[k].alpha, 0, 1);
+        m = &b.scene.materials[1];
+        m->alpha_mode = lamps[k].mode;
+        m->alpha_cutoff = 0.5f;
+        splat(m->emission, 3);
+        b.scene.instances[1].to_world.m[0][0] = b.scene.instances[1].to_world.m[2][2] = 0.5;
+        builder_camera(&b, vec3_make(4, 2, 0), vec3_splat(0), 0.0005f);
+        radiance_expect(&b, &settings, COMPARISONS, 0.8 * 3 * covered * lamps[k].share,
+                        "lamp that is there by a share");
         builder_release(&b);
     }
 }
@@ -213,6 +256,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_blend), cmocka_unit_test(test_shadow),
+        cmocka_unit_test(test_lamp),
         cmocka_unit_test(test_mix),   cmocka_unit_test(test_diffuse_transmission),
         cmocka_unit_test(test_mask),
     };
