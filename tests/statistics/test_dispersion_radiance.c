@@ -131,6 +131,67 @@ static void test_prism(void **state)
     }
 }
 
+/* A lamp of no size inside a dispersive body with a rough face, seen through that face from the side:
+ * only light sampling finds it, and how much the face refracts towards the camera depends on the index. What
+ * is seen is the mean, over the wavelengths with their colours, of what a body without dispersion shows that
+ * has each wavelength's index. */
+static void rough_scene(struct scene_builder *b, double index)
+{
+    struct scene_material *m;
+    struct scene_light *lamp;
+
+    builder_init(b);
+    m = flint(b);
+    m->roughness = 0.3f;
+    if (index > 0) {
+        m->ior = (float)index;
+        m->dispersion = 0;
+    } else {
+        m->dispersion = 3; /* Abbe number 6.7: indices 1.55 to 1.79 */
+    }
+    builder_place(b, builder_quad(b), 0, vec3_make(10, 1, 10), vec3_splat(0));
+    lamp = builder_light(b, LIGHT_POINT);
+    lamp->position[0] = -0.35;
+    lamp->position[1] = -1;
+    lamp->intensity[0] = lamp->intensity[1] = lamp->intensity[2] = 1;
+    builder_camera(b, vec3_make(1.2f, 1, 0), vec3_splat(0), 1e-4f);
+}
+
+static void test_rough_face(void **state)
+{
+    enum { STEPS = 400 };
+    struct render_settings settings = builder_settings(8, 8, 256);
+    struct scene_builder b;
+    double expected[3] = {0}, plain = 0;
+
+    (void)state;
+    settings.max_depth = 1;
+    for (int i = 0; i < STEPS; i++) {
+        struct render_settings one = builder_settings(1, 1, 2);
+        struct render_scene *scene;
+        struct render_stats stats = {0};
+        struct vec3 rgb;
+        float nm = wavelength_sample((float)((i + 0.5) / STEPS), &rgb);
+        double mean[3];
+
+        one.max_depth = 1;
+        rough_scene(&b, (double)dispersion_ior(INDEX, 3, nm));
+        scene = builder_build(&b, &one);
+        builder_render(scene, &one, 0, mean, NULL, &stats);
+        render_scene_free(scene);
+        builder_release(&b);
+        expected[0] += (double)rgb.x * mean[0] / STEPS;
+        expected[1] += (double)rgb.y * mean[1] / STEPS;
+        expected[2] += (double)rgb.z * mean[2] / STEPS;
+        plain += mean[0] / STEPS;
+    }
+    /* Without the wavelengths' colours it would be grey. */
+    assert_true(fabs(expected[0] / plain - 1) > 0.05 && fabs(expected[2] / plain - 1) > 0.05);
+    rough_scene(&b, 0);
+    radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "lamp behind a rough face");
+    builder_release(&b);
+}
+
 /* A dispersive ball in a white furnace cannot be seen. */
 static void test_furnace(void **state)
 {
@@ -152,6 +213,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_prism),
+        cmocka_unit_test(test_rough_face),
         cmocka_unit_test(test_furnace),
     };
     return cmocka_run_group_tests_name("dispersion radiance", tests, NULL, NULL);
