@@ -242,6 +242,89 @@ static void test_circle_of_confusion(void **state)
         }
 }
 
+/* What is sharp lies in a plane across the axis, not on a sphere around the lens: from every point of the
+ * lens, rays of a pixel at the picture's corner meet where the pinhole's ray pierces that plane. On the
+ * sphere they would meet at 0.63 of that depth. */
+static void test_focus_is_a_plane(void **state)
+{
+    enum { WIDE = 200000, HIGH = 100000, N = 256 };
+
+    (void)state;
+    for (int kind = CAMERA_PERSPECTIVE; kind <= CAMERA_ORTHOGRAPHIC; kind++) {
+        struct scene_camera description = looking_down_z((enum scene_camera_kind)kind);
+        struct render_settings settings;
+        struct camera camera;
+        const double focus = 4, half = kind == CAMERA_PERSPECTIVE ? tan(0.5) * focus : 2;
+
+        render_settings_default(&settings);
+        settings.width = WIDE; /* the pixel itself is a point */
+        settings.height = HIGH;
+        description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+        description.lens_radius = 0.25f;
+        description.focus_distance = (float)focus;
+        camera_init(&camera, &description, &settings, NULL);
+        for (uint32_t i = 0; i < N; i++) {
+            struct sampler s;
+            struct ray ray;
+            double t;
+
+            sampler_start(&s, 1, 0, WIDE - 1, 0, 0, i);
+            camera_ray(&camera, WIDE - 1, 0, &s, &ray);
+            t = -focus / (double)ray.direction.z;
+            near_to((float)((double)ray.origin.x + t * (double)ray.direction.x), 2 * half, 1e-3);
+            near_to((float)((double)ray.origin.y + t * (double)ray.direction.y), half, 1e-3);
+        }
+    }
+}
+
+/* The numbers of a pair lie evenly over the square, and so must what is made of them: for pixel and lens,
+ * position along x must say nothing about position along y, nor the place on the lens about the moment.
+ * Correlations of N independent samples: five two-sided tests, family-wise level 0.01. */
+static void test_dimensions_are_independent(void **state)
+{
+    enum { N = 20000, WIDE = 100000, TESTS = 5 };
+    static const struct transform steps[2] = {{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}},
+                                              {{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}}};
+    const struct camera_motion motion = {1, 2, steps};
+    struct scene_camera description = looking_down_z(CAMERA_ORTHOGRAPHIC);
+    struct running_stats value[5] = {{0}}, product[TESTS] = {{0}};
+    struct render_settings settings;
+    struct camera camera;
+
+    (void)state;
+    render_settings_default(&settings);
+    settings.width = settings.height = WIDE;
+    description.ymag = WIDE / 2; /* a pixel is a metre, as the lens is */
+    description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    description.lens_radius = 1;
+    description.focus_distance = 1;
+    camera_init(&camera, &description, &settings, &motion);
+    for (uint32_t i = 0; i < N; i++) {
+        static const int pairs[TESTS][2] = {{0, 1}, {2, 3}, {0, 2}, {2, 4}, {3, 4}};
+        struct sampler s;
+        struct ray ray;
+        double v[5];
+
+        sampler_start(&s, 5, i, WIDE / 2, WIDE / 2, 0, 0);
+        camera_ray(&camera, WIDE / 2, WIDE / 2, &s, &ray);
+        /* Where it is in focus, the place on the film; of the origin, the rest. */
+        v[0] = (double)(ray.origin.x - ray.direction.x / ray.direction.z) - 0.5;
+        v[1] = (double)(ray.origin.y - ray.direction.y / ray.direction.z) + 0.5;
+        v[2] = (double)ray.origin.x - v[0] - 0.5;
+        v[3] = (double)ray.origin.y - v[1] + 0.5;
+        v[4] = (double)ray.time - 0.5;
+        for (int k = 0; k < 5; k++)
+            running_stats_add(&value[k], v[k]);
+        for (int k = 0; k < TESTS; k++) /* all means are 0 */
+            running_stats_add(&product[k], v[pairs[k][0]] * v[pairs[k][1]]);
+    }
+    for (int k = 0; k < 5; k++)
+        assert_true(running_stats_variance(&value[k]) > 0.01);
+    for (int k = 0; k < TESTS; k++)
+        if (mean_test_p_value(&product[k], 0) < sidak_alpha(0.01, TESTS))
+            fail_msg("pair %d: mean product %g", k, product[k].mean);
+}
+
 /* Uniform over the polygon: chi-square over its triangular sectors cut by radius into parts of
  * equal area; and nothing outside. Independent samples; family-wise level 0.01. */
 static void test_blades(void **state)
@@ -318,7 +401,7 @@ static void test_round_lens(void **state)
     settings.without = 0;
     for (uint32_t i = 0; i < N; i++) {
         struct sampler s;
-        struct ray ray, a, b;
+        struct ray ray, a = {0}, b = {0}; /* compared as bytes */
         sampler_start(&s, 1, 0, 10, 10, 0, i);
         camera_ray(&camera, 10, 10, &s, &ray);
         camera_ray(&without, 10, 10, &s, &a);
@@ -531,6 +614,8 @@ int main(void)
         cmocka_unit_test(test_filter),
         cmocka_unit_test(test_pinhole_bits),
         cmocka_unit_test(test_circle_of_confusion),
+        cmocka_unit_test(test_focus_is_a_plane),
+        cmocka_unit_test(test_dimensions_are_independent),
         cmocka_unit_test(test_blades),
         cmocka_unit_test(test_round_lens),
         cmocka_unit_test(test_panorama),
