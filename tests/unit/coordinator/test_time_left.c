@@ -1,0 +1,119 @@
+/* The time left of a whole job, and the curves that forecasts are read from: coordinator/farm/figures.h. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "common/base/clock.h"
+#include "coordinator/farm/figures.h"
+#include "tests/support/sim_farm.h"
+
+enum { SIDE = 64, TILES = 16, SPP = 32, FRAMES = 6, THREADS = 4, COST_NS = 100000 };
+#define FRAME_S ((double)SIDE * SIDE * SPP * COST_NS / 1e9)
+
+/* Send a unit; the worker's threads were busy with it, at half speed. */
+static void send_one(struct sim *sim, struct sim_worker *worker)
+{
+    uint64_t samples = sim_result(sim, &worker->units[0], (uint8_t[TILE_FLOATS_MAX * 4]){0}).work.samples;
+
+    sim->now_ns += samples * COST_NS * 2 / THREADS;
+    assert_int_equal(sim_send(sim, worker, 0, COST_NS), MERGE_PENDING);
+    sim_forget(worker, 0);
+    sim_commit(sim);
+    sim_develop(sim);
+    farm_tick(&sim->farm, sim->now_ns);
+}
+
+/* What the developer of a frame reports of it. */
+static void report_done(struct sim *sim, struct job *job, uint32_t frame)
+{
+    const struct history_point point = {.core_s = FRAME_S, .samples = (uint64_t)SIDE * SIDE * SPP};
+
+    figures_finished(&sim->farm, job, frame, &point);
+}
+
+/* Frames of equal cost: what is left is the cost of the samples that have not come, over the processors that
+ * the job gets; while frames are done, open and not begun. */
+static void time_left_counts_each_frame_once(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, SIDE, SIDE, SPP, 1, FRAMES, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, THREADS);
+    double samples = 0, all = (double)SIDE * SIDE * SPP * FRAMES;
+    uint32_t compared = 0, most_open = 0, done = 0;
+
+    while (job->state != JOB_STATE_DONE) {
+        uint64_t before_ns = sim->now_ns;
+        uint32_t open = 0;
+        double left_s, truth_s;
+
+        sim_grant(sim, worker, 3 * TILES); /* a frame's end and the next one's beginning are lent together */
+        assert_true(worker->unit_count > 0);
+        send_one(sim, worker);
+        samples += (double)(sim->now_ns - before_ns) * THREADS / 2 / COST_NS;
+        for (; done < job->frames_done_count; done++)
+            report_done(sim, job, job->first_frame + done);
+        for (const struct job_frame *frame = job->frames; frame; frame = frame->next)
+            open++;
+        most_open = open > most_open ? open : most_open;
+        left_s = figures_seconds_left(job);
+        if (left_s < 0 || samples < all / FRAMES / 4)
+            continue; /* at first it is not known */
+        truth_s = (all - samples) * COST_NS / 1e9 * 2 / THREADS;
+        if (fabs(left_s - truth_s) > 0.02 * truth_s + 0.02 * FRAME_S)
+            fail_msg("%u frames done, %u open: %.3f s left instead of %.3f", job->frames_done_count, open, left_s,
+                     truth_s);
+        compared++;
+    }
+    assert_true(most_open >= 2 && compared > 100);
+}
+
+/* A frame whose error fell as the square root of its cost. */
+static void history_of(struct history *history, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        double growth = pow(4, i);
+        struct history_point point = {.core_s = 3 * growth, .samples = (uint64_t)(1000 * growth),
+                                      .figures = {.known = 1, .display_error = 16 / sqrt(growth)}};
+
+        point.figures.display_lo = point.figures.display_error * 0.9;
+        point.figures.display_hi = point.figures.display_error * 1.1;
+        assert_int_equal(history_add(history, &point), i);
+    }
+}
+
+/* Every point of a frame's history counts once: the last one twice would narrow the forecasts' intervals. */
+static void the_curve_has_each_point_once(void **state)
+{
+    struct job_frame frame = {0};
+
+    (void)state;
+    for (uint32_t count = 0; count < 5; count++) {
+        struct accuracy_point points[5];
+        struct accuracy_curve curve, expected;
+
+        memset(&frame.history, 0, sizeof frame.history);
+        history_of(&frame.history, count);
+        for (uint32_t i = 0; i < count; i++) {
+            double growth = pow(4, i), error = 16 / sqrt(growth);
+            points[i] = (struct accuracy_point){3 * growth, error, error * 0.9, error * 1.1};
+        }
+        figures_curve(&frame, ALLOCATION_DISPLAY, &curve);
+        accuracy_curve_fit(&expected, points, count);
+        assert_int_equal(curve.points, count);
+        assert_memory_equal(&curve, &expected, sizeof curve);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(time_left_counts_each_frame_once, sim_set_up, sim_tear_down),
+        cmocka_unit_test(the_curve_has_each_point_once),
+    };
+    return cmocka_run_group_tests_name("time left", tests, NULL, NULL);
+}
