@@ -197,6 +197,60 @@ static void a_crash_changes_no_measurement(void **state)
     }
 }
 
+/* How the group's level 0 shows a light, measured here of the whole picture. */
+static void codes_of_level_0(const struct job *job, const float *level_0, const float light[3], float codes[3])
+{
+    struct image image;
+    struct tonemap_state measured;
+    struct tonemap_pixels *pixels;
+    struct error err = {0};
+
+    assert_int_equal(image_init(&image, WIDTH, HEIGHT, 3, &err), STATUS_OK);
+    memcpy(image.pixels, level_0, (size_t)WIDTH * HEIGHT * 3 * sizeof *level_0);
+    assert_int_equal(tonemap_measure(&measured, &image, &job->output.tonemap, NULL, &err), STATUS_OK);
+    assert_int_equal(tonemap_pixels_new(&pixels, &job->output.tonemap, &measured, NULL, &err), STATUS_OK);
+    tonemap_pixels_codes(pixels, light, 1, codes);
+    tonemap_pixels_free(pixels);
+    image_release(&image);
+}
+
+/* Each group's display is measured of all its pixels: none of its tiles can stand for the others. */
+static void every_tile_is_measured(void **state)
+{
+    static float level_0[GROUPS][WIDTH * HEIGHT * 3];
+    static const char *const operators[] = {"reinhard02", "normalize", "drago03"};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof operators / sizeof *operators; k++) {
+        struct sim_worker *worker;
+        struct job *job;
+        struct sim *sim = begin(NULL, operators[k], &worker, &job);
+
+        send_passes(sim, worker, 0, 0);
+        for (uint32_t g = 0; g < GROUPS; g++)
+            film_develop_group(job->frames->film, g, level_0[g]);
+        sim_freeze(sim);
+        for (uint32_t g = 0; g < GROUPS; g++) {
+            const float *p = level_0[g] + 3 * (WIDTH * (HEIGHT - 1)); /* some light of the picture */
+            const float light[3] = {p[0] * 1e-3f, p[1] * 1e-3f, p[2] * 1e-3f};
+            float codes[3], expected[3], others[3];
+
+            codes_of_level_0(job, level_0[g], light, expected);
+            assert_non_null(job->frames->display[g]);
+            tonemap_pixels_codes(job->frames->display[g], light, 1, codes);
+            assert_memory_equal(codes, expected, sizeof codes);
+            /* The first tile alone would give another display. */
+            for (size_t i = 0; i < WIDTH * HEIGHT; i++)
+                if (i % WIDTH >= TILE_SIZE || i / WIDTH >= TILE_SIZE)
+                    memset(level_0[g] + 3 * i, 0, 3 * sizeof(float));
+            codes_of_level_0(job, level_0[g], light, others);
+            assert_true(memcmp(others, expected, sizeof others) != 0);
+        }
+        finish(sim, worker, job);
+        sim_free(sim);
+    }
+}
+
 /* Other output settings change the pictures, not what the statistics are measured in. */
 static void other_settings_come_too_late(void **state)
 {
@@ -317,6 +371,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         FREEZE_TEST(what_comes_early_waits_for_the_measurement),
         FREEZE_TEST(the_measurement_of_an_ended_frame_comes_too_late),
+        FREEZE_TEST(every_tile_is_measured),
         FREEZE_TEST(a_fixed_display_is_known_at_the_start),
         FREEZE_TEST(fewer_passes_are_lent_before_the_measurement),
         FREEZE_TEST(a_crash_changes_no_measurement),
