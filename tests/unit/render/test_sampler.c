@@ -10,7 +10,13 @@
 #include <cmocka.h>
 
 #include "common/math/elementary.h"
+#include "common/scene/settings.h"
+#include "tests/support/scene_builder.h"
 #include "worker/render/base/sampler.h"
+#include "worker/render/bsdf/warp.h"
+#include "worker/render/light/emitters.h"
+#include "worker/render/record.h"
+#include "worker/render/world.h"
 
 enum { NET_LOG2_MAX = 10, NET_MAX = 1 << NET_LOG2_MAX };
 
@@ -263,6 +269,30 @@ static void test_pairs_uncorrelated(void **state)
         }
 }
 
+/* Every decision of a path has a pair of its own, at every depth: the camera's come before the vertices', and
+ * a vertex has as many as it uses. That paths take them so:
+ * test_vertices_take_their_own. */
+static void test_names_are_disjoint(void **state)
+{
+    static const uint32_t camera[] = {DIMENSION_PIXEL, DIMENSION_LENS, DIMENSION_TIME};
+    static const uint32_t vertex[] = {VERTEX_LIGHT_POINT, VERTEX_MEDIUM, VERTEX_BSDF, VERTEX_LOBE};
+    enum { DEPTHS = SETTINGS_DEPTH_MAX + 1, VERTEX_PAIRS = sizeof vertex / sizeof *vertex };
+    static uint8_t taken[DIMENSION_VERTEX + DEPTHS * DIMENSIONS_PER_VERTEX];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof camera / sizeof *camera; i++) {
+        assert_true(camera[i] < DIMENSION_VERTEX && !taken[camera[i]]);
+        taken[camera[i]] = 1;
+    }
+    assert_true((int)VERTEX_PAIRS <= (int)DIMENSIONS_PER_VERTEX);
+    for (uint32_t depth = 0; depth < DEPTHS; depth++)
+        for (size_t i = 0; i < VERTEX_PAIRS; i++) {
+            uint32_t pair = DIMENSION_VERTEX + depth * DIMENSIONS_PER_VERTEX + vertex[i];
+            assert_true(vertex[i] < DIMENSIONS_PER_VERTEX && !taken[pair]);
+            taken[pair] = 1;
+        }
+}
+
 static void test_consistent_out_of_order(void **state)
 {
     enum { N = 64, PAIRS = 20 };
@@ -409,6 +439,79 @@ static void test_isolated(void **state)
     assert_true(fabs(spread - 1) < 4 * sqrt(2.0 / PIXELS));
 }
 
+/* ---- the paths ----------------------------------------------------------------------------------- */
+
+static void assert_close(struct vec3 a, struct vec3 b)
+{
+    assert_true(vec3_length(vec3_sub(a, b)) <= 1e-5f);
+}
+
+/* The vertex of this depth takes its pairs and no others: its direction, the point on the lamp and whether the
+ * path goes on are what these make of them. */
+static void check_numbers(const struct render_scene *scene, const struct sampler *sampler,
+                          const struct record_vertex *v, int ended)
+{
+    uint32_t first = DIMENSION_VERTEX + v->depth * DIMENSIONS_PER_VERTEX;
+    struct sample2 u = sampler_get(sampler, first + VERTEX_BSDF);
+    struct sample2 light = sampler_get(sampler, first + VERTEX_LIGHT_POINT);
+    struct light_context context = {v->p, v->ng, 0};
+    struct basis basis = basis_from_normal(v->ns);
+    struct light_sample sample;
+
+    if (v->light.found) {
+        assert_true(emitters_sample(scene, &context, light.u, light.v, &sample));
+        assert_close(v->light.direction, sample.direction);
+    }
+    if (!v->scattered)
+        return;
+    assert_string_equal(v->lobe, "DIFFUSE");
+    assert_close(v->direction, basis_to_world(&basis, cosine_hemisphere(u.u, u.v)));
+    if (v->survival < 1)
+        assert_int_equal(sampler_get(sampler, first + VERTEX_LOBE).v < v->survival, !ended);
+}
+
+/* Diffuse walls around a lamp: of a path of many vertices, each has random numbers of its own. Shared ones
+ * would correlate its decisions, which makes pictures too dark or too bright. */
+static void test_vertices_take_their_own(void **state)
+{
+    struct render_settings settings = builder_settings(4, 4, 64);
+    static struct sample_record record;
+    uint32_t lights = 0, deepest = 0, ended = 0;
+    struct render_stats stats = {0};
+    struct scene_builder b;
+    struct render_scene *scene;
+
+    (void)state;
+    settings.max_depth = 12;
+    builder_init(&b);
+    builder_lambert(&b, 0.8f);
+    builder_place(&b, builder_sphere(&b, 24, 0), 0, vec3_splat(4), vec3_splat(0));
+    builder_lambert(&b, 0)->emission[0] = 5;
+    builder_place(&b, builder_quad(&b), 1, vec3_splat(0.5f), vec3_make(0, 1, 0));
+    builder_camera(&b, vec3_make(0, -1, 3), vec3_splat(0), 0.7f);
+    scene = builder_build(&b, &settings);
+    for (uint32_t n = 0; n < 16 * 64; n++) {
+        uint32_t x = n % 4, y = n / 4 % 4, number = n / 16;
+        struct sampler sampler;
+        float added[3];
+
+        render_sample(scene, 1, x, y, number, added, &record, &stats);
+        sampler_start(&sampler, settings.seed, 1, x, y, number % GROUPS, number / GROUPS);
+        for (uint32_t i = 0; i < record.count; i++) {
+            const struct record_vertex *v = &record.vertices[i];
+            int last = i + 1 == record.count && record.end == RECORD_END_ROULETTE;
+
+            check_numbers(scene, &sampler, v, last);
+            lights += v->light.found;
+            ended += last;
+            deepest = v->depth > deepest ? v->depth : deepest;
+        }
+    }
+    assert_true(lights > 100 && ended > 100 && deepest >= 10);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -421,6 +524,8 @@ int main(void)
         cmocka_unit_test(test_convergence),
         cmocka_unit_test(test_replicates_uncorrelated),
         cmocka_unit_test(test_pairs_uncorrelated),
+        cmocka_unit_test(test_names_are_disjoint),
+        cmocka_unit_test(test_vertices_take_their_own),
         cmocka_unit_test(test_consistent_out_of_order),
         cmocka_unit_test(test_unit_float),
         cmocka_unit_test(test_hash_uniform),
