@@ -559,6 +559,72 @@ static void test_moving_camera(void **state)
     near_to(shift[1], 50 / (10 * tan(0.5)), 1e-3);
 }
 
+/* The filter of a pixel at the panorama's seam reaches over to the other edge: its rays spread as far to both
+ * sides as those of any other pixel. */
+static void test_panorama_seam(void **state)
+{
+    enum { N = 4096, WIDE = 400, HIGH = 200 };
+    static const uint32_t columns[] = {0, WIDE - 1, WIDE / 2};
+    struct scene_camera description = looking_down_z(CAMERA_PANORAMA);
+    double spread[3][2] = {{0}};
+    struct camera camera;
+
+    (void)state;
+    description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    camera_of(&camera, &description, WIDE, HIGH);
+    for (size_t k = 0; k < 3; k++)
+        for (uint32_t i = 0; i < N; i++) {
+            struct sampler s;
+            struct ray ray;
+            double turn;
+
+            sampler_start(&s, 1, 0, columns[k], HIGH / 2, 0, i);
+            camera_ray(&camera, columns[k], HIGH / 2, &s, &ray);
+            /* Pixels from the middle of this one, to the right. */
+            turn = (atan2((double)ray.direction.x, -(double)ray.direction.z) / (2 * M_PI) + 0.5) * WIDE;
+            turn -= (double)columns[k] + 0.5;
+            turn -= WIDE * rint(turn / WIDE);
+            spread[k][turn > 0] += turn * turn / N;
+        }
+    for (size_t k = 0; k < 3; k++)
+        for (int side = 0; side < 2; side++)
+            near_to((float)spread[k][side], spread[2][side], 0.01 * spread[2][side]);
+}
+
+/* With a lens as without, a ray begins where the camera is at the ray's own moment, and its place on the lens
+ * is as far from there as the lens reaches; and what stands still moves on the picture as the camera travels. */
+static void test_moving_lens(void **state)
+{
+    static const struct transform steps[2] = {{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}},
+                                              {{{1, 0, 0, 8}, {0, 1, 0, 0}, {0, 0, 1, 0}}}};
+    const struct camera_motion motion = {1, 2, steps};
+    struct scene_camera description = looking_down_z(CAMERA_PERSPECTIVE);
+    struct render_settings settings;
+    struct camera camera;
+    float shift[2];
+
+    (void)state;
+    render_settings_default(&settings);
+    settings.width = settings.height = 100;
+    description.lens_radius = 0.25f;
+    description.focus_distance = 3;
+    camera_init(&camera, &description, &settings, &motion);
+    for (uint32_t i = 0; i < 500; i++) {
+        struct sampler s;
+        struct ray ray;
+
+        sampler_start(&s, 1, 0, 20, 20, 0, i);
+        camera_ray(&camera, 20, 20, &s, &ray);
+        assert_true(fabsf(ray.origin.x - 8 * ray.time) < 0.2501f);
+    }
+    /* 8 metres to the left, seen 10 metres away. */
+    assert_true(camera_motion_vector(&camera, vec3_make(0, 0, -10), vec3_make(0, 0, -10), shift));
+    near_to(shift[0], -8 * 50 / (10 * tan(0.5)), 1e-3);
+    near_to(shift[1], 0, 1e-4);
+    assert_true(camera_motion_vector(&camera, vec3_make(0, 0, -10), vec3_make(8, 0, -10), shift));
+    near_to(shift[0], 0, 1e-4); /* it moves with the camera */
+}
+
 /* The beam of a pixel's ray is half a pixel wide wherever it is met. */
 static void test_cone(void **state)
 {
@@ -621,6 +687,8 @@ int main(void)
         cmocka_unit_test(test_panorama),
         cmocka_unit_test(test_project),
         cmocka_unit_test(test_moving_camera),
+        cmocka_unit_test(test_panorama_seam),
+        cmocka_unit_test(test_moving_lens),
         cmocka_unit_test(test_cone),
         cmocka_unit_test(test_sphere),
     };
