@@ -380,6 +380,39 @@ static void test_normals(void **state)
     }
 }
 
+/* A rigid instance turns its vertices' normals, which lean, at each moment of the shutter. */
+static void test_rigid_normals(void **state)
+{
+    static const float base[9] = {-1, -1, 0, 1, -1, 0, 0, 1, 0};
+    static const uint32_t indices[3] = {0, 1, 2};
+    const double lean = 0.3, last = 0.7;
+    const float x = (float)sin(lean), z = (float)cos(lean);
+    const float normals[9] = {x, 0, z, x, 0, z, x, 0, z};
+    struct render_settings settings = open_shutter();
+    struct render_scene *scene;
+    struct scene_builder b;
+    float turns[8];
+
+    (void)state;
+    builder_init(&b);
+    builder_lambert(&b, 0.5f);
+    builder_place(&b, builder_mesh(&b, base, normals, 3, indices, 1, 0), 0, vec3_splat(1), vec3_splat(0))->node =
+        (int32_t)builder_node(&b, -1, 0);
+    turn_y(0, turns);
+    turn_y(last, turns + 4);
+    builder_channel(&b, 0, PATH_ROTATION, 2, no_yes, turns);
+    builder_camera(&b, vec3_make(0, 0, 9), vec3_splat(0), 1);
+    scene = builder_build(&b, &settings);
+    for (int i = 0; i <= 10; i++) {
+        struct vec3 n = normal_at(scene, (float)i / 10);
+        double angle = lean + last * i / 10;
+
+        assert_true(fabs((double)n.x - sin(angle)) < 2e-3 && fabs((double)n.z - cos(angle)) < 2e-3);
+    }
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
 /* All of a frame's floats. */
 static void frame_bits(const struct render_scene *scene, uint32_t frame, float *out)
 {
@@ -648,6 +681,7 @@ int main(void)
         cmocka_unit_test(test_moving_triangle), cmocka_unit_test(test_turning),
         cmocka_unit_test(test_spinning),        cmocka_unit_test(test_morphing),
         cmocka_unit_test(test_skin),            cmocka_unit_test(test_normals),
+        cmocka_unit_test(test_rigid_normals),
         cmocka_unit_test(test_closed_shutter),
         cmocka_unit_test(test_vanishing),       cmocka_unit_test(test_standing_node),
         cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_light_alone),
