@@ -10,6 +10,7 @@
 
 #include "common/accuracy/curve.h"
 #include "common/accuracy/tail.h"
+#include "common/accuracy/target.h"
 #include "common/accuracy/word.h"
 #include "common/scene/effects.h"
 
@@ -139,6 +140,29 @@ static void test_few_points(void **state)
     assert_true(isnan(accuracy_curve_error(&curve, 2).value));
 }
 
+/* A point of each measure; decibels fall as codes grow, so their interval's ends change places. */
+static void test_target_points(void **state)
+{
+    const struct accuracy_figures f = {.known = 1, .display_error = 3, .display_lo = 2, .display_hi = 5,
+                                       .psnr_db = 40, .psnr_lo = 34, .psnr_hi = 46,
+                                       .rmse_percent = 7, .rmse_lo = 6, .rmse_hi = 9};
+    static const double expected[][3] = {
+        [ALLOCATION_DISPLAY] = {3, 2, 5}, [ALLOCATION_PSNR] = {2.55, 1.27802, 5.08791}, [ALLOCATION_RMSE] = {7, 6, 9}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
+        struct accuracy_point p = target_point(&f, 11, (enum allocation_measure)i);
+        struct allocation_target target = {(enum allocation_measure)i, i == ALLOCATION_PSNR ? 40 : 3};
+
+        assert_near(p.cost, 11, 0);
+        assert_near(p.error, expected[i][0], 1e-5);
+        assert_near(p.lo, expected[i][1], 1e-5);
+        assert_near(p.hi, expected[i][2], 1e-5);
+        assert_near(target_error(&target), i == ALLOCATION_PSNR ? 2.55 : 3, 1e-9);
+    }
+    assert_true(target_point(&(struct accuracy_figures){.known = 0}, 11, ALLOCATION_RMSE).error == 0);
+}
+
 /* Excesses ((1 - u)^-k - 1) / k have index k. */
 static void test_tail_index(void **state)
 {
@@ -193,7 +217,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_slope_stays_plausible), cmocka_unit_test(test_one_point_promises_little),
         cmocka_unit_test(test_exact_law), cmocka_unit_test(test_last_points_count_most), cmocka_unit_test(test_intervals_hold),
-        cmocka_unit_test(test_few_points), cmocka_unit_test(test_tail_index),
+        cmocka_unit_test(test_few_points), cmocka_unit_test(test_target_points),
+        cmocka_unit_test(test_tail_index),
         cmocka_unit_test(test_tail_lists), cmocka_unit_test(test_causes),
     };
 

@@ -9,11 +9,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/accuracy/contrasts.h"
 #include "common/accuracy/figures.h"
 #include "common/accuracy/quantile.h"
 #include "common/accuracy/word.h"
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
+#include "tests/support/statistics.h"
 
 enum { SIZE = 64, PIXELS = SIZE * SIZE, VALUES = PIXELS * 3, TILES = 16 };
 
@@ -354,10 +356,38 @@ static void test_quantiles(void **state)
     assert_near(spreads_quantile(&spreads, 0.05), 1.644854 * 300, 0.012);
 }
 
+/* The mean of three contrasts as an estimate of a fourth draw of the same kind, the real error: the variance of
+ * that difference. Contrasts of independent numbers, normal-like and rare; two t-tests at 0.005 each. */
+static void test_contrasts_variance(void **state)
+{
+    enum { N = 200000 };
+
+    (void)state;
+    for (int rare = 0; rare < 2; rare++) {
+        struct test_random random = {17};
+        struct running_stats excess = {0}, square = {0};
+
+        for (int i = 0; i < N; i++) {
+            double x[4], d;
+
+            for (int k = 0; k < 4; k++) {
+                x[k] = rare ? test_random_double(&random) < 0.05 : 0;
+                for (int j = 0; j < 4 && !rare; j++)
+                    x[k] += test_random_double(&random) - 0.5;
+            }
+            d = (x[0] + x[1] + x[2]) / 3 - x[3];
+            running_stats_add(&square, d * d);
+            running_stats_add(&excess, d * d - contrasts_variance(x));
+        }
+        if (mean_test_p_value(&excess, 0) < 0.005)
+            fail_msg("off by %g of %g", excess.mean, square.mean);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_known_noise),     cmocka_unit_test(test_intervals_hold),
+        cmocka_unit_test(test_contrasts_variance), cmocka_unit_test(test_known_noise),     cmocka_unit_test(test_intervals_hold),
         cmocka_unit_test(test_light_level_does_not_count), cmocka_unit_test(test_firefly_counts),
         cmocka_unit_test(test_unmet_light_warns), cmocka_unit_test(test_nothing_and_too_little),
         cmocka_unit_test(test_missing_group),

@@ -31,6 +31,8 @@ static void statistics_follow_the_formula(void **state)
     film_level_measure(&level, sums, 2, 1, 4, &plain);
     assert_int_equal(level.rays, 9);
     assert_true(level.linear == (4 + 1 + 0 + 1.0 / 64 / 64) / 4);
+    /* All channels of both pixels, of the mean of the replicates: their sums over 4 samples. */
+    assert_true(fabs(level.radiance - (8 + 2 + 4 + 4 + 4 + 4 + 6 + 1.0 / 32) / 4) < 1e-9);
     assert_true(level.has_codes);
     /* Pixel 0: |4 - 2| / 2 = 1 code; pixel 1: 1/128, below the first bin. */
     assert_true(level.display == 1 + 1.0f / 128 / 128);
