@@ -59,6 +59,30 @@ static void test_constant_with_white(void **state)
     image_release(&out);
 }
 
+/* The scale of a colour follows from its luminance, globally and locally: red is compressed less than green. */
+static void test_colours_by_luminance(void **state)
+{
+    static const double weights[3] = {0.212656, 0.715158, 0.072186};
+
+    (void)state;
+    for (int local = 0; local < 2; local++)
+        for (int c = 0; c < 3; c++) {
+            struct tonemap_settings s = local ? local_settings() : tonemap_preset("reinhard02");
+            struct image in = picture_grey(9, 9, 0), out;
+            double key = 0.5, expected = key / weights[c] / (1 + key);
+
+            tonemap_preset_set(&s, "white", 1e9);
+            tonemap_preset_set(&s, "key", key);
+            for (size_t i = 0; i < 81; i++)
+                in.pixels[3 * i + (size_t)c] = 2;
+            out = picture_light(&in, &s); /* the log-mean is the luminance: it becomes the key */
+            assert_true(fabs((double)out.pixels[3 * 40 + c] - fmin(expected, 1)) < 1e-4);
+            assert_true(fabs((double)out.pixels[3 * 40 + (c + 1) % 3]) < 1e-6);
+            image_release(&in);
+            image_release(&out);
+        }
+}
+
 /* A bright spot on grey. Threshold 0: every pixel keeps the smallest scale, which is hardly more
  * than the pixel itself. An endless one: every pixel has the largest, under which the spot is
  * spread over a disk. */
@@ -204,6 +228,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_constant_is_global),
+        cmocka_unit_test(test_colours_by_luminance),
         cmocka_unit_test(test_constant_with_white),
         cmocka_unit_test(test_threshold_chooses_scale),
         cmocka_unit_test(test_scale_ends_at_edges),
