@@ -253,6 +253,42 @@ static void no_owner_waits_for_ever(void **state)
     tear_down(&w);
 }
 
+/* Of several owners that have waited too long, the one that has waited longest has the first turn. */
+static void the_longest_wait_ends_first(void **state)
+{
+    struct job *waiting[3], *user, *first = NULL;
+    static const char *const names[] = {"ana", "ben", "cat"};
+    struct world w;
+    int seconds;
+
+    (void)state;
+    set_up(&w);
+    user = submit(&w, "dan", 0);
+    for (int i = 0; i < 3; i++) {
+        waiting[i] = submit(&w, names[i], 0);
+        order_charge(&w.order, waiting[i], 1e9 * (1 + i), w.wall_s);
+    }
+    update(&w);
+    w.wall_s += 5;
+    order_served(waiting[0], now_ns(&w)); /* ben has waited longer than cat, and cat than ana */
+    w.wall_s -= 3;
+    order_served(waiting[2], now_ns(&w));
+    w.wall_s += 3;
+    for (seconds = 0; !first && seconds < 2 * ORDER_LONGEST_WAIT_S; seconds++) {
+        struct job *job;
+
+        /* All of them have waited too long when the next round begins. */
+        w.wall_s += seconds == 0 ? ORDER_LONGEST_WAIT_S + 60 : 1;
+        update(&w);
+        job = w.order.jobs[0];
+        order_served(job, now_ns(&w));
+        if (job != user)
+            first = job;
+    }
+    assert_ptr_equal(first, waiting[1]);
+    tear_down(&w);
+}
+
 /* A job that no worker can render keeps its owner's next one from nothing. */
 static void turns_are_for_jobs_that_can_use_them(void **state)
 {
@@ -442,6 +478,7 @@ int main(void)
         cmocka_unit_test(shares_decay),
         cmocka_unit_test(owners_share_evenly),
         cmocka_unit_test(no_owner_waits_for_ever),
+        cmocka_unit_test(the_longest_wait_ends_first),
         cmocka_unit_test(turns_are_for_jobs_that_can_use_them),
         cmocka_unit_test(a_turn_does_not_pass_a_priority),
         cmocka_unit_test(a_job_that_goes_on_has_not_waited),
