@@ -72,6 +72,37 @@ static void time_left_counts_each_frame_once(void **state)
     assert_true(most_open >= 2 && compared > 100);
 }
 
+/* A frame that goes on after its end has its limits again, from where it goes on: what was spent before does
+ * not count against them. */
+static void limits_count_from_the_extension(void **state)
+{
+    const double limit_s = 2, before_s = 3;
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, SIDE, SIDE, 4 * SPP, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, THREADS);
+    struct job_frame *frame;
+    uint64_t from_ns = 0;
+
+    for (int i = 0; i < 20; i++) {
+        sim_grant(sim, worker, 3 * TILES);
+        if (i == 0)
+            from_ns = sim->now_ns;
+        send_one(sim, worker);
+    }
+    sim_grant(sim, worker, 3 * TILES);
+    frame = job->frames;
+    assert_non_null(frame);
+    frame->clock.from_cpu_ns = (uint64_t)(before_s * 1e9);
+    job->stop.core_limit_ms = (uint64_t)(limit_s * 1e3);
+    assert_true(fabs(figures_whole_s(frame) - (before_s + limit_s)) < 1e-9);
+    job->stop.core_limit_ms = 0;
+    frame->clock.active_ns += (uint64_t)(before_s * 1e9); /* of earlier runs */
+    frame->clock.from_active_ns = (uint64_t)(before_s * 1e9);
+    farm_tick(&sim->farm, sim->now_ns);
+    job->stop.time_limit_ms = (uint64_t)(limit_s * 1e3);
+    assert_true(fabs(figures_seconds_left(job) - (limit_s - (double)(sim->now_ns - from_ns) / 1e9)) < 1e-6);
+}
+
 /* A frame whose error fell as the square root of its cost. */
 static void history_of(struct history *history, uint32_t count)
 {
@@ -113,6 +144,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(time_left_counts_each_frame_once, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(limits_count_from_the_extension, sim_set_up, sim_tear_down),
         cmocka_unit_test(the_curve_has_each_point_once),
     };
     return cmocka_run_group_tests_name("time left", tests, NULL, NULL);
