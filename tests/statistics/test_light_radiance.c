@@ -11,7 +11,7 @@
 #include "common/scene/effects.h"
 #include "tests/support/radiance.h"
 
-enum { COMPARISONS = 120 };
+enum { COMPARISONS = 150 };
 
 static struct render_settings narrow(uint32_t spp, uint32_t depth)
 {
@@ -191,11 +191,78 @@ static void test_caustics(void **state)
     builder_release(&b);
 }
 
+/* A floor under a sky and a point light: light sampling divides its samples between them, and the weight of what
+ * the floor's own directions find of the sky must count the sky's share alone. The sky of a map is sampled by its
+ * brightness, a constant one uniformly. */
+static void test_sky_and_light(void **state)
+{
+    static float map[16 * 8 * 3];
+
+    (void)state;
+    for (int i = 0; i < 16 * 8 * 3; i++)
+        map[i] = i / 48 < 2 ? 3 : 0.5f; /* brighter around the zenith */
+    for (int kind = 0; kind < 3; kind++) {
+        struct render_settings settings = narrow(64, 1);
+        struct scene_builder b;
+        struct scene_light *l = lit_plane(&b, LIGHT_POINT, 0.8f);
+        double expected[3];
+
+        if (kind < 2)
+            builder_environment_constant(&b, vec3_splat(2));
+        else
+            builder_environment_map(&b, map, 16, 8);
+        l = &b.scene.lights[0];
+        if (kind == 1) /* hardly any light: nothing but the shares */
+            l->intensity[0] = l->intensity[1] = l->intensity[2] = 1e-3f;
+        point_light(l, 0.8, 1, expected);
+        if (kind == 2) {
+            /* Against the map without the light, where nothing else takes a share. */
+            struct running_stats sky[3];
+            struct render_settings bare = settings;
+
+            bare.without = EFFECT_PUNCTUAL_LIGHT;
+            bare.spp *= 16;
+            radiance_measure(&b, &bare, sky);
+            for (int c = 0; c < 3; c++)
+                expected[c] += sky[c].mean;
+        } else {
+            for (int c = 0; c < 3; c++)
+                expected[c] += 0.8 * 2;
+        }
+        radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "sky and a light");
+        builder_release(&b);
+    }
+}
+
+/* A coat over a lamp takes the share that it reflects (Schlick, index 1.5): 4 % head on, more from aside. */
+static void test_coated_lamp(void **state)
+{
+    static const double angles[] = {0, 0.8, 1.2};
+
+    (void)state;
+    for (size_t k = 0; k < 6; k++) {
+        struct render_settings settings = narrow(4, 1);
+        double angle = angles[k % 3], coat = k < 3 ? 1 : 0.5, f = 0.04 + 0.96 * pow(1 - cos(angle), 5);
+        struct scene_material *m;
+        struct scene_builder b;
+
+        builder_init(&b);
+        m = builder_lambert(&b, 0);
+        m->clearcoat = (float)coat;
+        m->emission[0] = m->emission[1] = m->emission[2] = 3;
+        builder_place(&b, builder_quad(&b), 0, vec3_make(10, 1, 10), vec3_splat(0));
+        builder_camera(&b, vec3_make((float)(2 * sin(angle)), (float)(2 * cos(angle)), 0.01f), vec3_splat(0), 1e-5f);
+        radiance_expect(&b, &settings, COMPARISONS, 3 * (1 - coat * f), "lamp under a coat");
+        builder_release(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_constant_images), cmocka_unit_test(test_sides),
         cmocka_unit_test(test_smoothstep),      cmocka_unit_test(test_caustics),
+        cmocka_unit_test(test_sky_and_light),   cmocka_unit_test(test_coated_lamp),
     };
     return cmocka_run_group_tests_name("light radiance", tests, NULL, NULL);
 }

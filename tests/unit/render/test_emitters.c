@@ -118,6 +118,25 @@ static void test_falloffs(void **state)
     mem_free(p);
 }
 
+/* KHR_lights_punctual's window: 1 - (distance / range)^4, nothing beyond; range 0 has none. */
+static void test_range(void **state)
+{
+    static const float ranges[] = {0, 1.5f, 2, 2.2f, 3, 10};
+    struct scene_light light = light_of(LIGHT_POINT);
+    struct punctual *p = NULL;
+
+    (void)state;
+    for (size_t k = 0; k < sizeof ranges / sizeof *ranges; k++) {
+        double q = 2 / (double)ranges[k];
+
+        light.range = ranges[k];
+        make(&p, &light, NULL);
+        assert_near((double)shine(p, vec3_make(0.6f, 0, -1)).x, ranges[k] > 0 ? 2.5 * fmax(0, 1 - q * q * q * q) : 2.5,
+                    1e-5);
+    }
+    mem_free(p);
+}
+
 static void test_projection(void **state)
 {
     static const float slide[2 * 2 * 3] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
@@ -462,6 +481,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_falloffs),
+        cmocka_unit_test(test_range),
         cmocka_unit_test(test_projection),
         cmocka_unit_test(test_goniometric),
         cmocka_unit_test(test_rows),
