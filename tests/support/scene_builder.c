@@ -97,6 +97,37 @@ uint32_t builder_mesh(struct scene_builder *b, const float *positions, const flo
     return b->scene.mesh_count++;
 }
 
+uint32_t builder_mesh_mapped(struct scene_builder *b, const struct builder_mapped *from)
+{
+    struct scene_mesh *mesh = &b->scene.meshes[b->scene.mesh_count];
+    struct scene_mesh_layout layout;
+    uint32_t n = from->vertex_count;
+    uint8_t *data;
+
+    mesh->name = "mapped mesh";
+    mesh->vertex_count = n;
+    mesh->triangle_count = from->triangle_count;
+    mesh->arrays = (from->normals ? MESH_NORMALS : 0) | (from->tangents ? MESH_TANGENTS : 0) |
+                   (from->uv0 ? MESH_UV0 : 0) | (from->uv1 ? MESH_UV1 : 0) |
+                   (from->colors ? MESH_COLORS : 0);
+    bound(mesh, from->positions, n);
+    scene_mesh_layout(mesh, &layout);
+    data = need(mem_calloc(1, layout.total_bytes));
+#define PUT(array, bytes) \
+    if (from->array)      \
+        memcpy(data + layout.array, from->array, bytes * (size_t)n)
+    PUT(positions, 12);
+    PUT(normals, 12);
+    PUT(tangents, 16);
+    PUT(uv0, 8);
+    PUT(uv1, 8);
+    PUT(colors, 16);
+#undef PUT
+    memcpy(data + layout.indices, from->indices, 12u * from->triangle_count);
+    mesh->blob = add_blob(b, data, layout.total_bytes);
+    return b->scene.mesh_count++;
+}
+
 uint32_t builder_quads(struct scene_builder *b, const float (*quads)[4][3], uint32_t count)
 {
     static const uint32_t two[6] = {0, 1, 2, 0, 2, 3};

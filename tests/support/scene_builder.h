@@ -32,6 +32,14 @@ uint32_t builder_mesh(struct scene_builder *b, const float *positions, const flo
                       int closed);
 /* Flat quads abcd, each as the triangles abc, acd with vertices of its own. */
 uint32_t builder_quads(struct scene_builder *b, const float (*quads)[4][3], uint32_t count);
+/* A mesh with all that textures need; what is NULL is left out. */
+struct builder_mapped {
+    const float *positions, *normals, *tangents, *uv0, *uv1, *colors; /* [vertices][3, 3, 4, 2, 2, 4] */
+    uint32_t vertex_count;
+    const uint32_t *indices;
+    uint32_t triangle_count;
+};
+uint32_t builder_mesh_mapped(struct scene_builder *b, const struct builder_mapped *mesh);
 /* A mesh that can be deformed: `influences` [vertices] or NULL; `morphs` [morph_count][vertices][3]
  * position offsets. The blob is the mesh's without them but for their arrays (no normals). */
 uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
