@@ -221,6 +221,90 @@ static void test_turning_sun(void **state)
     builder_release(&b);
 }
 
+/* A lamp that travels: a small square that faces down, of half side 2 cm, from -2 to 3. The cosines at both
+ * ends are h / r: the integral of h^2 / (s^2 + h^2)^2 is s / (2 (s^2 + h^2)) + atan(s / h) / (2 h). The lamp's
+ * own size changes that by less than 1e-4. */
+static double from_lamp(double x, double from, double to)
+{
+    const double area = 0.0016, h2 = HEIGHT * HEIGHT;
+    double s = to - x, t = from - x;
+
+    if (from == to)
+        return INTENSITY * area * h2 / ((s * s + h2) * (s * s + h2));
+    return INTENSITY * area / (to - from) *
+           (s / (2 * (s * s + h2)) + atan(s / HEIGHT) / (2 * HEIGHT) - t / (2 * (t * t + h2)) -
+            atan(t / HEIGHT) / (2 * HEIGHT));
+}
+
+static void test_lamp_on_a_line(void **state)
+{
+    static const double xs[] = {-3, -1, 2.5};
+    static const float times[2] = {0, 1},
+                       line[6] = {-2, (float)HEIGHT, 0, 3, (float)HEIGHT, 0};
+
+    (void)state;
+    for (size_t k = 0; k < 3; k++) {
+        struct scene_builder b;
+        struct scene_material *m;
+        struct scene_light *l = moving_light(&b, LIGHT_POINT, xs[k]);
+
+        for (int c = 0; c < 3; c++)
+            l->intensity[c] = 0;
+        m = builder_lambert(&b, 0);
+        m->double_sided = 0;
+        m->emission[0] = m->emission[1] = m->emission[2] = (float)INTENSITY;
+        builder_place(&b, 0, 1, vec3_make(0.02f, -1, 0.02f), vec3_make(0, (float)HEIGHT, 0))->node = 0;
+        builder_channel(&b, 0, PATH_TRANSLATION, 2, times, line);
+        b.scene.nodes[0].scale[0] = b.scene.nodes[0].scale[2] = 0.02f;
+        b.scene.nodes[0].scale[1] = -1;
+        expect(&b, from_lamp(xs[k], -2, 3), from_lamp(xs[k], -2, -2), 2e-3, "lamp on a line");
+        builder_release(&b);
+    }
+}
+
+/* Fog that a light travels through: what it scatters once is the mean over the light's places. */
+static void fog_scene(struct scene_builder *b, double at)
+{
+    static const float times[2] = {0, 1}, line[6] = {-2, (float)HEIGHT, 0, 3, (float)HEIGHT, 0};
+    struct scene_medium *fog;
+
+    moving_light(b, LIGHT_POINT, 4.5); /* seen from above, beside its path */
+    fog = builder_medium(b);
+    for (int c = 0; c < 3; c++)
+        fog->scattering[c] = 0.2f;
+    b->scene.fog = (int32_t)(b->scene.medium_count - 1);
+    if (at < 0)
+        builder_channel(b, 0, PATH_TRANSLATION, 2, times, line);
+    else
+        b->scene.nodes[0].translation[0] = (float)(-2 + 5 * at);
+}
+
+static void test_light_in_fog(void **state)
+{
+    enum { PLACES = 16 };
+    double error, mean, places = 0, variance = 0, opening, z;
+    struct scene_builder b;
+
+    (void)state;
+    for (int i = 0; i < PLACES; i++) {
+        double one;
+
+        fog_scene(&b, (i + 0.5) / PLACES);
+        places += measure(&b, 0, &one) / PLACES;
+        variance += one * one / PLACES / PLACES;
+        builder_release(&b);
+    }
+    fog_scene(&b, -1);
+    mean = measure(&b, 0, &error);
+    opening = measure(&b, EFFECT_MOTION_BLUR, &z);
+    builder_release(&b);
+    z = fabs(mean - places) / sqrt(error * error + variance);
+    if (erfc(z / sqrt(2)) < sidak_alpha(0.01, COMPARISONS))
+        fail_msg("fog: %g +- %g instead of %g +- %g", mean, error, places, sqrt(variance));
+    if (!(fabs(mean - opening) > 10 * error))
+        fail_msg("fog: %g +- %g is as if the light stood as at the opening, %g", mean, error, opening);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -228,6 +312,8 @@ int main(void)
         cmocka_unit_test(test_rising_point),
         cmocka_unit_test(test_sweeping_beams),
         cmocka_unit_test(test_turning_sun),
+        cmocka_unit_test(test_lamp_on_a_line),
+        cmocka_unit_test(test_light_in_fog),
     };
 
     return cmocka_run_group_tests_name("lights that move", tests, NULL, NULL);
