@@ -209,12 +209,37 @@ static void test_furnace(void **state)
     builder_release(&b);
 }
 
+/* Half of the time a black card hides a dispersive slab in a white furnace: the other half shows all
+ * wavelengths, so that grey is seen. */
+static void test_shutter(void **state)
+{
+    static const float times[2] = {0, 1}, path[6] = {-20, 2, 0, 0, 2, 0};
+    struct render_settings settings = builder_settings(8, 8, 256);
+    struct scene_builder b;
+
+    (void)state;
+    settings.max_depth = 64;
+    settings.fps = settings.shutter = 1;
+    builder_init(&b);
+    flint(&b)->dispersion = 5;
+    builder_place(&b, builder_slab(&b), 0, vec3_make(50, 1, 50), vec3_splat(0));
+    builder_lambert(&b, 0);
+    builder_place(&b, builder_quad(&b), 1, vec3_make(10, 1, 10), vec3_splat(0))->node = (int32_t)builder_node(&b, -1, 0);
+    b.scene.nodes[0].scale[0] = b.scene.nodes[0].scale[2] = 10;
+    builder_channel(&b, 0, PATH_TRANSLATION, 2, times, path);
+    builder_environment_constant(&b, vec3_splat(1));
+    builder_camera(&b, vec3_make(0, 4, 0), vec3_splat(0), 1e-4f);
+    radiance_expect(&b, &settings, COMPARISONS, 0.5, "slab hidden half of the time");
+    builder_release(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_prism),
         cmocka_unit_test(test_rough_face),
         cmocka_unit_test(test_furnace),
+        cmocka_unit_test(test_shutter),
     };
     return cmocka_run_group_tests_name("dispersion radiance", tests, NULL, NULL);
 }

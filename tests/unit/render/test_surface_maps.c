@@ -28,18 +28,22 @@ struct wall {
     void (*dress)(struct scene_builder *b, struct scene_material *m);
 };
 
-/* A square in the xy plane whose tangents are +x; uv0 is x and y, uv1 is 1 - y and x, each 0 to 1. */
+static float alpha_seen; /* of the place looked at last */
+
+/* A square in the xy plane whose tangents are +x; uv0 is x and y, uv1 is 1 - y and x, each 0 to 1;
+ * its vertices' alpha is a half at the left, 1 at the right. */
 static uint32_t square(struct scene_builder *b, float handedness)
 {
     static const float positions[12] = {-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0};
     static const float normals[12] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
     static const float uv0[8] = {0, 0, 1, 0, 1, 1, 0, 1}, uv1[8] = {1, 0, 1, 1, 0, 1, 0, 0};
+    static const float colors[16] = {1, 1, 1, 0.5f, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0.5f};
     static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
     const float h = handedness, tangents[16] = {1, 0, 0, h, 1, 0, 0, h, 1, 0, 0, h, 1, 0, 0, h};
 
     return builder_mesh_mapped(b, &(struct builder_mapped){
         .positions = positions, .normals = normals, .tangents = tangents, .uv0 = uv0, .uv1 = uv1,
-        .vertex_count = 4, .indices = indices, .triangle_count = 2});
+        .colors = colors, .vertex_count = 4, .indices = indices, .triangle_count = 2});
 }
 
 static void turn(struct scene_builder *b, double angle, int about)
@@ -77,6 +81,7 @@ static void look(const struct wall *w, float x, float y, float footprint, struct
     surface_from_hit(scene, &ray, &hit, s);
     s->footprint = footprint;
     surface_shade(scene, s, vec3_neg(ray.direction), params);
+    alpha_seen = world_alpha(s->material, s->mesh, s->vertex, s->b1, s->b2);
     /* What outlives the scene is the basis and the parameters. */
     render_scene_free(scene);
     builder_release(&b);
@@ -170,6 +175,56 @@ static void a_brushing_is_the_same_on_both_sides(void **state)
     }
 }
 
+static void coat(struct scene_builder *b, struct scene_material *m)
+{
+    static const float plain[3] = {0.5f, 0.5f, 1}, other[3] = {0.4f, 0.55f, 0.9f};
+
+    put_slot(&m->clearcoat_normal_texture, builder_texture(b, texel, 1, 1));
+    m->clearcoat = m->clearcoat_normal_scale = 1;
+    put_slot(&m->normal_texture, builder_texture(b, map_scale > 0 ? other : plain, 1, 1));
+    m->normal_scale = 1;
+}
+
+/* A coat has its own map, whatever that of its base. */
+static void a_coat_has_its_own_map(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        struct wall w = {.handedness = 1, .dress = coat};
+        struct bsdf_params params;
+        struct surface s;
+
+        map_scale = (float)k;
+        look(&w, 0.2f, 0.1f, 0, &s, &params);
+        assert_direction(basis_to_world(&s.basis, params.clearcoat_normal), tilt[0], tilt[1], tilt[2], 1e-5);
+        if (k == 1)
+            assert_direction(s.basis.n, -0.2, 0.1, 0.8, 1e-5);
+    }
+}
+
+static void veil(struct scene_builder *b, struct scene_material *m)
+{
+    (void)b;
+    m->alpha_mode = ALPHA_MASK;
+    m->alpha_cutoff = 0; /* rays meet all of it */
+    m->base_color[3] = 0.8f;
+}
+
+/* Alpha is the material's times the vertices', interpolated. */
+static void alpha_is_the_vertices_too(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 9; i++) {
+        const struct wall w = {.handedness = 1, .dress = veil};
+        float x = -0.8f + 0.2f * (float)i;
+        struct bsdf_params params;
+        struct surface s;
+
+        look(&w, x, 0.1f, 0, &s, &params);
+        assert_true(fabsf(alpha_seen - 0.8f * (0.75f + 0.25f * x)) < 1e-5f);
+    }
+}
+
 /* ---- texture coordinates -------------------------------------------------------------------------- */
 
 static struct scene_texture_slot slot;
@@ -258,6 +313,8 @@ int main(void)
         cmocka_unit_test(a_normal_map_lies_as_the_tangents_say),
         cmocka_unit_test(a_normal_map_turns_with_its_instance),
         cmocka_unit_test(a_brushing_is_the_same_on_both_sides),
+        cmocka_unit_test(a_coat_has_its_own_map),
+        cmocka_unit_test(alpha_is_the_vertices_too),
         cmocka_unit_test(texture_coordinates_are_the_slots),
         cmocka_unit_test(a_beam_widens_with_the_transform),
     };
