@@ -119,7 +119,8 @@ int film_complete(const struct film *film);
 /* Every tile has at least one pass: a preview covers the frame. */
 int film_covered(const struct film *film);
 
-/* Work and faults of all that is folded, independent of the order of arrival. */
+/* Work and faults of all that is folded, independent of the order of arrival. Its `depth` is weighted so that each
+ * pixel counts alike. */
 struct unit_work film_work(const struct film *film);
 uint64_t film_rays(const struct film *film);
 uint64_t film_tile_rays(const struct film *film, uint32_t tile, uint32_t group);

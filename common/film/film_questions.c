@@ -203,12 +203,53 @@ int film_covered(const struct film *film)
     return film->tiles_started == film->tiles_total;
 }
 
+/* A group's sums for a mean sample of the tile's. 0: it has none. */
+static int group_depth_light(const struct film_group *g, struct depth_light *mean)
+{
+    const struct film_sums *both[2] = {g->whole, g->cut};
+    struct depth_light sum = {{0}};
+    uint64_t samples = 0;
+
+    for (int k = 0; k < 2; k++)
+        if (both[k]) {
+            depth_light_add(&sum, &both[k]->work.depth);
+            samples += both[k]->work.samples;
+        }
+    if (samples > 0)
+        depth_light_add_weighted(mean, &sum, 1 / (double)samples);
+    return samples > 0;
+}
+
+/* As if each pixel had the mean number of samples, half of them in each group, so that it is about the picture
+ * and not about where the samples are. In a fixed order, as sums of doubles depend on theirs. */
+static struct depth_light film_depth_light(const struct film *film)
+{
+    struct depth_light all = {{0}}, scaled = {{0}};
+    uint64_t pixels = 0;
+
+    for (uint32_t t = 0; t < film->tiles_total; t++) {
+        const uint32_t here = film_tile_pixels(film, t);
+        struct depth_light mean = {{0}};
+        int groups = 0;
+        for (uint32_t i = 0; i < GROUPS; i++)
+            groups += group_depth_light(&film->tiles[t].groups[i], &mean);
+        if (groups == 0)
+            continue;
+        depth_light_add_weighted(&all, &mean, (double)here / groups);
+        pixels += here;
+    }
+    if (pixels > 0)
+        depth_light_add_weighted(&scaled, &all, (double)film->work.samples / (double)pixels);
+    return scaled;
+}
+
 struct unit_work film_work(const struct film *film)
 {
     struct unit_work work = film->work;
     const int ill = health_is_ill(&work.health);
 
     memset(work.health.first, 0, sizeof work.health.first);
+    work.depth = film_depth_light(film);
     if (work.clamped_samples == 0 && !(work.kept_luminance > 0) && !ill)
         return work;
     /* film->work is in the order of arrival, and sums of doubles depend on theirs; its examples may be

@@ -2,7 +2,7 @@
  *   magic, length in bytes, frame width, height, AOVs, tile (32 bits each)
  *   for each group: whole passes, samples of the short pass's end (0: none), levels, 0 (32 bits each)
  *     sums of the whole passes, if there are any; of the short one, if there is one:
- *       the work (64 bits each: counts, two doubles, the health's counts and examples), tail count, 0,
+ *       the work (64 bits each: counts, doubles, the health's counts and examples), tail count, 0,
  *       tail, values (doubles)
  *     levels, log of the passes
  *   64-bit check of all before
@@ -16,10 +16,10 @@
 #include "common/film/film_parts.h"
 
 enum {
-    STATE_MAGIC = 0x345a5441, /* "ATZ4": 3 knew two of the health's counters, and no examples */
+    STATE_MAGIC = 0x355a5441, /* "ATZ5": 4 knew nothing of light that ends by depth */
     STATE_HEADER_BYTES = 6 * 4,
     GROUP_HEADER_BYTES = 4 * 4,
-    WORK_BYTES = (5 + 2 + 2 * HEALTH_KINDS) * 8,
+    WORK_BYTES = (5 + 2 + DEPTH_SUMS + 2 * HEALTH_KINDS) * 8,
     TAIL_BYTES = 8 + TAIL_MAX * 8,
     LEVEL_BYTES = 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2 + LEVEL_SPREADS * 2,
     LOG_BYTES = 16,
@@ -150,6 +150,8 @@ static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbe
         at = put64(at, work[i]);
     at = put_double(at, w->clamped_luminance);
     at = put_double(at, w->kept_luminance);
+    for (int i = 0; i < DEPTH_SUMS; i++)
+        at = put_double(at, w->depth.sum[i]);
     for (int k = 0; k < HEALTH_KINDS; k++) {
         at = put64(at, w->health.count[k]);
         at = put64(at, w->health.first[k]);
@@ -281,6 +283,8 @@ static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
         *work[i] = get64(at);
     sums->work.clamped_luminance = get_double(at);
     sums->work.kept_luminance = get_double(at);
+    for (int i = 0; i < DEPTH_SUMS; i++)
+        sums->work.depth.sum[i] = get_double(at);
     for (int k = 0; k < HEALTH_KINDS; k++) {
         sums->work.health.count[k] = get64(at);
         sums->work.health.first[k] = get64(at);

@@ -13,6 +13,7 @@ void unit_work_add(struct unit_work *sum, const struct unit_work *more)
     sum->clamped_samples += more->clamped_samples;
     sum->clamped_luminance += more->clamped_luminance;
     sum->kept_luminance += more->kept_luminance;
+    depth_light_add(&sum->depth, &more->depth);
 }
 
 void unit_work_subtract(struct unit_work *sum, const struct unit_work *less)
@@ -25,6 +26,7 @@ void unit_work_subtract(struct unit_work *sum, const struct unit_work *less)
     sum->clamped_samples -= less->clamped_samples;
     sum->clamped_luminance -= less->clamped_luminance;
     sum->kept_luminance -= less->kept_luminance;
+    depth_light_subtract(&sum->depth, &less->depth);
 }
 
 double unit_work_clamped_share(const struct unit_work *work)
@@ -123,6 +125,8 @@ uint64_t unit_hash(const struct unit_result *unit)
     }
     hash = hash_words(hash, w->health.count, HEALTH_KINDS);
     hash = hash_words(hash, w->health.first, HEALTH_KINDS);
+    for (int i = 0; i < DEPTH_SUMS; i++)
+        hash = hash_mix(hash, double_bits(w->depth.sum[i]));
     return hash_words(hash, counts, sizeof counts / sizeof *counts);
 }
 

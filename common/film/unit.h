@@ -9,6 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/film/depth_light.h"
 #include "common/film/health.h"
 #include "common/film/tiles.h"
 
@@ -21,6 +22,7 @@ struct unit_work {
      * lost and of what was kept. 0 where nothing is clamped. */
     uint64_t clamped_samples;
     double clamped_luminance, kept_luminance;
+    struct depth_light depth;
 };
 
 void unit_work_add(struct unit_work *sum, const struct unit_work *more);

@@ -104,6 +104,7 @@ static void *run(void *user)
     b->stats.clamped_samples += stats.clamped_samples;
     b->stats.clamped_luminance += stats.clamped_luminance;
     b->stats.kept_luminance += stats.kept_luminance;
+    depth_light_add(&b->stats.depth, &stats.depth);
     b->stats.trace_ns += stats.trace_ns;
     pthread_mutex_unlock(&b->lock);
     return NULL;
@@ -191,6 +192,7 @@ int main(int argc, char **argv)
     struct bench b = {.lock = PTHREAD_MUTEX_INITIALIZER};
     pthread_t ids[256];
     struct accuracy_figures figures;
+    struct depth_report ended;
     struct rusage usage;
     uint64_t start;
     double wall, cpu;
@@ -257,16 +259,17 @@ int main(int argc, char **argv)
     wall = (double)(clock_monotonic_ns() - start) * 1e-9;
     cpu = (double)b.cpu_ns * 1e-9;
     estimate(b.film, &figures);
+    ended = depth_light_report(&b.stats.depth, b.stats.samples, b.settings.max_depth);
     getrusage(RUSAGE_SELF, &usage);
     printf(json ? "{\"kernel\": \"%s\", \"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
                   "\"trace_share\": %.3f, \"cpu_s\": %.3f, \"wall_s\": %.3f, \"build_s\": %.3f, "
                   "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"squared_error\": %.4g, \"display_error\": %.4g, \"dropped\": %llu, "
-                  "\"leaked_rays\": %llu, \"clamped_samples\": %llu, \"clamped_share\": %.4g}\n"
+                  "\"leaked_rays\": %llu, \"clamped_samples\": %llu, \"clamped_share\": %.4g, \"depth_share\": %.4g}\n"
                 : "kernel %s\n"
                   "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
                   "CPU %.2f s  wall %.2f s  build %.3f s  peak %.1f MiB (mesh+textures+BVH %.1f MiB)\n"
                   "squared error over squared mean %.4g  display error %.4g/255  dropped samples %llu  leaked rays %llu\n"
-                  "clamped samples %llu, %.4g of the light\n",
+                  "clamped samples %llu, %.4g of the light\nended by depth %.4g of the light\n",
            render_kernel_variant(scene), (double)b.stats.samples / cpu,
            (double)b.stats.rays / cpu,
            (double)b.stats.rays / (double)b.stats.samples,
@@ -276,7 +279,8 @@ int main(int argc, char **argv)
            figures.rmse_percent * figures.rmse_percent / 1e4, figures.display_error, (unsigned long long)b.stats.dropped_samples,
            (unsigned long long)b.stats.leaked_rays, (unsigned long long)b.stats.clamped_samples,
            b.stats.clamped_samples ? b.stats.clamped_luminance /
-                                         (b.stats.clamped_luminance + b.stats.kept_luminance) : 0);
+                                         (b.stats.clamped_luminance + b.stats.kept_luminance) : 0,
+           ended.share);
     for (int k = 0; k < HEALTH_KINDS && !json; k++) {
         char text[HEALTH_TEXT_SIZE];
         if (b.stats.health.count[k])

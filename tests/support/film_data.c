@@ -44,6 +44,8 @@ struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32
     unit.work.clamped_samples = tile;
     unit.work.clamped_luminance = 1e-3 * (tile + 0.1 * pass); /* sums that depend on their order */
     unit.work.kept_luminance = 1e3 / (1 + tile + pass);
+    for (uint32_t i = 0; i < DEPTH_SUMS; i++)
+        unit.work.depth.sum[i] = 1e2 / (1 + i + tile + 0.1 * pass + 0.01 * group);
     for (uint32_t i = 0; i < 10; i++)
         tail_add(&unit.tail, 1 + (float)((tile * 7 + group * 5 + pass * 3 + i * 11) % 13),
                  i % pixels);

@@ -35,6 +35,7 @@ struct render_stats {
      * they lost and of what was kept. All 0 where nothing is clamped. */
     uint64_t clamped_samples;
     double clamped_luminance, kept_luminance;
+    struct depth_light depth;
     uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */
 };
 
@@ -45,7 +46,7 @@ static inline struct unit_work render_stats_work(const struct render_stats *stat
                               .vertices = stats->vertices, .leaked_rays = stats->leaked_rays,
                               .health = stats->health, .clamped_samples = stats->clamped_samples,
                               .clamped_luminance = stats->clamped_luminance,
-                              .kept_luminance = stats->kept_luminance};
+                              .kept_luminance = stats->kept_luminance, .depth = stats->depth};
 }
 
 struct render_scene_info {

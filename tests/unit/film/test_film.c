@@ -175,6 +175,12 @@ static void change_example(struct unit_result *unit, float *sums)
     unit->work.health.first[HEALTH_BAD_BASES]++; /* a later sample's */
 }
 
+static void change_depth(struct unit_result *unit, float *sums)
+{
+    (void)sums;
+    unit->work.depth.sum[DEPTH_ENDED] = nextafter(unit->work.depth.sum[DEPTH_ENDED], 0);
+}
+
 static void change_tail(struct unit_result *unit, float *sums)
 {
     (void)sums;
@@ -190,7 +196,7 @@ static void change_tail_length(struct unit_result *unit, float *sums)
 static void conflicts_are_told_and_change_nothing(void **state)
 {
     void (*const changes[])(struct unit_result *, float *) = {
-        change_sum, change_rays, change_health, change_example, change_tail, change_tail_length};
+        change_sum, change_rays, change_health, change_example, change_depth, change_tail, change_tail_length};
     struct film *film = film_data_new(16, 16, 56, 0), *same = film_data_new(16, 16, 56, 0);
 
     (void)state;

@@ -107,6 +107,7 @@ static void nothing_goes_wrong_by_itself(void **state)
     (void)state;
     switch_on(0);
     render_soundly(&stats, "nothing");
+    assert_true(depth_light_is_valid(&stats.depth) && depth_light_is_known(&stats.depth));
     assert_false(health_is_ill(&stats.health));
     for (int k = 0; k < HEALTH_KINDS; k++)
         assert_int_equal(stats.health.first[k], 0);
@@ -124,6 +125,7 @@ static void each_fault_moves_its_counter(void **state)
         switch_on(fault);
         hits = struck(&first);
         render_soundly(&stats, health_rows[kind].name);
+        assert_true(depth_light_is_valid(&stats.depth)); /* whatever a sample carries */
         if (kind == HEALTH_BAD_DENSITIES)
             figure_within("samples dropped where a light has the density 0", (double)stats.dropped_samples, 0, 0,
                           "exact");

@@ -18,7 +18,8 @@ static void path_start(struct path *path, const struct render_scene *scene,
     path->stats = stats;
     path->query = (struct path_query){sampler, 0};
     path->throughput = vec3_splat(1);
-    path->depth = 0;
+    path->depth = path->marks = 0;
+    path->mark = scene->settings.max_depth / 4;
     path->ray = *ray;
     path->context = (struct light_context){{0, 0, 0}, {0, 0, 0}, ray->time};
     path->pdf = 0;
@@ -37,6 +38,30 @@ static void path_start(struct path *path, const struct render_scene *scene,
     path->at_next = 0;
     if (FAULT(ENDLESS_PATH))
         path->depth = SETTINGS_DEPTH_MAX;
+}
+
+PATH_FUNCTION __attribute__((noinline)) void path_mark(struct path *path, struct vec3 radiance)
+{
+    const uint32_t max = path->scene->settings.max_depth;
+    const uint32_t marks[] = {max / 4, max / 2, max, UINT32_MAX}; /* of DEPTH_QUARTER, _HALF, _ENDED */
+    const real carried = vec3_luminance(path->throughput) * path->eta_scale; /* as if it were outside of glass */
+
+    for (; path->depth >= marks[path->marks]; path->marks++) {
+        if (carried >= 0 && carried < INFINITY)
+            path->stats->depth.sum[DEPTH_QUARTER + path->marks] += (double)carried;
+        if (DEPTH_QUARTER + path->marks == DEPTH_HALF)
+            path->at_half = vec3_luminance(radiance);
+    }
+    path->mark = marks[path->marks];
+}
+
+/* What the path has brought since the mark of half the depth. */
+static void path_count_gathered(struct path *path, struct vec3 radiance)
+{
+    const real more = vec3_luminance(radiance) - path->at_half;
+
+    if (DEPTH_QUARTER + path->marks > DEPTH_HALF && more > 0 && more < INFINITY)
+        path->stats->depth.sum[DEPTH_GATHERED] += (double)more;
 }
 
 /* What a path carries stays bad once it is, so it is looked at once, where the path ends. */
@@ -287,6 +312,8 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         if (v.s.material->flags & (MATERIAL_TEXTURED | MATERIAL_NORMAL_MAP))
             v.s.footprint = (path.cone.width + v.s.t * path.cone.spread) / real_sqrt(v.s.area);
         path_add(&path, path_emitted(&path, &v.s), &radiance);
+        if (path.depth >= path.mark && !path_is_unlit(&path, &v.s))
+            path_mark(&path, radiance);
         ends = path.depth >= scene->settings.max_depth || path_is_unlit(&path, &v.s);
         if (path_is_unlit(&path, &v.s))
             RECORD_END(UNLIT);
@@ -310,5 +337,6 @@ struct vec3 path_radiance(const struct render_scene *scene, const struct sampler
         path_next_ray(&path, &v, sample.wi);
     }
     path_examine(&path);
+    path_count_gathered(&path, radiance);
     return radiance;
 }

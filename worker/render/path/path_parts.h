@@ -71,6 +71,8 @@ struct path {
     struct path_query query;
     struct vec3 throughput;
     uint32_t depth;             /* scattering vertices before this one */
+    uint32_t mark, marks;       /* depth of the next mark, and how many are passed (path_mark) */
+    real at_half;               /* luminance of the radiance at the mark of half the depth */
     struct ray ray;
     struct light_context context; /* light sampling context of the vertex that the ray left */
     real pdf;                  /* density of the ray's direction at that vertex, per sr */
@@ -127,6 +129,9 @@ PATH_FUNCTION int russian_roulette(struct path *path, real u);
 /* Widen the beam over which textures are averaged, behind a vertex `t` metres along the ray. A
  * direction sampled with path->pdf covers a solid angle of about 1 / pdf. */
 PATH_FUNCTION void path_widen(struct path *path, real t);
+/* The vertex has the depth of a mark: for the light that --max-depth takes (common/film/depth_light.h). `radiance`:
+ * what the path has brought up to here. Call it if path->depth >= path->mark. */
+PATH_FUNCTION void path_mark(struct path *path, struct vec3 radiance);
 
 /* ---- path_trace.c ---------------------------------------------------------------------------- */
 

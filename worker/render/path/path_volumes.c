@@ -90,6 +90,8 @@ static int scatter_in_medium(struct path *path, const struct world_medium *mediu
 
     path->stats->vertices++;
     RECORD(record_in_medium(path, distance));
+    if (path->depth >= path->mark)
+        path_mark(path, *radiance);
     if (path->depth >= path->scene->settings.max_depth) {
         RECORD_END(MEDIUM_DEPTH);
         return 0;

@@ -88,8 +88,8 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
         health_note(HEALTH_DROPPED_AOVS);
 }
 
-/* For the share of the light that clamping took: the light of one wavelength is outside Rec. 709, and its
- * luminance there may be less than none. */
+/* For the shares of the light that clamping and --max-depth took: the light of one wavelength is outside
+ * Rec. 709, and its luminance there may be less than none. */
 static double tile_luminance(double r, double g, double b)
 {
     return fmax(0.212656 * r + 0.715158 * g + 0.072186 * b, 0);
@@ -107,12 +107,16 @@ static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radi
     return vec3_make((real)(r * scale), (real)(g * scale), (real)(b * scale));
 }
 
-/* Not inlined: it would change the code of the pixel loop even where nothing is clamped. */
-static __attribute__((cold, noinline)) void tile_count_kept(double sum[GROUP_REPLICATES][3],
-                                                            struct render_stats *stats)
+/* What the pixel's samples added. Not inlined: it would change the code of the pixel loop. */
+static __attribute__((noinline)) void tile_count_seen(double sum[GROUP_REPLICATES][3], real limit,
+                                                      struct render_stats *stats)
 {
-    for (int r = 0; r < GROUP_REPLICATES; r++)
-        stats->kept_luminance += tile_luminance(sum[r][0], sum[r][1], sum[r][2]);
+    for (int r = 0; r < GROUP_REPLICATES; r++) {
+        const double seen = tile_luminance(sum[r][0], sum[r][1], sum[r][2]);
+        stats->depth.sum[DEPTH_SEEN] += seen;
+        if (limit > 0)
+            stats->kept_luminance += seen;
+    }
 }
 
 static float32 tile_float(double sum)
@@ -248,8 +252,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                 for (int c = 0; c < 3; c++)
                     sums[((size_t)r * pixels + index) * 3 + (size_t)c] =
                         tile_float(sum[r][c]);
-            if (limit > 0)
-                tile_count_kept(sum, stats);
+            tile_count_seen(sum, limit, stats);
             for (uint32_t aov = 0, at = 0; aov < AOV_COUNT; aov++) {
                 uint32_t channels = aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
                 for (uint32_t c = 0; c < channels; c++)
