@@ -41,7 +41,7 @@
 #include "protocol/key.h"
 
 enum {
-    PROTOCOL_VERSION = 4,
+    PROTOCOL_VERSION = 5,
     PROTOCOL_PORT_DEFAULT = 7420,
     CHANNEL_FRAME_MAX = 4 << 20,      /* bytes of one Envelope; more ends the connection */
     CHANNEL_QUEUE_HIGH = 8 << 20,

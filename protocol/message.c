@@ -437,6 +437,9 @@ Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work
     out->message.clamped_samples = in->clamped_samples;
     out->message.clamped_luminance = in->clamped_luminance;
     out->message.kept_luminance = in->kept_luminance;
+    memcpy(out->depth, in->depth.sum, sizeof out->depth);
+    out->message.depth = out->depth;
+    out->message.n_depth = depth_light_is_known(&in->depth) ? DEPTH_SUMS : 0;
     health_set(out, &in->health);
     return &out->message;
 }
@@ -474,6 +477,11 @@ status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in, struc
     out->clamped_samples = in->clamped_samples;
     out->clamped_luminance = in->clamped_luminance;
     out->kept_luminance = in->kept_luminance;
+    if (in->n_depth != 0 && in->n_depth != DEPTH_SUMS)
+        return error_set(err, STATUS_ERR_PROTOCOL, "%zu sums of light by depth instead of %d", in->n_depth,
+                         DEPTH_SUMS);
+    for (size_t i = 0; i < in->n_depth; i++)
+        out->depth.sum[i] = in->depth[i];
     return health_get(&out->health, in, err);
 }
 

@@ -101,6 +101,7 @@ status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct err
 struct wire_work {
     Azulejo__Wire__Work message;
     Azulejo__Wire__Health health[HEALTH_KINDS];
+    double depth[DEPTH_SUMS];
     Azulejo__Wire__Health *pointers[HEALTH_KINDS];
 };
 /* Fills *out, which must then stay where it is; returns its message. */

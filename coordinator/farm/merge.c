@@ -97,6 +97,10 @@ static status check_work(const struct job_frame *frame, const struct tile_result
                          "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
                          result->unit.tile, result->unit.group, result->unit.pass,
                          w->clamped_luminance, w->kept_luminance);
+    if (!depth_light_is_valid(&w->depth))
+        return error_set(err, STATUS_ERR_PROTOCOL,
+                         "tile %u, group %u, pass %u: a sum of light by depth is negative or not finite",
+                         result->unit.tile, result->unit.group, result->unit.pass);
     for (int k = 0; k < HEALTH_KINDS; k++)
         if (!health_fits(frame, result, samples, (enum health_kind)k))
             return error_set(err, STATUS_ERR_PROTOCOL,

@@ -24,7 +24,7 @@ struct film_file {
 };
 
 /* Version 2: the film may hold AOVs. Version 3: it has two groups of samples, and is of no cap. */
-static const char header_magic[8] = "AZFILM4\n";
+static const char header_magic[8] = "AZFILM5\n";
 enum {
     HEADER_VERSION_AT = 6, SLOT_HEADER = 16,
     NOTES_AT = 1024, NOTE_HEADER = 16, NOTE_SIZE = NOTE_HEADER + FILM_NOTE_MAX,

@@ -14,7 +14,7 @@
 #include "coordinator/store/store_web.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 8, BUSY_MS = 5000 };
+enum { STORE_VERSION = 9, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -76,17 +76,9 @@ static const char schema_4[] =
     " psnr_lo REAL, psnr_hi REAL, rmse REAL, rmse_lo REAL, rmse_hi REAL, mean REAL,"
     " top_share REAL, disagreement REAL, unseen REAL, tail REAL, lone REAL, dark REAL,"
     " PRIMARY KEY (job, frame, place)) WITHOUT ROWID;";
-/* Version 4: workers that delivered results (store_deliverers.c). Since then samples are
- * distributed differently, so an unfinished frame's film is useless (film_file_open renames it): a
- * job without a finished frame counts as not begun, and workers of any release may begin it. The
- * numbers are those of enum job_state: not DONE, FAILED or CANCELLED. */
-static const char convert_4[] =
-    "UPDATE jobs SET kernel='', active_ns=0, conflicts=0, samples=0, rays=0, vertices=0, dropped=0,"
-    " cpu_ns=0, trace_ns=0"
-    " WHERE state NOT IN (2, 3, 4) AND NOT EXISTS (SELECT 1 FROM frames WHERE job=jobs.id);";
 
 /* Version 5: each frame's health, rows of (kind, count, first example), 64 bits each, little-endian; NULL:
- * only `dropped` and `clamped_values` are known. Films have another format, as at version 4. */
+ * only `dropped` and `clamped_values` are known. */
 static const char schema_5[] = "ALTER TABLE frames ADD COLUMN health BLOB;";
 
 /* Version 6: what people do to jobs. The priority may differ from the request's (NULL: as there). */
@@ -143,8 +135,21 @@ static const char schema_8[] =
     " body TEXT NOT NULL);";
 _Static_assert(TOKEN_FIRST == 2, "as in schema_8");
 
+/* Version 9: each frame's sums of light by depth, doubles of 64 bits, little-endian; NULL: not known. */
+static const char schema_9[] = "ALTER TABLE frames ADD COLUMN depth BLOB;";
+
+/* Films have another format since version 9 (and since 4 and 5), so an unfinished frame's film is useless
+ * (film_file_open renames it): a job without a finished frame counts as not begun, and workers of any release
+ * may begin it. The numbers are those of enum job_state: not DONE, FAILED or CANCELLED. */
+#define NOT_BEGUN " state NOT IN (2, 3, 4) AND NOT EXISTS (SELECT 1 FROM frames WHERE job=jobs.id)"
+static const char convert_9[] =
+    "DELETE FROM clocks WHERE job IN (SELECT id FROM jobs WHERE" NOT_BEGUN ");"
+    "DELETE FROM history WHERE job IN (SELECT id FROM jobs WHERE" NOT_BEGUN ");"
+    "UPDATE jobs SET kernel='', active_ns=0, conflicts=0, samples=0, rays=0, vertices=0, dropped=0,"
+    " cpu_ns=0, trace_ns=0 WHERE" NOT_BEGUN ";";
+
 _Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
-               "as in convert_4");
+               "as in NOT_BEGUN");
 
 status sql_failed(struct store *store, sqlite3 *db, const char *what, struct error *err)
 {
@@ -356,14 +361,16 @@ static status open_to_write(struct store *store, const char *path, struct error 
         s = add_workers_and_needs(store, err);
     if (s == STATUS_OK && version < 8)
         s = sql_exec(store, schema_8, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version > 0 && version < 5)
-        s = sql_exec(store, convert_4, "cannot be brought up to date", err);
+    if (s == STATUS_OK && version < 9)
+        s = sql_exec(store, schema_9, "cannot be brought up to date", err);
+    if (s == STATUS_OK && version > 0 && version < 9)
+        s = sql_exec(store, convert_9, "cannot be brought up to date", err);
     if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=8; COMMIT", "cannot be set up", err);
+        s = sql_exec(store, "PRAGMA user_version=9; COMMIT", "cannot be set up", err);
     if (s == STATUS_OK && version > 0)
         log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s",
                  store->folder, version, STORE_VERSION,
-                 version < 5 ? ", unfinished frames are rendered from their beginning" : "");
+                 version < 9 ? ", unfinished frames are rendered from their beginning" : "");
     return s;
 }
 

@@ -113,6 +113,36 @@ static void read_health(sqlite3_stmt *row, int at, struct health *out)
     }
 }
 
+enum { DEPTH_BYTES = DEPTH_SUMS * 8 };
+
+/* Nothing where nothing is known. */
+static struct buffer write_depth(const struct depth_light *light, uint8_t *bytes)
+{
+    struct buffer out = {.data = bytes};
+
+    for (int i = 0; i < DEPTH_SUMS && depth_light_is_known(light); i++) {
+        uint64_t bits;
+        memcpy(&bits, &light->sum[i], sizeof bits);
+        bytes_put64(bytes + out.size, bits);
+        out.size += sizeof bits;
+    }
+    return out;
+}
+
+static void read_depth(sqlite3_stmt *row, int at, struct depth_light *out)
+{
+    const uint8_t *data = sqlite3_column_blob(row, at);
+
+    if (!data || sqlite3_column_bytes(row, at) != DEPTH_BYTES)
+        return;
+    for (int i = 0; i < DEPTH_SUMS; i++) {
+        uint64_t bits = bytes_get64(data + i * 8);
+        memcpy(&out->sum[i], &bits, sizeof bits);
+    }
+    if (!depth_light_is_valid(out))
+        memset(out, 0, sizeof *out);
+}
+
 static struct unit_work read_work(sqlite3_stmt *row, int at)
 {
     struct unit_work work = {.samples = column_number(row, at),
@@ -126,6 +156,7 @@ static struct unit_work read_work(sqlite3_stmt *row, int at)
     work.dropped_samples = column_number(row, at + 3);
     work.clamped_values = column_number(row, at + 5);
     read_health(row, at + 9, &work.health);
+    read_depth(row, at + 10, &work.depth);
     return work;
 }
 
@@ -136,7 +167,7 @@ static status load_frames(struct store *store, sqlite3 *db, struct job *job, str
     int code;
     status s = sql_ask(store, db,
                        "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
-                       "clamped_values, clamped, clamped_luminance, kept_luminance, health "
+                       "clamped_values, clamped, clamped_luminance, kept_luminance, health, depth "
                        "FROM frames WHERE job=? ORDER BY frame",
                        SQL_VALUES(sql_number(job->id)), &statement, err);
 
@@ -320,8 +351,8 @@ status store_frame_done(struct store *store, uint64_t job, uint64_t epoch_floor,
                         enum frame_end end, const struct film_coverage *cut,
                         const struct unit_work *work, struct error *err)
 {
-    uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES];
-    const struct buffer health = write_health(&work->health, rows);
+    uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES], sums[DEPTH_BYTES];
+    const struct buffer health = write_health(&work->health, rows), depth = write_depth(&work->depth, sums);
     status s;
 
     pthread_mutex_lock(&store->order);
@@ -332,14 +363,14 @@ status store_frame_done(struct store *store, uint64_t job, uint64_t epoch_floor,
         s = sql_change_reserved(
             store,
             "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, vertices, dropped, "
-            "leaked, clamped_values, clamped, clamped_luminance, kept_luminance, health) "
-            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            "leaked, clamped_values, clamped, clamped_luminance, kept_luminance, health, depth) "
+            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             SQL_VALUES(sql_number(job), sql_number(frame), sql_number(revision),
                        sql_number(work->samples), sql_number(work->rays),
                        sql_number(work->vertices), sql_number(work->dropped_samples),
                        sql_number(work->leaked_rays), sql_number(work->clamped_values),
                        sql_number(work->clamped_samples), sql_real(work->clamped_luminance),
-                       sql_real(work->kept_luminance), sql_bytes(&health)),
+                       sql_real(work->kept_luminance), sql_bytes(&health), sql_bytes(&depth)),
             "the frame cannot be noted as done", err);
     pthread_mutex_unlock(&store->order);
     return s;

@@ -261,6 +261,10 @@ static void hostile_results_are_refused(void **state)
     REFUSED(bad.work.clamped_luminance = NAN);
     REFUSED(bad.work.clamped_luminance = -1);
     REFUSED(bad.work.kept_luminance = INFINITY);
+    for (int i = 0; i < DEPTH_SUMS; i++) {
+        REFUSED(bad.work.depth.sum[i] = -1);
+        REFUSED(bad.work.depth.sum[i] = NAN);
+    }
     memcpy(sums + 40, &nan_value, 4);
     REFUSED((void)0);
 #undef REFUSED

@@ -113,7 +113,8 @@ static void jobs_survive_a_restart(void **state)
     snprintf(job->release, sizeof job->release, "9.9");
     work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4,
                               .leaked_rays = 9, .clamped_values = 10, .clamped_samples = 7,
-                              .clamped_luminance = 8.5, .kept_luminance = 1e30};
+                              .clamped_luminance = 8.5, .kept_luminance = 1e30,
+                              .depth = {{0.1, 1e300, 3, 0, 5e-324}}};
     for (uint32_t k = 0; k < HEALTH_KINDS; k++) {
         work.health.count[k] += k;
         if (k % 2)
@@ -181,7 +182,8 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
-#define WITHOUT_8 "DROP TABLE webhook_events; DROP TABLE webhooks; DROP TABLE tokens;"
+#define WITHOUT_9 "ALTER TABLE frames DROP COLUMN depth;"
+#define WITHOUT_8 WITHOUT_9 "DROP TABLE webhook_events; DROP TABLE webhooks; DROP TABLE tokens;"
 #define WITHOUT_7                                                                               \
     WITHOUT_8                                                                                   \
     "DROP TABLE workers; DROP TABLE worker_marks; DROP TABLE shares;"                           \
@@ -206,6 +208,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     WITHOUT_WORK_AND_RELEASE
     static const char *const steps_back[] = {
+        WITHOUT_9 "PRAGMA user_version=8",
         WITHOUT_8 "PRAGMA user_version=7",
         WITHOUT_7 "PRAGMA user_version=6",
         WITHOUT_STEERING "PRAGMA user_version=5",
@@ -244,6 +247,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
             assert_string_equal(loaded.jobs[0]->token, "");
             assert_int_equal(loaded.jobs[0]->frames_done_count, 1);
             assert_int_equal(loaded.jobs[0]->frames_developed_count, 1);
+            assert_false(depth_light_is_known(&loaded.jobs[0]->work.depth));
             assert_int_equal(store_job_find(store, job, &id, &err), STATUS_OK);
             assert_int_equal(id, 0);
             job_free(loaded.jobs[0]);
@@ -253,33 +257,57 @@ static void an_older_store_is_brought_up_to_date(void **state)
     job_free(job);
 }
 
-/* The films of version 5 are today's: what was begun goes on. The priority is the submission's. */
-static void jobs_of_version_5_go_on(void **state)
+static int rows_of(sqlite3 *db, const char *select)
 {
-    struct store *store = sim_store(folder);
-    struct job *job = sim_job(16, 16, 1, 1, 3, -3);
-    struct loaded loaded = {{NULL}, 0};
-    struct error err = {0};
-    sqlite3 *db;
+    sqlite3_stmt *statement = NULL;
+    int count;
+
+    assert_int_equal(sqlite3_prepare_v2(db, select, -1, &statement, NULL), SQLITE_OK);
+    assert_int_equal(sqlite3_step(statement), SQLITE_ROW);
+    count = sqlite3_column_int(statement, 0);
+    sqlite3_finalize(statement);
+    return count;
+}
+
+/* The films of 0.2.0 (version 8) have another format: what was begun begins again, and so do the clocks of its
+ * limits. Of version 5, the priority is
+ * the submission's. */
+static void jobs_of_older_films_begin_again(void **state)
+{
+    static const char *const steps_back[] = {WITHOUT_9 "PRAGMA user_version=8",
+                                             WITHOUT_STEERING "PRAGMA user_version=5"};
 
     (void)state;
-    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
-    job->state = JOB_STATE_RUNNING;
-    snprintf(job->kernel, sizeof job->kernel, "a kernel");
-    assert_int_equal(save_job(store, job, &err), STATUS_OK);
-    job_free(job);
-    store_close(store);
-    assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
-    assert_int_equal(sqlite3_exec(db, WITHOUT_STEERING "PRAGMA user_version=5", NULL, NULL, NULL),
-                     SQLITE_OK);
-    sqlite3_close(db);
-    store = sim_store(folder);
-    assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
-    assert_string_equal(loaded.jobs[0]->kernel, "a kernel");
-    assert_int_equal(loaded.jobs[0]->priority, -3);
-    assert_string_equal(loaded.jobs[0]->owner, "");
-    job_free(loaded.jobs[0]);
-    store_close(store);
+    for (size_t i = 0; i < 2; i++) {
+        struct store *store = sim_store(folder);
+        struct job *job = sim_job(16, 16, 1, 1, 3, -3);
+        struct loaded loaded = {{NULL}, 0};
+        struct error err = {0};
+        sqlite3 *db;
+        assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+        job->state = JOB_STATE_RUNNING;
+        snprintf(job->kernel, sizeof job->kernel, "a kernel");
+        assert_int_equal(save_job(store, job, &err), STATUS_OK);
+        job_free(job);
+        store_close(store);
+        assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
+        assert_int_equal(sqlite3_exec(db, "INSERT INTO clocks (job, frame, active_ns, cpu_ns) "
+                                          "SELECT id, 1, 7, 8 FROM jobs", NULL, NULL, NULL), SQLITE_OK);
+        assert_true(rows_of(db, "SELECT count(*) FROM clocks") > 0);
+        assert_int_equal(sqlite3_exec(db, steps_back[i], NULL, NULL, NULL), SQLITE_OK);
+        sqlite3_close(db);
+        store = sim_store(folder);
+        assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
+        assert_string_equal(loaded.jobs[0]->kernel, "");
+        assert_int_equal(loaded.jobs[0]->priority, -3);
+        assert_string_equal(loaded.jobs[0]->owner, "");
+        job_free(loaded.jobs[0]);
+        store_close(store);
+        assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
+        assert_int_equal(rows_of(db, "SELECT count(*) FROM clocks"), 0);
+        assert_int_equal(sqlite3_exec(db, "DELETE FROM jobs", NULL, NULL, NULL), SQLITE_OK);
+        sqlite3_close(db);
+    }
 }
 
 /* A store of 0.1.0 (version 2): what is finished stays; what is not loses the kernel it was begun with, and
@@ -1051,7 +1079,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         STORE_TEST(jobs_survive_a_restart),
         STORE_TEST(an_older_store_is_brought_up_to_date),
-        STORE_TEST(jobs_of_version_5_go_on),
+        STORE_TEST(jobs_of_older_films_begin_again),
         STORE_TEST(unfinished_jobs_of_an_older_store_begin_again),
         STORE_TEST(deliverers_keep_their_numbers),
         STORE_TEST(failed_saves_are_tried_again),

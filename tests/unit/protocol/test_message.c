@@ -295,7 +295,7 @@ static void test_results(void **state)
     const uint8_t floats[] = {0, 0, 0x80, 0x3f, 0, 0, 0, 0x3f}, entry[] = {0, 0, 0x80, 0x3f, 7, 1, 0, 0};
     const struct unit_work work = {.samples = 1, .rays = 2, .vertices = 3, .leaked_rays = 5,
                                    .clamped_samples = 7, .clamped_luminance = 8.5,
-                                   .kept_luminance = 9};
+                                   .kept_luminance = 9, .depth = {{1, 2, 3, 0, 1e300}}};
     struct wire_work message;
     struct unit_work back;
     uint8_t bytes[WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES] = {0};
@@ -323,8 +323,16 @@ static void test_results(void **state)
     assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_ERR_PROTOCOL);
     assert_int_equal(wire_work_get(&back, wire_work_set(&message, &work), NULL), STATUS_OK);
     assert_memory_equal(&back, &work, sizeof work);
+    for (size_t count = 1; count < DEPTH_SUMS; count++) {
+        message.message.n_depth = count;
+        assert_int_equal(wire_work_get(&back, &message.message, NULL), STATUS_ERR_PROTOCOL);
+    }
+    message.message.n_depth = 0; /* of an older store's frame */
+    assert_int_equal(wire_work_get(&back, &message.message, NULL), STATUS_OK);
+    assert_false(depth_light_is_known(&back.depth));
     assert_int_equal(wire_work_get(&back, NULL, NULL), STATUS_OK);
     assert_int_equal(back.samples, 0);
+    assert_int_equal(wire_work_set(&message, &back)->n_depth, 0);
 }
 
 /* Every counter by itself and all at once, with the example's ends; counters that cannot be. */
