@@ -290,6 +290,19 @@ static json_t *health_json(const Azulejo__Wire__JobInfo *job, const struct healt
     return out;
 }
 
+/* null: not known, as of jobs that older releases rendered. */
+static json_t *depth_json(const Azulejo__Wire__JobInfo *job)
+{
+    const Azulejo__Wire__EndedByDepth *d = job->ended_by_depth;
+
+    if (!d)
+        return json_null();
+    return json_pack("{s:f, s:I, s:o, s:o}", "share", d->share, "max_depth",
+                     (json_int_t)(job->settings ? job->settings->max_depth : 0), "deeper",
+                     d->deeper ? json_integer(d->deeper) : json_null(), "deeper_share",
+                     d->deeper ? json_number(d->deeper_share) : json_null());
+}
+
 static json_t *after_json(const Azulejo__Wire__JobInfo *job)
 {
     json_t *out = json_array();
@@ -352,6 +365,7 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     if (job->stats && job->work) {
         json_object_set_new(root, "stats", stats_json(job->work, &health, job->stats));
         json_object_set_new(root, "health", health_json(job, &health));
+        json_object_set_new(root, "ended_by_depth", depth_json(job));
     }
     json_object_set_new(root, "submitted_at", json_integer(job->submitted_at));
     json_object_set_new(root, "finished_at", job->finished_at ? json_integer(job->finished_at)
@@ -387,6 +401,19 @@ static void print_health(FILE *out, const Azulejo__Wire__JobInfo *job)
     }
 }
 
+/* What longer paths would have brought, where it can be seen. */
+static void print_depth(FILE *out, const Azulejo__Wire__JobInfo *job)
+{
+    struct depth_report report = {0};
+    char line[DEPTH_TEXT_SIZE];
+
+    if (job->ended_by_depth)
+        report = (struct depth_report){job->ended_by_depth->share, job->ended_by_depth->deeper,
+                                       job->ended_by_depth->deeper_share};
+    if (report.share > DEPTH_SHARE_TOLD && job->settings)
+        print_line(out, "depth", depth_report_text(line, &report, job->settings->max_depth));
+}
+
 void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
 {
     char a[FORMAT_SIZE], b[FORMAT_SIZE], c[FORMAT_SIZE];
@@ -414,6 +441,7 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
                    cut_frame_text(line, job, job->cut_frames[i]));
     figures_print(out, job);
     print_health(out, job);
+    print_depth(out, job);
     if (job->work && job->settings && job->settings->clamp > 0) {
         snprintf(line, sizeof line,
                  "%" PRIu64 " samples were above %g and are scaled down to it: the picture lacks %.3g %% "

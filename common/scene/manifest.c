@@ -115,6 +115,24 @@ static void write_share(struct buffer *out, uint64_t looks, uint64_t all)
         buffer_puts(out, "null");
 }
 
+static void write_depth(struct buffer *out, const struct manifest *m)
+{
+    if (!m->depth_known) {
+        buffer_puts(out, "null");
+        return;
+    }
+    buffer_puts(out, "{\"share\": ");
+    write_rounded(out, m->depth.share, 1e6);
+    buffer_printf(out, ", \"max_depth\": %" PRIu32 ", \"deeper\": ", m->max_depth);
+    if (m->depth.deeper) {
+        buffer_printf(out, "%" PRIu32 ", \"deeper_share\": ", m->depth.deeper);
+        write_rounded(out, m->depth.deeper_share, 1e6);
+        buffer_puts(out, "}");
+    } else {
+        buffer_puts(out, "null, \"deeper_share\": null}");
+    }
+}
+
 /* The effects of `set`, each with what needs it and, if it ran, its share of the time. */
 static void write_causes(struct buffer *out, const char *key, const struct manifest *m,
                          uint64_t set)
@@ -196,9 +214,11 @@ void manifest_write(struct buffer *out, const struct manifest *m)
     buffer_printf(out,
                   "  \"picture\": {\"complete\": %s, \"samples_min\": %" PRIu32
                   ", \"samples_mean\": %.6g, \"samples_max\": %" PRIu32
-                  ", \"tiles_without_samples\": %" PRIu32 "},\n",
+                  ", \"tiles_without_samples\": %" PRIu32 ", \"ended_by_depth\": ",
                   m->complete ? "true" : "false", m->pixel_samples.least, m->pixel_samples.mean,
                   m->pixel_samples.most, m->tiles_empty);
+    write_depth(out, m);
+    buffer_puts(out, "},\n");
     buffer_printf(out,
                   "  \"work\": {\"frame_samples\": %" PRIu64 ", \"samples\": %" PRIu64
                   ", \"rays\": %" PRIu64 ", \"vertices\": %" PRIu64 ", \"cpu_s\": ",

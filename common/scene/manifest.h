@@ -6,7 +6,8 @@
  *   switched_off     effects that the scene needs, but the user does not want (--without)
  *   not_called_for   the rest: nothing in the frame needs them, so no code for them ran
  *   kernel           the variant of the renderer that ran (kernel_sets.h), and the renderer
- *   picture          its samples: all that were requested, unless its job was cancelled
+ *   picture          its samples: all that were requested, unless its job was cancelled; the light that
+ *                    --max-depth took (common/film/depth_light.h)
  *   work             counts of samples, rays, path vertices; CPU time
  *   time             share of each stage (stages.h), and the number of samples of the threads' work
  *
@@ -18,6 +19,7 @@
 #include <stdint.h>
 
 #include "common/base/buffer.h"
+#include "common/film/depth_light.h"
 #include "common/scene/effects.h"
 #include "common/scene/stages.h"
 
@@ -37,6 +39,9 @@ struct manifest {
     int complete;           /* all that were requested */
     struct { uint32_t least; double mean; uint32_t most; } pixel_samples; /* of one pixel */
     uint32_t tiles_empty;   /* tiles without any sample */
+    uint32_t max_depth;
+    int depth_known;
+    struct depth_report depth;
     uint64_t samples, rays, vertices, cpu_ns; /* counted; less than the frame has after a restart */
     uint64_t stages[STAGE_COUNT];
     uint64_t accounts[EFFECT_ACCOUNTS]; /* what is charged to an effect that did not run, or that

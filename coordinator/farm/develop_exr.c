@@ -65,6 +65,9 @@ static void add_work(struct attributes *a, const struct development *d,
         if (first[k][0])
             add_text(a, health_rows[k].attribute_first, first[k]);
     }
+    if (depth_light_is_known(&w->depth))
+        add_number(a, "azulejo:endedByDepth",
+                   depth_light_report(&w->depth, w->samples, d->settings.max_depth).share);
 }
 
 static void write_measured(const struct development *d, struct buffer *out)

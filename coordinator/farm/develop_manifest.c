@@ -30,7 +30,9 @@ status develop_manifest(struct development *d, const struct store *store, struct
         .scene_digest = digest, .job = d->job, .frame = d->frame, .effects = d->stats.effects,
         .without = d->settings.without, .frame_samples = d->coverage.samples, .complete = development_is_whole(d),
         .pixel_samples = {d->coverage.least, development_mean_samples(d), d->coverage.most},
-        .tiles_empty = d->coverage.tiles_empty, .samples = d->work.samples,
+        .tiles_empty = d->coverage.tiles_empty, .max_depth = d->settings.max_depth,
+        .depth_known = depth_light_is_known(&d->work.depth),
+        .depth = depth_light_report(&d->work.depth, d->work.samples, d->settings.max_depth), .samples = d->work.samples,
         .rays = d->work.rays, .vertices = d->work.vertices, .cpu_ns = d->stats.cpu_ns,
     };
     status s;

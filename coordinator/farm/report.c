@@ -287,7 +287,19 @@ static void report_figures(struct job_report *report, Azulejo__Wire__JobInfo *in
         report_forecasts(report, info, first);
 }
 
-static void report_work(struct job_report *report, const struct job *job)
+/* 0: nothing is known. */
+static int report_depth(Azulejo__Wire__EndedByDepth *out, const struct job *job, const struct unit_work *work)
+{
+    const struct depth_report depth = depth_light_report(&work->depth, work->samples, job->settings.max_depth);
+
+    azulejo__wire__ended_by_depth__init(out);
+    out->share = depth.share;
+    out->deeper = depth.deeper;
+    out->deeper_share = depth.deeper_share;
+    return depth_light_is_known(&work->depth);
+}
+
+static void report_work(struct job_report *report, Azulejo__Wire__JobInfo *info, const struct job *job)
 {
     struct unit_work work = job->work;
 
@@ -296,7 +308,8 @@ static void report_work(struct job_report *report, const struct job *job)
         health_of_frame(&more.health, frame->number);
         unit_work_add(&work, &more);
     }
-    wire_work_set(&report->work, &work);
+    info->work = wire_work_set(&report->work, &work);
+    info->ended_by_depth = report_depth(&report->depth, job, &work) ? &report->depth : NULL;
 }
 
 /* Sums over results, which the wire's 32 bits may not hold: then all are scaled alike, as only shares matter. */
@@ -331,7 +344,7 @@ void job_report_make(struct job_report *report, struct farm *farm, struct job *j
     wire_stop_set(&report->stop, &job->stop);
     wire_output_set(&report->output, &job->output);
     report_stats(report, &job->stats);
-    report_work(report, job);
+    report_work(report, &info, job);
     if (job_state_ended(job->state)) {
         explain_end(report->state_text, sizeof report->state_text, farm, job);
     } else {
@@ -352,7 +365,6 @@ void job_report_make(struct job_report *report, struct farm *farm, struct job *j
     wire_digest_set(&info.scene, &job->scene);
     info.scene_name = job->scene_name;
     info.stats = &report->stats;
-    info.work = &report->work.message;
     info.submitted_at = job->submitted_at;
     info.finished_at = job->finished_at;
     info.estimate = job->estimate == ESTIMATE_OPEN;

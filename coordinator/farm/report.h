@@ -21,6 +21,7 @@ struct job_report {
     Azulejo__Wire__RenderStats stats;
     uint32_t accounts[EFFECT_ACCOUNTS];
     struct wire_work work;
+    Azulejo__Wire__EndedByDepth depth;
     struct wire_output output;
     Azulejo__Wire__HistoryPoint now;
     Azulejo__Wire__Figures figures;

@@ -41,6 +41,11 @@ export function display(e) {
   return `${e > 0 && e < 0.995 ? e.toFixed(2) : e < 9.95 && !Number.isInteger(e) ? e.toFixed(1) : e.toFixed(0)}/255`;
 }
 
+/* Of a share, with two digits and no exponent: "12 %", "0.51 %". */
+const finely = (share, digits) => `${share >= 0.095 ? Math.round(100 * share) : Number((100 * share).toPrecision(digits))} %`;
+/* EndedByDepth in words, where it is above a half per cent (DEPTH_SHARE_TOLD); else "". */
+export const endedByDepth = (d) => (d && d.share > 0.005 ? `${finely(d.share, 2)} of the picture${d.deeper ? `; a depth of ${d.deeper} would leave ${finely(d.deeper_share, 1)}` : ''}` : '');
+
 /* StopRules' target in words; "" without one. */
 export function target(stop) {
   if (!stop || !stop.measure) return '';

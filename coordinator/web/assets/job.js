@@ -5,7 +5,7 @@ import { state, ended, share, frameCount, bit, reason, loadJob } from './state.j
 import { context } from './context.js';
 import { offered, act, owns } from './verbs.js';
 import { jobLink, go } from './router.js';
-import { span, coreTime, display, target, percent, plural, samplesRate, bytes } from './format.js';
+import { span, coreTime, display, target, endedByDepth, percent, plural, samplesRate, bytes } from './format.js';
 import { where } from './empty.js';
 
 const FRAMES_SHOWN = 240, LINES_KEPT = 400;
@@ -155,7 +155,7 @@ function files(job, frame) {
 
 function settings(job) {
   const s = job.settings || {}, o = job.output || {}, stop = job.stop || {};
-  const now = JSON.stringify([job.job, s, o, stop, job.priority, job.after, job.not_before, job.owner, job.finished_at, job.cut_frames, job.conflicts, job.develop_error]);
+  const now = JSON.stringify([job.job, s, o, stop, job.priority, job.after, job.not_before, job.owner, job.finished_at, job.cut_frames, job.conflicts, job.ended_by_depth, job.develop_error]);
   if (ui.settings.dataset.now === now) return;
   ui.settings.dataset.now = now;
   children(ui.settings, [facts([
@@ -169,7 +169,7 @@ function settings(job) {
     ['samples', s.spp >= 1 << 20 ? 'no limit' : `${s.spp} a pixel at most`], ['target', target(stop)],
     ['time limit', Number(stop.time_limit_ms) > 0 && `${span(stop.time_limit_ms / 1000)} a frame`],
     ['core limit', Number(stop.core_limit_ms) > 0 && `${coreTime(stop.core_limit_ms / 1000)} a frame`],
-    ['depth', String(s.max_depth)], ['seed', String(s.seed)],
+    ['depth', String(s.max_depth)], ['light ended by depth', endedByDepth(job.ended_by_depth)], ['seed', String(s.seed)],
     ['operator', o.tonemap], ['exposure', `${o.exposure_ev > 0 ? '+' : ''}${o.exposure_ev || 0} EV`], ['white', o.white_kelvin > 0 && `${o.white_kelvin} K`],
     ['cut', (job.cut_frames || []).map((c) => h('div', null, `frame ${c.frame} by ${END[c.end] || c.end} at ${c.samples_min}–${c.samples_max} samples`))],
     ['conflicts', Number(job.conflicts) > 0 && plural(Number(job.conflicts), 'result') + ' differed from one merged before'],

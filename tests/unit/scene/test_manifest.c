@@ -130,6 +130,35 @@ static void test_switched_off(void **state)
     json_decref(json);
 }
 
+/* null where nothing is known, and where no deeper path is recommended. */
+static void test_depth(void **state)
+{
+    struct manifest m = of_effects(EFFECT_DIFFUSE);
+    const char *const key = "ended_by_depth";
+    const json_t *depth;
+    json_t *json = written(&m);
+
+    (void)state;
+    assert_true(json_is_null(json_object_get(json_object_get(json, "picture"), key)));
+    json_decref(json);
+    m.depth_known = 1;
+    m.max_depth = 8;
+    m.depth.share = 0.004;
+    json = written(&m);
+    depth = json_object_get(json_object_get(json, "picture"), key);
+    assert_true(json_number_value(json_object_get(depth, "share")) == 0.004);
+    assert_int_equal(json_integer_value(json_object_get(depth, "max_depth")), 8);
+    assert_true(json_is_null(json_object_get(depth, "deeper")) &&
+                json_is_null(json_object_get(depth, "deeper_share")));
+    json_decref(json);
+    m.depth = (struct depth_report){0.25, 32, 0.0099};
+    json = written(&m);
+    depth = json_object_get(json_object_get(json, "picture"), key);
+    assert_int_equal(json_integer_value(json_object_get(depth, "deeper")), 32);
+    assert_true(json_number_value(json_object_get(depth, "deeper_share")) == 0.0099);
+    json_decref(json);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -137,6 +166,7 @@ int main(void)
         cmocka_unit_test(test_whole),
         cmocka_unit_test(test_nobody_looked),
         cmocka_unit_test(test_switched_off),
+        cmocka_unit_test(test_depth),
     };
 
     return cmocka_run_group_tests_name("manifest", tests, NULL, NULL);
