@@ -6,6 +6,7 @@
 
 #include "common/base/json_quote.h"
 #include "coordinator/net/server.h"
+#include "protocol/fields.h"
 #include "protocol/message.h"
 
 enum { STRING_MAX = 256, LIST_MAX = 16, DEPTH_MAX = 3 };
@@ -93,18 +94,6 @@ static int put_value(struct buffer *out, const ProtobufCFieldDescriptor *field, 
     }
 }
 
-static size_t size_of(const ProtobufCFieldDescriptor *field)
-{
-    switch (field->type) {
-    case PROTOBUF_C_TYPE_BOOL: return sizeof(protobuf_c_boolean);
-    case PROTOBUF_C_TYPE_BYTES: return sizeof(ProtobufCBinaryData);
-    case PROTOBUF_C_TYPE_STRING: case PROTOBUF_C_TYPE_MESSAGE: return sizeof(void *);
-    case PROTOBUF_C_TYPE_UINT64: case PROTOBUF_C_TYPE_INT64: case PROTOBUF_C_TYPE_SINT64:
-    case PROTOBUF_C_TYPE_FIXED64: case PROTOBUF_C_TYPE_SFIXED64: case PROTOBUF_C_TYPE_DOUBLE: return 8;
-    default: return 4;
-    }
-}
-
 /* A field that was not sent has a value whose bytes are 0, or is empty text. */
 static int is_absent(const ProtobufCFieldDescriptor *field, const void *at)
 {
@@ -115,7 +104,7 @@ static int is_absent(const ProtobufCFieldDescriptor *field, const void *at)
         text = *(const char *const *)at;
         return !text || !text[0];
     }
-    return field->type == PROTOBUF_C_TYPE_BYTES || memcmp(at, zeros, size_of(field)) == 0;
+    return field->type == PROTOBUF_C_TYPE_BYTES || memcmp(at, zeros, field_bytes(field)) == 0;
 }
 
 /* The first of several values, and how many there are. */
@@ -126,7 +115,7 @@ static void put_list(struct buffer *out, const ProtobufCFieldDescriptor *field, 
     buffer_puts(out, "[");
     for (size_t i = 0; i < count && i < LIST_MAX; i++) {
         buffer_puts(out, i ? ", " : "");
-        if (!put_value(out, field, (const char *)values + i * size_of(field), DEPTH_MAX)) {
+        if (!put_value(out, field, (const char *)values + i * field_bytes(field), DEPTH_MAX)) {
             out->size = begin;
             buffer_printf(out, "%zu", count);
             return;
@@ -173,27 +162,6 @@ static void put_message(struct buffer *out, const ProtobufCMessage *message, int
 
 /* ---- lines ----------------------------------------------------------------------------------- */
 
-/* The message in the envelope, by its case. */
-static const ProtobufCMessage *body_of(const Azulejo__Wire__Envelope *message)
-{
-    const ProtobufCFieldDescriptor *field = protobuf_c_message_descriptor_get_field(
-        &azulejo__wire__envelope__descriptor, (unsigned)message->body_case);
-
-    return field && field->type == PROTOBUF_C_TYPE_MESSAGE
-               ? *(const ProtobufCMessage *const *)((const char *)message + field->offset)
-               : NULL;
-}
-
-static uint64_t job_of(const ProtobufCMessage *body)
-{
-    const ProtobufCFieldDescriptor *field =
-        protobuf_c_message_descriptor_get_field_by_name(body->descriptor, "job");
-
-    return field && field->type == PROTOBUF_C_TYPE_UINT64 && field->label != PROTOBUF_C_LABEL_REPEATED
-               ? *(const uint64_t *)((const char *)body + field->offset)
-               : 0;
-}
-
 static const char *worker_verb(Azulejo__Wire__WorkerVerb verb)
 {
     switch (verb) {
@@ -236,7 +204,7 @@ static const char *verb_of(const Azulejo__Wire__Envelope *message)
 void session_audit(struct session *session, const Azulejo__Wire__Envelope *message, status s,
                    const struct error *err)
 {
-    const ProtobufCMessage *body = body_of(message);
+    const ProtobufCMessage *body = message_body(message);
     int submission = message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_JOB_SUBMIT;
     struct buffer details = BUFFER_INIT;
     struct audit_actor actor;
@@ -250,7 +218,7 @@ void session_audit(struct session *session, const Azulejo__Wire__Envelope *messa
         return;
     }
     put_message(&details, body, 0);
-    audit_note(&session->server->audit, &actor, verb_of(message), job_of(body),
+    audit_note(&session->server->audit, &actor, verb_of(message), message_job(body),
                buffer_ok(&details) && details.size > 2 ? buffer_text(&details) : NULL,
                s == STATUS_OK ? NULL : err);
     buffer_release(&details);

@@ -13,6 +13,7 @@
 #include "coordinator/web/routes.h"
 #include "coordinator/web/web.h"
 #include "protocol/channel_local.h"
+#include "protocol/fields.h"
 #include "protocol/message.h"
 
 /* A session, seen from the caller's side. */
@@ -292,16 +293,6 @@ status web_call_send(struct web_request *request, Azulejo__Wire__Envelope *messa
 
 /* ---- messages by the table ---------------------------------------------------------------------------- */
 
-const ProtobufCMessage *web_call_body(const Azulejo__Wire__Envelope *envelope)
-{
-    const ProtobufCFieldDescriptor *field = protobuf_c_message_descriptor_get_field(
-        &azulejo__wire__envelope__descriptor, (unsigned)envelope->body_case);
-
-    return field && field->type == PROTOBUF_C_TYPE_MESSAGE
-               ? *(const ProtobufCMessage *const *)((const char *)envelope + field->offset)
-               : NULL;
-}
-
 /* The next of words separated by spaces, of at most 63 bytes; NULL: there are no more. */
 static const char *next_word(const char *words, char out[64])
 {
@@ -325,7 +316,7 @@ static status take_path(const struct web_request *request, ProtobufCMessage *bod
         char name[64];
         at = strchr(at, '{') + 1;
         snprintf(name, sizeof name, "%.*s", (int)strcspn(at, "}"), at);
-        if (json_wire_is_set(body, name))
+        if (message_is_set(body, name))
             return error_set(err, STATUS_ERR_INPUT, "%s: stands in the path already", name);
         /* Without a number a message asks for all jobs, which the path of one job does not mean. */
         if (strcmp(name, "job") == 0 && strspn(request->parameters[i], "0") == strlen(request->parameters[i]))
@@ -345,7 +336,7 @@ static status take_fixed(const struct web_request *request, ProtobufCMessage *bo
     while (s == STATUS_OK && at && (at = next_word(at, word))) {
         char *value = strchr(word, '=');
         *value++ = 0;
-        if (json_wire_is_set(body, word))
+        if (message_is_set(body, word))
             return error_set(err, STATUS_ERR_INPUT, "%s: follows from the path", word);
         s = json_wire_set(body, word, value, err);
     }
@@ -410,7 +401,7 @@ void web_answer_message(struct web_request *request, const ProtobufCMessage *mes
 
 static void answer_json(struct web_request *request, const Azulejo__Wire__Envelope *answer)
 {
-    const ProtobufCMessage *body = web_call_body(answer);
+    const ProtobufCMessage *body = message_body(answer);
 
     if (body && (int)answer->body_case == request->route->answer)
         web_answer_message(request, body);

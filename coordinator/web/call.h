@@ -58,8 +58,6 @@ status web_call_message(const struct web_request *request, Azulejo__Wire__Envelo
                         ProtobufCMessage **body, struct error *err) MUST_CHECK;
 /* Send it, and answer with the answer's body. */
 void web_call_go(struct web_request *request, Azulejo__Wire__Envelope *envelope);
-/* The message in an envelope; NULL: none. */
-const ProtobufCMessage *web_call_body(const Azulejo__Wire__Envelope *envelope);
 /* Answer with a message as JSON. */
 void web_answer_message(struct web_request *request, const ProtobufCMessage *message);
 

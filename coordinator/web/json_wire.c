@@ -13,28 +13,6 @@
 
 /* ---- descriptors ------------------------------------------------------------------------------ */
 
-size_t json_wire_field_bytes(const ProtobufCFieldDescriptor *field)
-{
-    switch (field->type) {
-    case PROTOBUF_C_TYPE_BOOL:
-        return sizeof(protobuf_c_boolean);
-    case PROTOBUF_C_TYPE_BYTES:
-        return sizeof(ProtobufCBinaryData);
-    case PROTOBUF_C_TYPE_STRING:
-    case PROTOBUF_C_TYPE_MESSAGE:
-        return sizeof(void *);
-    case PROTOBUF_C_TYPE_UINT64:
-    case PROTOBUF_C_TYPE_FIXED64:
-    case PROTOBUF_C_TYPE_INT64:
-    case PROTOBUF_C_TYPE_SINT64:
-    case PROTOBUF_C_TYPE_SFIXED64:
-    case PROTOBUF_C_TYPE_DOUBLE:
-        return 8;
-    default:
-        return 4;
-    }
-}
-
 /* protobuf-c has a map as an array of messages of two fields. */
 int json_wire_is_map(const ProtobufCFieldDescriptor *field)
 {
@@ -218,7 +196,7 @@ static void put_repeated(struct buffer *out, const ProtobufCFieldDescriptor *fie
     buffer_puts(out, "[");
     for (size_t i = 0; i < count; i++) {
         buffer_puts(out, i ? "," : "");
-        put_value(out, field, (const char *)values + i * json_wire_field_bytes(field));
+        put_value(out, field, (const char *)values + i * field_bytes(field));
     }
     buffer_puts(out, "]");
 }

@@ -38,9 +38,6 @@ void json_wire_free(ProtobufCMessage *message);
  * "true"), of a message that json_wire_get made. ERR_INPUT, ERR_NO_MEMORY. */
 status json_wire_set(ProtobufCMessage *message, const char *field, const char *text, struct error *err) MUST_CHECK;
 
-/* Does the field hold anything but what a new message has? No such field: 0. */
-int json_wire_is_set(const ProtobufCMessage *message, const char *field);
-
 /* The word of an enum's value; NULL: it has none. */
 const char *json_wire_word(const ProtobufCEnumDescriptor *descriptor, int value, char out[64]);
 

@@ -3,11 +3,10 @@
 #define AZULEJO_COORDINATOR_WEB_JSON_WIRE_PARTS_H
 
 #include "coordinator/web/json_wire.h"
+#include "protocol/fields.h"
 
 #define JSON_WIRE_EXACT ((uint64_t)1 << 53) /* up to here a double, which JavaScript's numbers are, is exact */
 
-/* Bytes of one value of the field in a message's struct. */
-size_t json_wire_field_bytes(const ProtobufCFieldDescriptor *field);
 int json_wire_is_map(const ProtobufCFieldDescriptor *field);
 
 #endif

@@ -315,7 +315,7 @@ static status make_room(struct reading *r, const struct place *place, const Prot
     r->items += count;
     if (count == 0)
         return STATUS_OK;
-    *values = mem_calloc(count, json_wire_field_bytes(field));
+    *values = mem_calloc(count, field_bytes(field));
     if (!*values)
         return out_of_memory(r);
     *(void **)((char *)message + field->offset) = *values;
@@ -326,7 +326,7 @@ static status get_array(struct reading *r, const struct place *place, const json
                         const ProtobufCFieldDescriptor *field, int depth, ProtobufCMessage *message)
 {
     size_t *count = (size_t *)((char *)message + field->quantifier_offset), length = json_array_size(value);
-    size_t each = json_wire_field_bytes(field);
+    size_t each = field_bytes(field);
     char *values = NULL;
     status s;
 
@@ -507,21 +507,4 @@ status json_wire_set(ProtobufCMessage *message, const char *field_name, const ch
     s = get_value(&r, &place, value, field, 1, (char *)message + field->offset);
     json_decref(value);
     return s;
-}
-
-int json_wire_is_set(const ProtobufCMessage *message, const char *field_name)
-{
-    const ProtobufCFieldDescriptor *field =
-        protobuf_c_message_descriptor_get_field_by_name(message->descriptor, field_name);
-    static const char zeros[sizeof(ProtobufCBinaryData)];
-    const char *at;
-
-    if (!field)
-        return 0;
-    at = (const char *)message + field->offset;
-    if (field->label == PROTOBUF_C_LABEL_REPEATED)
-        return *(const size_t *)((const char *)message + field->quantifier_offset) > 0;
-    if (field->type == PROTOBUF_C_TYPE_STRING)
-        return (*(const char *const *)at)[0] != 0;
-    return memcmp(at, zeros, json_wire_field_bytes(field)) != 0;
 }
