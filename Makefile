@@ -146,7 +146,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words openapi docs-check docs-html gallery test-docs numerics invariance precision install uninstall dist clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words tables openapi docs-check docs-html gallery test-docs numerics invariance precision install uninstall dist clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -192,7 +192,7 @@ $(BUILD)/obj/%.o: %.c | $(PROTO_HDR)
 
 # What names the release is compiled again when it changes: programs of two releases refuse each other.
 VERSIONED := $(shell grep -rl AZULEJO_VERSION --include='*.c' client common coordinator protocol worker)
-VERSIONED_OBJ := $(patsubst %.c,$(BUILD)/obj/%.o,$(VERSIONED)) $(patsubst %.c,$(BUILD)/row/obj/%.o,$(VERSIONED))
+VERSIONED_OBJ := $(patsubst %.c,$(BUILD)/obj/%.o,$(VERSIONED)) $(patsubst %.c,$(BUILD)/row/obj/%.o,$(VERSIONED)) $(patsubst %.c,$(BUILD)/row/verb/obj/%.o,$(VERSIONED))
 $(VERSIONED_OBJ): CPPFLAGS += -DAZULEJO_VERSION='"$(VERSION)"'
 $(VERSIONED_OBJ): $(BUILD)/version
 .PHONY: always
@@ -259,6 +259,40 @@ $(ROW_TEST): $(ROW_OBJ) $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
 
+# The same for a verb: a row of verbs.h, its message, and its function in tests/unit/schema; programs that have it.
+VERB_ROW := $(ROW)/verb
+VERB_ROW_SRC := tests/unit/schema/salute.c $(shell grep -rlE 'JOB_VERBS|\bVERB_[A-Z]|struct job_report' --include='*.c' client common coordinator)
+ifneq ($(WEB),1)
+VERB_ROW_SRC := $(filter-out coordinator/web/%,$(VERB_ROW_SRC))
+endif
+VERB_ROW_OBJ = $(patsubst %.c,$(VERB_ROW)/obj/%.o,$(filter $(1),$(VERB_ROW_SRC)))
+VERB_ROW_COMMON := $(VERB_ROW)/obj/common/schema/verbs.o $(VERB_ROW)/protocol/azulejo.pb-c.o
+VERB_ROW_PROGRAMS := $(VERB_ROW)/bin/azulejo $(VERB_ROW)/bin/azulejo-coordinator $(VERB_ROW)/bin/azulejo-worker
+VERB_ROW_TEXT := VERB(SALUTE, salute, OPERATE, verb_command, "Salute the job.", HELP("JOB... TEXT [OPTION]...", "salute jobs", "Salute jobs."), \
+  .states = IN(QUEUED) | IN(PAUSED), .past = "saluted", .takes = VERB_TAKES_TEXT, .field = "words")
+$(VERB_ROW)/common/schema/verbs.h: common/schema/verbs.h Makefile
+	@mkdir -p $(@D)
+	$(call show,GEN)sed 's/^    VERB(RESUME, /    $(VERB_ROW_TEXT) \\\n&/' $< >$@
+$(VERB_ROW)/protocol/azulejo.proto: protocol/azulejo.proto Makefile
+	@mkdir -p $(@D)
+	$(call show,GEN)sed 's/^    JobPause job_pause = .*/&\n    JobSalute job_salute = 999;/; s/^message JobPause .*/&\nmessage JobSalute { uint64 job = 1; string words = 2; }/' $< >$@
+$(VERB_ROW)/protocol/azulejo.pb-c.c $(VERB_ROW)/protocol/azulejo.pb-c.h: $(VERB_ROW)/protocol/azulejo.proto
+	$(call show,GEN)cd $(VERB_ROW) && $(PROTOC_C) --c_out=. protocol/azulejo.proto
+$(VERB_ROW)/protocol/azulejo.pb-c.o: $(VERB_ROW)/protocol/azulejo.pb-c.c
+	$(call show,CC)$(CC) -I$(VERB_ROW) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
+$(VERB_ROW)/obj/%.o: %.c | $(VERB_ROW)/common/schema/verbs.h $(VERB_ROW)/protocol/azulejo.pb-c.h $(PROTO_HDR)
+	@mkdir -p $(@D)
+	$(call show,CC)$(CC) -I$(VERB_ROW) $(CPPFLAGS) $(CFLAGS) -O1 -MMD -MP -c -o $@ $<
+$(VERB_ROW)/bin/azulejo: $(call VERB_ROW_OBJ,client/%) $(VERB_ROW_COMMON) $(LIB_CLIENT) $(LIB_PROTOCOL) $(LIB_COMMON)
+	@mkdir -p $(@D)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_CLIENT) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+$(VERB_ROW)/bin/azulejo-coordinator: $(call object,coordinator/main.c) $(call VERB_ROW_OBJ,coordinator/% tests/%) $(VERB_ROW_COMMON) $(LIB_COORDINATOR) $(LIB_PROTOCOL) $(LIB_COMMON)
+	@mkdir -p $(@D)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_COORDINATOR) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+$(VERB_ROW)/bin/azulejo-worker: $(BIN)/azulejo-worker
+	@mkdir -p $(@D)
+	@cp $< $@
+
 # The kernel variants with worker/render/base/fault.h switched on; a unit test and a folder of programs
 # with them. The archive's own variants are then not linked.
 FAULTS := $(BUILD)/faults
@@ -293,7 +327,7 @@ ifneq ($(DOUBLE),)
 tests:
 	@echo "make: the double build has no tests: use 'make precision'" >&2; exit 1
 else
-tests: all $(TESTS) $(ROW_TEST) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
+tests: all $(TESTS) $(ROW_TEST) $(VERB_ROW_PROGRAMS) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_DISK) $(FUZZ_REPLAY)
 endif
 
 test: tests layers circles words openapi docs-check ## every test; the end says "N passed, N failed"
@@ -313,6 +347,10 @@ circles: all ## prove that no folders, and no more than three files, call each o
 
 words: ## prove that the glossary of docs/ARCHITECTURE.md is true
 	@scripts/check-words.py
+
+tables: all $(ROW_TEST) $(VERB_ROW_PROGRAMS) ## prove that one row more of the tables of materials and verbs needs no other edit
+	@BUILD=$(BUILD) tests/run.sh 'scene/test_material_row'
+	@BUILD=$(BUILD) python3 -B tests/farm/test_verbs.py row
 
 openapi: ## prove that docs/openapi.yaml is what scripts/openapi.py makes
 	@scripts/openapi.py --check

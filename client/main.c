@@ -15,9 +15,12 @@ static const struct command *const commands[] = {
     &command_render, &command_estimate, &command_import, &command_effects, &command_accuracy,
     &command_debug_pixel,
     &command_submit, &command_list, &command_show, &command_watch, &command_fetch,
-    &command_develop, &command_cancel, &command_extend,
-    &command_start, &command_pause, &command_resume, &command_finish, &command_priority, &command_retry,
-    &command_remove, &command_log, &command_prune, &command_gc, &command_trace, &command_owners, &command_top,
+#define VERB(NAME, name, ...) &command_##name,
+#define VARIANT(...)
+    JOB_VERBS(VERB, VARIANT)
+#undef VERB
+#undef VARIANT
+    &command_log, &command_prune, &command_gc, &command_trace, &command_owners, &command_top,
     &command_workers, &command_token, &command_webhook, &command_keygen, &command_completion,
     &command_tonemap, &command_compare,
 };

@@ -13,6 +13,7 @@ import sys
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 ROUTES = os.path.join(ROOT, "coordinator/web/routes.c")
 PROBLEMS = os.path.join(ROOT, "coordinator/web/problem.h")
+VERBS = os.path.join(ROOT, "common/schema/verbs.h")
 PROTO = os.path.join(ROOT, "protocol/azulejo.proto")
 OUT = os.path.join(ROOT, "docs/openapi.yaml")
 
@@ -69,14 +70,23 @@ def text_of(literal):
     return "".join(re.findall(r'"((?:[^"\\]|\\.)*)"', literal)).replace('\\"', '"')
 
 
+def read_verbs():
+    """The arguments of each VERB of verbs.h, as text."""
+    source = open(VERBS).read().replace("\\\n", " ")
+    source = source[source.index("#define JOB_VERBS"):]
+    return [source[m.end():closing(source, m.end() - 1)] for m in re.finditer(r"\bVERB\(", source[:source.index("\nenum")])]
+
+
 def read_routes():
     source = open(ROUTES).read().replace("\\\n", " ")
-    macros = {m[1]: ([a.strip() for a in m[2].split(",")], m[3])
+    macros = {m[1]: ([a.strip() for a in m[2].split(",") if a.strip() != "..."], m[3])
               for m in re.finditer(r"^#define (\w+)\(([^)]*)\)(.*)$", source, re.M)}
     table = re.search(r"struct web_route routes\[\] = \{(.*?)\n\};", source, re.S)[1]
     table = re.sub(r"/\*.*?\*/", "", table, flags=re.S)
+    table = table.replace("JOB_VERBS(VERB, VARIANT)", "".join("VERB(%s)" % row for row in read_verbs()))
     routes = []
-    for row in split_arguments(expand(table, {k: v for k, v in macros.items() if k != "BODY"})):
+    table = expand(table, {k: v for k, v in macros.items() if k != "BODY"}).replace("##", "")
+    for row in split_arguments(re.sub(r"#(\w+)", r'"\1"', table)):
         cells = split_arguments(row.strip()[1:-1])
         named = dict((c.split("=", 1)[0].strip().lstrip("."), c.split("=", 1)[1].strip()) for c in cells[3:])
         body = lambda key: re.search(r"BODY\((\w+)\)", named[key])[1].lower() if key in named else None
@@ -220,6 +230,10 @@ OPERATOR = obj("name summary source adaptive measured display_encoded local file
                measured=BOOL, display_encoded=BOOL, local=BOOL, file={"enum": ["none", "optional", "required"]},
                parameters=array(PARAMETER))
 HEALTH = obj("name one many remedy")
+WORDS = array(TEXT)
+VERB = obj("name path role says label done question button takes field single states accepted front", single=BOOL,
+           states=WORDS, accepted=WORDS, front=WORDS,
+           takes={"enum": ["nothing", "flag", "number", "text", "frames", "form"]})
 NAMES = "effects stages aovs isas samplers light_choices texture_filters bvh_qualities"
 SESSION = obj("role who", "token software farm name address port login_required", role={
     "enum": ["none", "view", "submit", "operate", "admin"]}, token=WHOLE)
@@ -242,6 +256,7 @@ FORMS = {
         metering=array(TEXT), exposure_max=WHOLE, kelvin_min=WHOLE, kelvin_max=WHOLE, temporal_max=WHOLE)),
     "get /api/v1/effects": ("application/json", obj("switchable health " + NAMES, switchable=BIG, health=array(HEALTH),
                                                     **{n: array(TEXT) for n in NAMES.split()})),
+    "get /api/v1/verbs": ("application/json", obj("verbs", verbs=array(VERB))),
     "put /api/v1/blobs/{digest}": ("application/json", obj("digest bytes", digest=ref("Bytes"), bytes=BIG)),
     "get /api/v1/events": ("text/event-stream", TEXT), "get /api/v1/live": (None, {}),
     "post /api/v1/imports": ("application/json", obj("import", **{"import": BIG})),

@@ -29,7 +29,7 @@ static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envel
 {
     status result = signals_catch(err);
 
-    if (result != STATUS_OK || job_state_is_final(job_list_find((*answer)->job_list, job)->state))
+    if (result != STATUS_OK || job_state_ended(job_list_find((*answer)->job_list, job)->state))
         return result;
     message_free(*answer);
     *answer = NULL;
@@ -48,8 +48,8 @@ static void print(const Azulejo__Wire__JobInfo *info)
     if (info->state == AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED && why[0])
         printf("job %" PRIu64 ": %s", info->job, why); /* it begins with the state */
     else
-        printf("job %" PRIu64 ": %s", info->job, job_state_name(info->state));
-    if (!job_state_is_final(info->state) && why[0])
+        printf("job %" PRIu64 ": %s", info->job, job_state_word(info->state));
+    if (!job_state_ended(info->state) && why[0])
         printf(": %s", why);
     printf("\n");
     for (size_t i = 0; i < info->n_cut_frames; i++)
@@ -89,10 +89,10 @@ static int is_one(const struct positionals *rest, const struct job_choice *choic
            parse_job(rest->items[0], job, &ignored) == STATUS_OK;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+status cancel_command(const struct command *command, int argc, char *const *argv, int *exit_code,
+                      struct error *err)
 {
-    static const struct steer_verb verb = {.word = "cancel", .states = STEER_ACTIVE, .ask = ask};
+    static const struct steer_verb verb = {.verb = &job_verbs[VERB_CANCEL], .ask = ask};
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_choice choice = {0};
     int discard = 0, json = 0, done;
@@ -112,6 +112,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
 
     if (result != STATUS_OK || done)
         return result;
+    choice.verb = &job_verbs[discard ? VERB_DISCARD : VERB_CANCEL];
     result = job_choice_check(&choice, &rest, err);
     if (result == STATUS_OK && !is_one(&rest, &choice, &job))
         return steer_jobs(&verb, &choice, &rest, &where, &discard, json, exit_code, err);
@@ -122,14 +123,3 @@ static status run(const struct command *command, int argc, char *const *argv, in
     connection_close(connection);
     return result;
 }
-
-const struct command command_cancel = {
-    .name = "cancel",
-    .group = COMMAND_JOBS,
-    .usage = "azulejo cancel JOB... [OPTION]...",
-    .summary = "end jobs",
-    .description =
-        "End jobs. Pictures are made of the frames in work with the samples that they hold; these and the\n"
-        "frames that are done can be fetched. Of a single job they are waited for, up to 30 seconds.",
-    .run = run,
-};

@@ -43,8 +43,8 @@ static const char *words_of(const char *argument)
 
     buffer_clear(&words);
     if (strcmp(argument, "STATE,...") == 0) {
-        for (int s = 0; s < JOB_STATE_NAMES; s++)
-            add_word(job_state_name((Azulejo__Wire__JobState)s));
+        for (int s = 0; s < JOB_STATE_COUNT; s++)
+            add_word(job_state_word(s));
     } else if (strcmp(argument, "OPERATOR") == 0) {
         const struct tonemap_operator *const *operators = tonemap_operators(&count);
         for (size_t i = 0; i < count; i++)
@@ -165,7 +165,7 @@ static void print_jobs(const Azulejo__Wire__JobList *list)
 
     for (size_t i = list->n_jobs; i-- > 0;)
         printf("%" PRIu64 "\t%s, %s\n", list->jobs[i]->job,
-               message_text(name, sizeof name, list->jobs[i]->name), job_state_name(list->jobs[i]->state));
+               message_text(name, sizeof name, list->jobs[i]->name), job_state_word(list->jobs[i]->state));
     for (size_t i = list->n_jobs; i-- > 0;) {
         int repeated = 0;
 
@@ -173,7 +173,7 @@ static void print_jobs(const Azulejo__Wire__JobList *list)
             repeated = strcmp(list->jobs[k]->name, list->jobs[i]->name) == 0;
         if (!repeated && is_plain_name(list->jobs[i]->name))
             printf("%s\tjob %" PRIu64 ", %s\n", list->jobs[i]->name, list->jobs[i]->job,
-                   job_state_name(list->jobs[i]->state));
+                   job_state_word(list->jobs[i]->state));
     }
 }
 

@@ -205,8 +205,8 @@ static status develop(struct develop *d, struct job_fetch *fetch, int wait, int 
     return result == STATUS_OK ? fetched : result;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+status develop_command(const struct command *command, int argc, char *const *argv, int *exit_code,
+                      struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct develop d = {.options = OUTPUT_OPTIONS_INIT};
@@ -261,15 +261,3 @@ static status run(const struct command *command, int argc, char *const *argv, in
     output_request_release(&d.request);
     return result;
 }
-
-const struct command command_develop = {
-    .name = "develop",
-    .group = COMMAND_JOBS,
-    .usage = "azulejo develop JOB --tonemap OPERATOR [--PARAMETER VALUE]... [OPTION]...",
-    .summary = "tone map a job's pictures again, without rendering",
-    .description =
-        "Make the PNG and JPEG pictures of a job's finished frames again, and those of its frames to come, with\n"
-        "this tone mapping: as for a new job, what is not said is the default. Only --format, --png-bits and\n"
-        "--jpeg-quality stay the job's unless they are given; the EXR files, or that there are none, always do.",
-    .run = run,
-};

@@ -44,8 +44,8 @@ static status check(const struct stop_options *options, struct stop_rules *rules
     return result;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+status extend_command(const struct command *command, int argc, char *const *argv, int *exit_code,
+                      struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct stop_options options = {0};
@@ -95,17 +95,3 @@ static status run(const struct command *command, int argc, char *const *argv, in
     frame_list_free(&frames);
     return result;
 }
-
-const struct command command_extend = {
-    .name = "extend",
-    .group = COMMAND_JOBS,
-    .usage = "azulejo extend JOB [OPTION]...",
-    .summary = "give a job in work, or a done one, another target",
-    .description =
-        "Change when the frames of a job have enough samples. The new rules replace the old ones. Frames in work go on,\n"
-        "or end if they are good enough. Done frames go on from the films that the coordinator kept, if the new rules\n"
-        "want more of them; of a job that is done all go on, or some (--frames), and the rules must be stricter. The\n"
-        "pictures are those that the options would have given at once; a frame that has more samples than they want\n"
-        "keeps them.",
-    .run = run,
-};

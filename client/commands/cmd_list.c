@@ -104,9 +104,9 @@ static status rows_get(struct connection *c, size_t newest, struct job_rows *r, 
     r->count = kept;
     /* Pages are larger than what is wanted of them. */
     for (size_t i = 0; i < r->count; i++)
-        ended += (size_t)job_state_is_final(r->jobs[i]->state);
+        ended += (size_t)job_state_ended(r->jobs[i]->state);
     for (size_t i = 0; i < r->count; i++) {
-        if (job_state_is_final(r->jobs[i]->state) && ended > newest) {
+        if (job_state_ended(r->jobs[i]->state) && ended > newest) {
             ended--;
             r->not_shown++;
         } else {
@@ -122,7 +122,7 @@ static status rows_choose(struct connection *c, const struct job_choice *choice,
                           struct chosen_jobs *chosen, struct job_rows *r, struct error *err)
 {
     static const struct positionals none;
-    status result = job_choice_find(c, choice, &none, ~0u, chosen, err);
+    status result = job_choice_find(c, choice, &none, chosen, err);
 
     if (result == STATUS_ERR_NOT_FOUND)
         return STATUS_OK;
@@ -153,7 +153,7 @@ static void add_job(struct table *table, const Azulejo__Wire__JobInfo *job, int 
     table_add(table, "%s", job->name);
     table_add(table, "%s", job->owner[0] ? job->owner : "-");
     table_add(table, "%d", job->priority);
-    table_add(table, "%s", job_state_name(job->state));
+    table_add(table, "%s", job_state_word(job->state));
     table_add(table, "%u/%u", job->frames_done, job->last_frame - job->first_frame + 1);
     table_add(table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
                                                          (double)job->samples_total

@@ -53,7 +53,7 @@ static status print_some(struct connection *c, int *more, struct job_log *log, s
         result = print_event(answer->job_log->events[i], log, err);
         log->after = answer->job_log->events[i]->seq;
     }
-    log->final = log->job && job_state_is_final(answer->job_log->state);
+    log->final = log->job && job_state_ended(answer->job_log->state);
     *more = answer->job_log->more;
     message_free(answer);
     fflush(stdout);

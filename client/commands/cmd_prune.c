@@ -11,7 +11,7 @@ struct prune_options {
     int films;
 };
 
-static status choose(const void *options, struct job_choice *choice, struct error *err)
+static status check(void *options, struct job_choice *choice, struct error *err)
 {
     const struct prune_options *o = options;
     int64_t age_s;
@@ -52,10 +52,10 @@ static status ask_films(struct connection *c, uint64_t job, Azulejo__Wire__Envel
     state = info->state;
     message_free(*answer);
     *answer = NULL;
-    if (!job_state_is_final(state)) /* it would be cancelled */
+    if (!job_state_ended(state)) /* it would be cancelled */
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu is %s: only films of jobs that have ended are removed",
-                         (unsigned long long)job, job_state_name(state));
+                         (unsigned long long)job, job_state_word(state));
     body.job = job;
     body.discard = 1;
     return job_ask(c, &question, job, answer, err);
@@ -71,12 +71,8 @@ static status ask(struct connection *c, uint64_t job, const void *options,
 static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
                   struct error *err)
 {
-    static const struct steer_verb verb = {.word = "prune",
-                                           .past = "pruned",
-                                           .states = STEER_ENDED,
-                                           .ask = ask,
-                                           .choose = choose,
-                                           .outcome = "pruned"};
+    static const struct steer_verb verb = {.verb = &job_verbs[VERB_REMOVE], .word = "prune", .past = "pruned",
+                                           .check = check, .ask = ask, .outcome = "pruned"};
     struct prune_options options = {0};
     const struct option own[] = {
         {"older-than", 0, OPTION_STRING, &options.older_than, "TIME",

@@ -149,7 +149,7 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
 {
     char text[FORMAT_SIZE], note[JOB_NOTE_SIZE];
 
-    printf("job %" PRIu64 ": %s\n", job->job, job_state_name(job->state));
+    printf("job %" PRIu64 ": %s\n", job->job, job_state_word(job->state));
     print_field("name", job->name);
     print_field("scene", job->scene_name);
     if (job->state_text[0])

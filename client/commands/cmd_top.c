@@ -86,10 +86,10 @@ static uint64_t count_jobs(const Azulejo__Wire__JobList *list, struct buffer *wo
     uint64_t total = 0;
 
     for (size_t i = 0; i < list->n_states; i++) {
-        if (job_state_is_final((Azulejo__Wire__JobState)i) || list->states[i] == 0)
+        if (job_state_ended(i) || list->states[i] == 0)
             continue;
         buffer_printf(words, "%s%u %s", total ? ", " : "", list->states[i],
-                      job_state_name((Azulejo__Wire__JobState)i));
+                      job_state_word(i));
         total += list->states[i];
     }
     return total;
@@ -133,7 +133,7 @@ static status print_jobs(const struct top *t, size_t rows, uint64_t active, stru
         table_add(&table, "%" PRIu64, job->job);
         table_add(&table, "%s", job->name);
         table_add(&table, "%d", job->priority);
-        table_add(&table, "%s", job_state_name(job->state));
+        table_add(&table, "%s", job_state_word(job->state));
         table_add(&table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
                                                               (double)job->samples_total
                                                         : 0.0);

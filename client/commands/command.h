@@ -10,6 +10,7 @@
 #include "client/farm/connection.h"
 #include "common/base/options.h"
 #include "common/base/status.h"
+#include "common/schema/verbs.h"
 
 enum command_group { COMMAND_RENDER, COMMAND_JOBS, COMMAND_FARM, COMMAND_PICTURES, COMMAND_GROUPS };
 
@@ -23,11 +24,20 @@ struct command {
                   int *exit_code, struct error *err);
 };
 
-extern const struct command command_accuracy, command_cancel, command_compare, command_debug_pixel, command_develop, command_effects, command_estimate,
-    command_extend, command_fetch, command_import, command_keygen, command_list, command_render, command_resume, command_show,
-    command_submit, command_tonemap, command_watch, command_workers, command_top, command_start,
-    command_pause, command_finish, command_priority, command_retry, command_remove, command_log,
-    command_prune, command_gc, command_trace, command_owners, command_completion, command_token, command_webhook;
+typedef status command_run(const struct command *command, int argc, char *const *argv, int *exit_code,
+                           struct error *err);
+
+extern const struct command command_accuracy, command_compare, command_completion, command_debug_pixel,
+    command_effects, command_estimate, command_fetch, command_gc, command_import, command_keygen, command_list,
+    command_log, command_owners, command_prune, command_render, command_show, command_submit, command_token,
+    command_tonemap, command_top, command_trace, command_watch, command_webhook, command_workers;
+/* The verbs (cmd_verbs.c), and the functions of those that have a file of their own. */
+#define VERB(NAME, name, ...) extern const struct command command_##name;
+#define VARIANT(...)
+JOB_VERBS(VERB, VARIANT)
+#undef VERB
+#undef VARIANT
+command_run cancel_command, develop_command, extend_command;
 
 /* completion completes these. */
 void command_completion_of(const struct command *const *commands, size_t count);

@@ -8,17 +8,17 @@
 #include "client/farm/job_info.h"
 #include "protocol/message.h"
 
-static void print_one(const struct steer_verb *verb, const Azulejo__Wire__JobInfo *info)
+static void print_one(const struct steer_verb *verb, const Azulejo__Wire__JobInfo *info, const void *options)
 {
     char text[JOB_NOTE_SIZE];
 
     printf("job %" PRIu64 ": %s", info->job,
-           verb->outcome ? verb->outcome : job_state_name(info->state));
-    if (!verb->outcome && !job_state_is_final(info->state) && info->state_text[0])
+           verb->outcome ? verb->outcome : job_state_word(info->state));
+    if (!verb->outcome && !job_state_ended(info->state) && info->state_text[0])
         printf(": %s", job_info_note(text, info));
     printf("\n");
     if (verb->print)
-        verb->print(info);
+        verb->print(options);
 }
 
 /* What happened to each job. */
@@ -42,7 +42,7 @@ static status one(struct connection *c, const struct steer_verb *verb, uint64_t 
         if (json)
             json_array_append_new(out->jobs, job_info_json(info));
         else
-            print_one(verb, info);
+            print_one(verb, info, options);
         message_free(answer);
         return STATUS_OK;
     }
@@ -101,9 +101,11 @@ status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice
                                            : error_no_memory(err, "a list of jobs");
 
     if (result == STATUS_OK)
-        result = job_choice_find(c, choice, rest, verb->states, &jobs, err);
+        result = job_choice_find(c, choice, rest, &jobs, err);
     if (result == STATUS_OK)
-        result = job_choice_confirm(choice, &jobs, verb->word, &go_on, err);
+        result = job_choice_confirm(choice, &jobs, verb->word                ? verb->word
+                                                    : verb->verb->imperative ? verb->verb->imperative
+                                                                             : verb->verb->name, &go_on, err);
     if (result == STATUS_OK && !go_on)
         fprintf(stderr, "nothing was changed\n");
     if (result == STATUS_OK && go_on)
@@ -122,11 +124,11 @@ status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice
 }
 
 status steer_run(const struct command *command, const struct steer_verb *verb,
-                 const struct option *own, const void *options, int argc, char *const *argv,
+                 const struct option *own, void *options, int argc, char *const *argv,
                  int *exit_code, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    struct job_choice choice = {0};
+    struct job_choice choice = {.verb = verb->verb};
     int json = 0, done;
     char yes_help[64];
     const struct option common[] = {
@@ -140,21 +142,21 @@ status steer_run(const struct command *command, const struct steer_verb *verb,
     struct positionals rest;
     status result;
 
-    snprintf(yes_help, sizeof yes_help, JOB_CHOICE_YES_HELP("%s"), verb->past);
+    snprintf(yes_help, sizeof yes_help, JOB_CHOICE_YES_HELP("%s"), verb->past ? verb->past : verb->verb->past);
     for (; own && own[own_count].name; own_count++) {
         assert(own_count < STEER_OWN_MAX);
         table[own_count] = own[own_count];
     }
     memcpy(table + own_count, common, sizeof common);
-    result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done, err);
+    result = command_parse(command, table, argc, argv, verb->text != NULL, OPTIONS_POSITIONAL_MAX, &rest, &done, err);
     if (result != STATUS_OK || done)
         return result;
-    if (verb->choose)
-        result = verb->choose(options, &choice, err);
+    if (verb->text)
+        *verb->text = rest.items[--rest.count];
+    if (verb->check)
+        result = verb->check(options, &choice, err);
     if (result == STATUS_OK)
         result = job_choice_check(&choice, &rest, err);
-    if (result == STATUS_OK && verb->check)
-        result = verb->check(options, err);
     if (result == STATUS_OK)
         result = steer_jobs(verb, &choice, &rest, &where, options, json, exit_code, err);
     return result;

@@ -420,15 +420,15 @@ static status verdict(const struct job_fetch *f, uint64_t frames, struct error *
 
     if (f->fetched == 0 && f->failed > 0)
         return error_set(err, f->first.code, "%s", f->first.text);
-    if (f->fetched == 0 && job_state_is_final(f->job->state))
+    if (f->fetched == 0 && job_state_ended(f->job->state))
         return error_set(err, STATUS_ERR_NOT_FOUND, "job %" PRIu64 " is %s and has no picture%s",
-                         f->job->job, job_state_name(f->job->state), which);
+                         f->job->job, job_state_word(f->job->state), which);
     if (f->fetched == 0 && (f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_PAUSED ||
                             f->job->state == AZULEJO__WIRE__JOB_STATE__JOB_PARKED))
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 " is %s and has no finished frame%s ('azulejo resume %" PRIu64
                          "' continues it)",
-                         f->job->job, job_state_name(f->job->state), which, f->job->job);
+                         f->job->job, job_state_word(f->job->state), which, f->job->job);
     if (f->fetched == 0)
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          "job %" PRIu64 " has no finished frame%s (--preview FILE.png shows the "
@@ -437,7 +437,7 @@ static status verdict(const struct job_fetch *f, uint64_t frames, struct error *
     if (f->not_rendered)
         snprintf(frames_text, sizeof frames_text, "%zu of %" PRIu64 " frames %s not rendered%s",
                  f->not_rendered, frames, f->not_rendered == 1 ? "is" : "are",
-                 job_state_is_final(f->job->state) ? "" : " yet");
+                 job_state_ended(f->job->state) ? "" : " yet");
     if (f->failed)
         snprintf(files_text, sizeof files_text, "%zu file%s could not be fetched", f->failed,
                  f->failed == 1 ? "" : "s");

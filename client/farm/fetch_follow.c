@@ -139,7 +139,7 @@ static status update(void *user, struct connection *c, const Azulejo__Wire__JobI
     if (result != STATUS_OK)
         return result;
     forget_pictures(w, job);
-    result = job_state_is_final(job->state) ? fetch_rest(w, err) : fetch_finished(w, job, err);
+    result = job_state_ended(job->state) ? fetch_rest(w, err) : fetch_finished(w, job, err);
     w->fetch->job = NULL;
     return result;
 }

@@ -25,7 +25,7 @@ static void print_ending(const Azulejo__Wire__JobInfo *info)
     char name[256];
 
     printf("job %" PRIu64 " (%s): %s\n", info->job, message_text(name, sizeof name, info->name),
-           job_state_name(info->state));
+           job_state_word(info->state));
     job_info_print_summary(stdout, info);
     if (info->state == AZULEJO__WIRE__JOB_STATE__JOB_DONE)
         printf("  %-10s  'azulejo fetch %" PRIu64 "' brings the pictures\n", "outputs", info->job);

@@ -30,20 +30,13 @@ static status parse_states(const char *text, unsigned *out, struct error *err)
     *out = 0;
     for (const char *at = text;; at++) {
         size_t length = strcspn(at, ",");
-        int found = 0;
+        unsigned found = job_state_find(at, length);
 
-        for (int s = 0; s < JOB_STATE_NAMES; s++) {
-            const char *name = job_state_name((Azulejo__Wire__JobState)s);
-            if (strlen(name) == length && strncmp(name, at, length) == 0) {
-                *out |= 1u << s;
-                found = 1;
-            }
-        }
+        *out |= found;
         if (!found)
             return error_set(err, STATUS_ERR_USAGE,
-                             "--state: '%.*s' is not a state; they are queued, running, paused, parked, "
-                             "finishing, cancelling, done, failed and cancelled",
-                             (int)length, at);
+                             "--state: '%.*s' is not a state; they are %s", (int)length, at,
+                             job_state_words());
         at += length;
         if (!*at)
             return STATUS_OK;
@@ -94,14 +87,23 @@ static status add(struct chosen_jobs *out, uint64_t job, const Azulejo__Wire__Jo
 /* What decides about one job. */
 struct filter {
     const struct positionals *rest;
-    unsigned states;             /* of jobs that are not named by number */
-    unsigned always;             /* --state, for all; else every state */
+    unsigned states;             /* --state; 0: every state in which the verb does something */
+    const struct job_verb *verb; /* NULL: any */
     const char *owner;           /* NULL: anybody's */
     int64_t ended_before;        /* 0: at any time, or not yet */
     unsigned char seen[OPTIONS_POSITIONAL_MAX]; /* such a job exists, whatever its state and owner */
     const Azulejo__Wire__JobInfo *idle[IDLE_SHOWN]; /* that match, but the verb would do nothing */
     size_t idle_count;
 };
+
+/* An older coordinator does not say it. */
+static int offers(const Azulejo__Wire__JobInfo *info, const struct job_verb *verb)
+{
+    for (size_t i = 0; i < info->n_verbs; i++)
+        if (strcmp(info->verbs[i], verb->name) == 0)
+            return 1;
+    return info->n_verbs == 0 && (verb->states >> info->state & 1);
+}
 
 static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
 {
@@ -119,11 +121,11 @@ static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
 
     if (f->owner && strcmp(info->owner, f->owner) != 0)
         return 0;
-    if (!(f->always >> info->state & 1))
+    if (f->states && !(f->states >> info->state & 1))
         return 0;
     if (f->ended_before && (info->finished_at == 0 || info->finished_at >= f->ended_before))
         return 0;
-    if (named || (matched && (f->states >> info->state & 1)))
+    if (named || (matched && (f->states || !f->verb || offers(info, f->verb))))
         return 1;
     if (matched && f->idle_count++ < IDLE_SHOWN)
         f->idle[f->idle_count - 1] = info;
@@ -177,7 +179,7 @@ static status report_idle(const struct filter *f, struct error *err)
     for (size_t i = 0; i < f->idle_count && i < IDLE_SHOWN; i++)
         used += (size_t)snprintf(list + used, sizeof list - used, "%sjob %" PRIu64 " (%s) is %s", i ? ", " : "",
                                  f->idle[i]->job, message_text(name, sizeof name, f->idle[i]->name),
-                                 job_state_name(f->idle[i]->state));
+                                 job_state_word(f->idle[i]->state));
     if (f->idle_count > IDLE_SHOWN)
         snprintf(more, sizeof more, ", and %zu more", f->idle_count - IDLE_SHOWN);
     return error_set(err, STATUS_ERR_NOT_FOUND, "nothing to do: %s%s", list, more);
@@ -204,12 +206,11 @@ static status check_found(const struct filter *f, const struct chosen_jobs *jobs
 }
 
 status job_choice_find(struct connection *c, const struct job_choice *choice,
-                       const struct positionals *rest, unsigned states, struct chosen_jobs *out,
+                       const struct positionals *rest, struct chosen_jobs *out,
                        struct error *err)
 {
     char owner[CONNECTION_WHO_MAX];
-    struct filter filter = {.rest = rest, .states = states, .always = ~0u,
-                            .ended_before = choice->ended_before};
+    struct filter filter = {.rest = rest, .verb = choice->verb, .ended_before = choice->ended_before};
     status result = STATUS_OK;
     size_t kept = 0;
 
@@ -221,10 +222,8 @@ status job_choice_find(struct connection *c, const struct job_choice *choice,
     }
     if (choice->mine)
         filter.owner = connection_who(owner);
-    if (choice->states) {
-        result = parse_states(choice->states, &filter.always, err);
-        filter.states = filter.always;
-    }
+    if (choice->states)
+        result = parse_states(choice->states, &filter.states, err);
     if (result == STATUS_OK)
         result = find_all(c, &filter, out, err);
     if (result != STATUS_OK)
@@ -264,7 +263,7 @@ status job_choice_confirm(const struct job_choice *choice, const struct chosen_j
     for (size_t i = 0; i < jobs->count && i < SHOWN_MAX; i++) {
         const Azulejo__Wire__JobInfo *info = jobs->items[i].info;
         char owner[CONNECTION_WHO_MAX];
-        fprintf(stderr, "  %6" PRIu64 "  %-10s  %s  %s\n", info->job, job_state_name(info->state),
+        fprintf(stderr, "  %6" PRIu64 "  %-10s  %s  %s\n", info->job, job_state_word(info->state),
                 message_text(name, sizeof name, info->name),
                 message_text(owner, sizeof owner, info->owner));
     }

@@ -5,8 +5,10 @@
 #include <stddef.h>
 
 #include "client/farm/connection.h"
+#include "common/schema/verbs.h"
 
 struct job_choice {
+    const struct job_verb *verb; /* names and filters choose jobs that offer it; NULL: all */
     const char *states;          /* "queued,failed"; NULL: not given */
     int mine;
     int yes;                     /* do not ask */
@@ -38,11 +40,11 @@ struct chosen_jobs {
  * state, or a number that is too large. */
 status job_choice_check(const struct job_choice *choice, const struct positionals *rest,
                         struct error *err) MUST_CHECK;
-/* Find the jobs. `states`: bits of JobState, to which a filter or a wildcard without --state is
- * limited: those in which the verb does something. ERR_NOT_FOUND: no job matches, or a number is no
+/* Find the jobs. A filter or a wildcard without --state is limited to jobs for which the verb does something.
+ * ERR_NOT_FOUND: no job matches, or a number is no
  * job's; ERR_NO_MEMORY, or job_ask's errors. */
 status job_choice_find(struct connection *c, const struct job_choice *choice,
-                       const struct positionals *rest, unsigned states, struct chosen_jobs *out,
+                       const struct positionals *rest, struct chosen_jobs *out,
                        struct error *err) MUST_CHECK;
 void chosen_jobs_release(struct chosen_jobs *jobs);
 

@@ -13,29 +13,6 @@
 #include "common/scene/settings.h"
 #include "protocol/message.h"
 
-const char *job_state_name(Azulejo__Wire__JobState state)
-{
-    switch (state) {
-    case AZULEJO__WIRE__JOB_STATE__JOB_QUEUED: return "queued";
-    case AZULEJO__WIRE__JOB_STATE__JOB_RUNNING: return "running";
-    case AZULEJO__WIRE__JOB_STATE__JOB_DONE: return "done";
-    case AZULEJO__WIRE__JOB_STATE__JOB_FAILED: return "failed";
-    case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED: return "cancelled";
-    case AZULEJO__WIRE__JOB_STATE__JOB_PARKED: return "parked";
-    case AZULEJO__WIRE__JOB_STATE__JOB_CANCELLING: return "cancelling";
-    case AZULEJO__WIRE__JOB_STATE__JOB_PAUSED: return "paused";
-    case AZULEJO__WIRE__JOB_STATE__JOB_FINISHING: return "finishing";
-    default: return "unknown";
-    }
-}
-
-int job_state_is_final(Azulejo__Wire__JobState state)
-{
-    return state == AZULEJO__WIRE__JOB_STATE__JOB_DONE ||
-           state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ||
-           state == AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED;
-}
-
 const char *job_info_note(char out[JOB_NOTE_SIZE], const Azulejo__Wire__JobInfo *job)
 {
     char when[FORMAT_SIZE];
@@ -303,6 +280,15 @@ static json_t *depth_json(const Azulejo__Wire__JobInfo *job)
                      d->deeper ? json_number(d->deeper_share) : json_null());
 }
 
+static json_t *verbs_json(const Azulejo__Wire__JobInfo *job)
+{
+    json_t *out = json_array();
+
+    for (size_t i = 0; i < job->n_verbs; i++)
+        json_array_append_new(out, json_text(job->verbs[i]));
+    return out;
+}
+
 static json_t *after_json(const Azulejo__Wire__JobInfo *job)
 {
     json_t *out = json_array();
@@ -329,7 +315,7 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "frames_resting", json_integer(job->frames_resting));
     json_object_set_new(root, "job", json_integer((json_int_t)job->job));
     json_object_set_new(root, "name", json_text(job->name));
-    json_object_set_new(root, "state", json_string(job_state_name(job->state)));
+    json_object_set_new(root, "state", json_string(job_state_word(job->state)));
     json_object_set_new(root, "state_text", json_text(job->state_text));
     json_object_set_new(root, "priority", json_integer(job->priority));
     json_object_set_new(root, "owner", job->owner[0] ? json_text(job->owner) : json_null());
@@ -375,6 +361,7 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "preview_frame", json_integer(job->preview_frame));
     json_object_set_new(root, "preview_ready", json_boolean(job->preview_ready));
     json_object_set_new(root, "preview_covered", json_number(job->preview_covered));
+    json_object_set_new(root, "verbs", verbs_json(job));
     json_object_set_new(root, "queue_position", json_integer(job->queue_position));
     return root;
 }
@@ -476,7 +463,7 @@ status job_info_verdict(const Azulejo__Wire__JobInfo *job, struct error *err)
         job->state != AZULEJO__WIRE__JOB_STATE__JOB_CANCELLED)
         return STATUS_OK;
     message_text(why, sizeof why, job->state_text);
-    if (strcmp(why, job_state_name(job->state)) == 0)
+    if (strcmp(why, job_state_word(job->state)) == 0)
         why[0] = 0; /* "was cancelled: cancelled" */
     return error_set(err, STATUS_ERR_JOB_FAILED, "job %" PRIu64 " %s%s%s", job->job,
                      job->state == AZULEJO__WIRE__JOB_STATE__JOB_FAILED ? "failed"

@@ -7,12 +7,7 @@
 #include "client/farm/connection.h"
 #include "client/terminal/frame_list.h"
 #include "client/terminal/json.h"
-
-/* "queued", "running", "done", "failed", "cancelled", "parked", "cancelling",
- * "paused", "finishing"; "unknown" for anything else. */
-const char *job_state_name(Azulejo__Wire__JobState state);
-enum { JOB_STATE_NAMES = AZULEJO__WIRE__JOB_STATE__JOB_FINISHING + 1 };
-int job_state_is_final(Azulejo__Wire__JobState state);
+#include "common/schema/verbs.h"
 
 /* Send a request about one job (0: all) that is answered by a JobList. ERR_NOT_FOUND if the job is
  * not in the answer. The caller frees the answer; it is NULL after an error. */

@@ -47,7 +47,7 @@ static json_t *jobs_json(const Azulejo__Wire__StoreInfo *info)
         json_array_append_new(jobs,
                               json_pack("{s:o, s:o, s:o, s:s, s:o, s:o}", "job", number(j->job),
                                         "name", json_text(j->name), "owner", json_text(j->owner),
-                                        "state", job_state_name(j->state), "films",
+                                        "state", job_state_word(j->state), "films",
                                         number(j->films), "pictures", number(j->pictures)));
     }
     return jobs;
@@ -139,7 +139,7 @@ static status print_jobs(const Azulejo__Wire__StoreInfo *info, struct error *err
     for (size_t i = 0; i < info->n_jobs && i < SHOWN_MAX; i++) {
         const Azulejo__Wire__StoreJob *j = info->jobs[i];
         table_add(&table, "%" PRIu64, j->job);
-        table_add(&table, "%s", job_state_name(j->state));
+        table_add(&table, "%s", job_state_word(j->state));
         table_add(&table, "%s", j->name);
         table_add(&table, "%s", j->owner[0] ? j->owner : "-");
         table_add(&table, "%s", bytes_text(text, j->films));

@@ -50,7 +50,7 @@ static void describe_waiting(struct buffer *line, const Azulejo__Wire__JobInfo *
 {
     char note[JOB_NOTE_SIZE];
 
-    buffer_puts(line, job_state_name(job->state));
+    buffer_puts(line, job_state_word(job->state));
     if (named && job->queue_position > 0 && job->state == AZULEJO__WIRE__JOB_STATE__JOB_QUEUED)
         buffer_printf(line, ", number %u in the queue", job->queue_position);
     if (job->state_text[0])
@@ -181,7 +181,7 @@ status watch_job_as(struct connection *c, uint64_t job, const struct watch_how *
             if (result != STATUS_OK)
                 break;
         }
-        if (job_state_is_final(info->state)) {
+        if (job_state_ended(info->state)) {
             *last = message;
             message = NULL;
             break;

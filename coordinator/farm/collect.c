@@ -138,7 +138,7 @@ static status take_step(struct farm *farm, struct job *job, int whole, const cha
         remove_films(farm, job, why);
         return STATUS_OK;
     }
-    s = steer_remove(farm, job, "the coordinator", now_ns, err);
+    s = steer_remove(&(struct steering){.farm = farm, .job = job, .who = "the coordinator", .now_ns = now_ns}, err);
     if (s == STATUS_OK)
         log_info("job %" PRIu64 " was removed because %s", id, why);
     return s;

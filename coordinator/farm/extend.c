@@ -10,14 +10,8 @@ static unsigned long long id_of(const struct job *job)
     return (unsigned long long)job->id;
 }
 
-static status check_state(const struct job *job, struct error *err)
+static status check_work(const struct job *job, struct error *err)
 {
-    if (job->state != JOB_STATE_DONE)
-        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only a job in work or a done one can be extended; %s",
-                         id_of(job), job_state_word(job->state),
-                         job_state_ended(job->state)              ? "'retry' goes on with it"
-                         : job->state == JOB_STATE_CANCELLING ? "when its pictures are made, 'retry' goes on with it"
-                                                              : "let it end");
     if (job->to_develop)
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu: its pictures are being developed again; wait for that, then "
@@ -194,7 +188,7 @@ status farm_extend(struct farm *farm, struct job *job, const struct job_extensio
     const struct job before = *job;
     struct job_reopening chosen = {0};
     uint32_t spp = extension->spp ? extension->spp : SETTINGS_SPP_MAX;
-    status s = check_state(job, err);
+    status s = check_work(job, err);
 
     if (s == STATUS_OK)
         s = extend_check_release(job, err);
@@ -233,7 +227,7 @@ static int is_estimate_of(const struct farm *farm, const struct job *estimate,
 
     return estimate->estimate == ESTIMATE_OPEN && job->estimate == ESTIMATE_NONE &&
            wire_job_estimated(estimate, job, &same, &ignored) == STATUS_OK && same &&
-           check_state(estimate, &ignored) == STATUS_OK &&
+           estimate->state == JOB_STATE_DONE && check_work(estimate, &ignored) == STATUS_OK &&
            extend_check_release(estimate, &ignored) == STATUS_OK &&
            check_films(farm, estimate, &all, &ignored) == STATUS_OK;
 }

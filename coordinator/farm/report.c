@@ -7,6 +7,7 @@
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/measure.h"
 #include "coordinator/farm/roster.h"
+#include "coordinator/farm/steer.h"
 #include "coordinator/farm/waiting.h"
 #include "protocol/message.h"
 
@@ -332,6 +333,20 @@ static void report_stats(struct job_report *report, const struct work_stats *sum
     report->stats = stats;
 }
 
+/* The numbers are the wire's. */
+#define STATE(NAME, ...) \
+    _Static_assert((int)AZULEJO__WIRE__JOB_STATE__JOB_##NAME == (int)JOB_STATE_##NAME, "azulejo.proto");
+JOB_STATES(STATE)
+#undef STATE
+
+static void report_verbs(struct job_report *report, Azulejo__Wire__JobInfo *info, const struct job *job)
+{
+    info->verbs = report->verbs;
+    for (int v = 0; v < VERB_COUNT; v++)
+        if (steer_offers(job, (enum job_verb_name)v))
+            report->verbs[info->n_verbs++] = (char *)job_verbs[v].name;
+}
+
 void job_report_make(struct job_report *report, struct farm *farm, struct job *job,
                      uint64_t now_ns)
 {
@@ -379,6 +394,7 @@ void job_report_make(struct job_report *report, struct farm *farm, struct job *j
     info.memory_said = job->needs.memory_said;
     info.conflicts = job->conflicts;
     info.workers = job->leases ? workers_on(farm, job) : 0;
+    report_verbs(report, &info, job);
     report_cuts(report, &info, job);
     report_progress(&info, job, now_ns);
     report_figures(report, &info, job);

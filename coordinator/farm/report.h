@@ -3,6 +3,7 @@
 #define AZULEJO_COORDINATOR_REPORT_H
 
 #include "common/scene/effects.h"
+#include "common/schema/verbs.h"
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/measure.h"
 #include "coordinator/job/wire.h"
@@ -29,6 +30,7 @@ struct job_report {
     Azulejo__Wire__Forecast *forecast_pointers[REPORT_FORECASTS_MAX];
     char transform[MEASURE_TEXT_MAX];
     char state_text[JOB_TEXT_MAX + 1];
+    char *verbs[VERB_COUNT];
     Azulejo__Wire__StopRules stop;
     Azulejo__Wire__CutFrame cuts[REPORT_CUT_FRAMES_MAX];
     Azulejo__Wire__CutFrame *cut_pointers[REPORT_CUT_FRAMES_MAX];

@@ -10,12 +10,6 @@ static unsigned long long id_of(const struct job *job)
     return (unsigned long long)job->id;
 }
 
-int retarget_takes(enum job_state state)
-{
-    return state == JOB_STATE_QUEUED || state == JOB_STATE_RUNNING || state == JOB_STATE_PAUSED ||
-           state == JOB_STATE_PARKED;
-}
-
 /* ---- what is refused ------------------------------------------------------------------------- */
 
 static status check_job(const struct job *job, const struct job_extension *extension, struct error *err)

@@ -14,9 +14,6 @@
 
 #include "coordinator/farm/extend.h"
 
-/* Is this for a job in that state? It is QUEUED, RUNNING, PAUSED or PARKED. */
-int retarget_takes(enum job_state state);
-
 /* What became of the frames that were done. */
 struct retarget_result {
     int same;              /* the job has these rules already; nothing happened */

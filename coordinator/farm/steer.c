@@ -7,120 +7,177 @@
 #include "common/base/log.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/closing.h"
+#include "coordinator/farm/extend.h"
 #include "coordinator/farm/retarget.h"
 #include "coordinator/farm/waiting.h"
+#include "coordinator/job/wire.h"
+#include "protocol/fields.h"
+#include "protocol/message.h"
 
-/* ERR_REFUSED: what cannot be done to a job in its state, and what can. */
-static status refuse(const struct job *job, const char *what, struct error *err)
+/* ---- which verb, and whether -------------------------------------------------------------------- */
+
+enum job_verb_name steer_verb(const Azulejo__Wire__Envelope *message)
 {
-    static const char *const remedies[JOB_STATE_COUNT] = {
-        [JOB_STATE_QUEUED] = "it goes on by itself; 'pause' or 'cancel' stops it",
-        [JOB_STATE_RUNNING] = "it goes on by itself; 'pause' or 'cancel' stops it",
-        [JOB_STATE_DONE] = "'extend' gives it more samples, 'retry --frames' makes frames again",
-        [JOB_STATE_FAILED] = "'retry' goes on with it",
-        [JOB_STATE_CANCELLED] = "'retry' goes on with it",
-        [JOB_STATE_PARKED] = "its workers died or hung: 'resume' tries again, 'cancel' ends it",
-        [JOB_STATE_CANCELLING] = "wait until its pictures are made",
-        [JOB_STATE_PAUSED] = "'resume' goes on with it, 'cancel' ends it",
-        [JOB_STATE_FINISHING] = "it ends with the first pass of its frames in work; 'cancel' ends it now",
-    };
+    const struct job_verb *variant;
+    enum job_verb_name verb = VERB_COUNT;
 
-    return error_set(err, STATUS_ERR_REFUSED, "job %" PRIu64 " is %s and cannot be %s: %s", job->id,
-                     job_state_word(job->state), what, remedies[job->state]);
+    switch (message->body_case) {
+#define VERB(NAME, ...) case AZULEJO__WIRE__ENVELOPE__BODY_JOB_##NAME: verb = VERB_##NAME; break;
+#define VARIANT(...)
+        JOB_VERBS(VERB, VARIANT)
+#undef VERB
+#undef VARIANT
+    default: return VERB_COUNT;
+    }
+    variant = job_verb_variant(&job_verbs[verb]);
+    return variant && message_is_set(message_body(message), variant->field) ? (enum job_verb_name)(variant - job_verbs)
+                                                                             : verb;
 }
 
-status steer_pause(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
-                   struct error *err)
+int steer_offers(const struct job *job, enum job_verb_name verb)
+{
+    if (!(job_verbs[verb].states >> job->state & 1))
+        return 0;
+    switch (job_verbs[verb].when) {
+    case VERB_WHEN_BEGUN: return job->state != JOB_STATE_QUEUED || job->frames || job->samples_done + job->samples_closed_sum > 0;
+    case VERB_WHEN_WAITING: return job->needs.after_count > 0 || job->needs.not_before != 0;
+    case VERB_WHEN_UNFINISHED: return job->state != JOB_STATE_DONE || job->marks & JOB_MARK_EARLY;
+    default: return 1;
+    }
+}
+
+/* ERR_REFUSED: what cannot be done to a job in its state, and what can. */
+static status refuse(const struct job *job, const struct job_verb *verb, struct error *err)
+{
+    return error_set(err, STATUS_ERR_REFUSED, "job %" PRIu64 " is %s and cannot be %s: %s", job->id,
+                     job_state_word(job->state), verb->past, verb->remedy ? verb->remedy : job_state_remedy(job->state));
+}
+
+status steer(const struct steering *s, struct error *err)
+{
+    static steer_deed *const deeds[VERB_COUNT] = {
+#define VERB(NAME, name, ...) [VERB_##NAME] = steer_##name,
+#define VARIANT(NAME, name, of, ...) [VERB_##NAME] = steer_##of,
+        JOB_VERBS(VERB, VARIANT)
+#undef VERB
+#undef VARIANT
+    };
+    enum job_verb_name verb = steer_verb(s->message);
+
+    if ((job_verbs[verb].states | job_verbs[verb].accepted) >> s->job->state & 1)
+        return deeds[verb](s, err);
+    return refuse(s->job, job_verb_find(job_verbs[verb].path), err);
+}
+
+/* ---- verbs without arguments --------------------------------------------------------------------- */
+
+status steer_pause(const struct steering *s, struct error *err)
 {
     char text[JOB_WHO_MAX + 16];
 
-    if (job->state == JOB_STATE_PAUSED)
+    (void)err;
+    if (s->job->state == JOB_STATE_PAUSED)
         return STATUS_OK;
-    if (job->state != JOB_STATE_QUEUED && job->state != JOB_STATE_RUNNING)
-        return refuse(job, "paused", err);
-    snprintf(text, sizeof text, "paused by %s", who);
-    log_info("job %" PRIu64 " (%s) is %s", job->id, job->name, text);
-    farm_job_revoke(farm, job, "the job is paused");
-    farm_note(farm, job, who, "paused");
-    farm_job_change(farm, job, JOB_STATE_PAUSED, text, now_ns);
-    farm_job_save(farm, job, now_ns);
-    closing_step(farm, job, now_ns);
+    snprintf(text, sizeof text, "paused by %s", s->who);
+    log_info("job %" PRIu64 " (%s) is %s", s->job->id, s->job->name, text);
+    farm_job_revoke(s->farm, s->job, "the job is paused");
+    farm_note(s->farm, s->job, s->who, "paused");
+    farm_job_change(s->farm, s->job, JOB_STATE_PAUSED, text, s->now_ns);
+    farm_job_save(s->farm, s->job, s->now_ns);
+    closing_step(s->farm, s->job, s->now_ns);
     return STATUS_OK;
 }
 
-status steer_resume(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
-                    struct error *err)
+status steer_resume(const struct steering *s, struct error *err)
 {
-    if (job->state != JOB_STATE_PAUSED && job->state != JOB_STATE_PARKED)
-        return refuse(job, "resumed", err);
-    log_info("job %" PRIu64 " (%s) is resumed by %s", job->id, job->name, who);
+    struct job *job = s->job;
+
+    (void)err;
+    log_info("job %" PRIu64 " (%s) is resumed by %s", job->id, job->name, s->who);
     suspicion_clear(&job->suspicion);
     hangs_clear(&job->hangs);
     job->broken_count = 0;
-    farm_note(farm, job, who, "resumed");
-    farm_job_change(farm, job, JOB_STATE_QUEUED, NULL, now_ns);
-    farm_job_save(farm, job, now_ns);
+    farm_note(s->farm, job, s->who, "resumed");
+    farm_job_change(s->farm, job, JOB_STATE_QUEUED, NULL, s->now_ns);
+    farm_job_save(s->farm, job, s->now_ns);
     return STATUS_OK;
 }
 
-status steer_finish(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
-                    struct error *err)
+status steer_finish(const struct steering *s, struct error *err)
 {
+    struct job *job = s->job;
+
     if (job->state == JOB_STATE_FINISHING)
         return STATUS_OK;
-    if (job->state != JOB_STATE_QUEUED && job->state != JOB_STATE_RUNNING &&
-        job->state != JOB_STATE_PAUSED)
-        return refuse(job, "finished", err);
-    if (!closing_has_begun(farm, job))
+    if (!closing_has_begun(s->farm, job))
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %" PRIu64 " has no frame in work that could be finished: 'cancel' it instead",
                          job->id);
-    log_info("job %" PRIu64 " (%s) is finished early by %s", job->id, job->name, who);
-    farm_note(farm, job, who, "finish: frames in work complete their first pass");
-    farm_job_change(farm, job, JOB_STATE_FINISHING, NULL, now_ns);
-    farm_job_save(farm, job, now_ns);
-    closing_step(farm, job, now_ns);
+    log_info("job %" PRIu64 " (%s) is finished early by %s", job->id, job->name, s->who);
+    farm_note(s->farm, job, s->who, "finish: frames in work complete their first pass");
+    farm_job_change(s->farm, job, JOB_STATE_FINISHING, NULL, s->now_ns);
+    farm_job_save(s->farm, job, s->now_ns);
+    closing_step(s->farm, job, s->now_ns);
     return STATUS_OK;
 }
 
-void steer_cancel(struct farm *farm, struct job *job, int discard, const char *who, uint64_t now_ns)
+status steer_start(const struct steering *s, struct error *err)
 {
-    if (!job_state_ended(job->state) && (job->state != JOB_STATE_CANCELLING || discard))
-        farm_note(farm, job, who, "cancel%s", discard ? ", discarding unfinished frames" : "");
-    else if (discard)
-        farm_note(farm, job, who, "discard: its films are removed");
-    farm_cancel(farm, job, discard, now_ns);
-}
+    struct job *job = s->job;
 
-status steer_priority(struct farm *farm, struct job *job, int32_t priority, const char *who,
-                      uint64_t now_ns, struct error *err)
-{
-    int32_t before = job->priority;
-
-    if (job_state_ended(job->state))
-        return refuse(job, "served earlier or later", err);
-    if (priority == before)
-        return STATUS_OK;
-    queue_set_priority(&farm->queue, job, priority);
-    farm_note(farm, job, who, "priority %d, was %d", priority, before);
-    farm_job_save(farm, job, now_ns);
-    farm->pump_wanted = 1;
-    farm->events.job_changed(farm->events.user, job);
-    return STATUS_OK;
-}
-
-status steer_start(struct farm *farm, struct job *job, const char *who, uint64_t now_ns, struct error *err)
-{
-    if (job_state_ended(job->state))
-        return refuse(job, "started", err);
+    (void)err;
     if (job->needs.after_count == 0 && job->needs.not_before == 0)
         return STATUS_OK;
-    waiting_end(farm, job);
-    log_info("job %" PRIu64 " (%s) is started by %s, whatever it waited for", job->id, job->name, who);
-    farm_note(farm, job, who, "started: it waits for no other job and for no time");
-    farm_job_save(farm, job, now_ns);
-    farm->events.job_changed(farm->events.user, job);
+    waiting_end(s->farm, job);
+    log_info("job %" PRIu64 " (%s) is started by %s, whatever it waited for", job->id, job->name, s->who);
+    farm_note(s->farm, job, s->who, "started: it waits for no other job and for no time");
+    farm_job_save(s->farm, job, s->now_ns);
+    s->farm->events.job_changed(s->farm->events.user, job);
     return STATUS_OK;
+}
+
+/* ---- verbs with one ------------------------------------------------------------------------------ */
+
+status steer_cancel(const struct steering *s, struct error *err)
+{
+    int discard = s->message->job_cancel->discard;
+
+    (void)err;
+    if (!job_state_ended(s->job->state) && (s->job->state != JOB_STATE_CANCELLING || discard))
+        farm_note(s->farm, s->job, s->who, "cancel%s", discard ? ", discarding unfinished frames" : "");
+    else if (discard)
+        farm_note(s->farm, s->job, s->who, "discard: its films are removed");
+    farm_cancel(s->farm, s->job, discard, s->now_ns);
+    return STATUS_OK;
+}
+
+status steer_priority(const struct steering *s, struct error *err)
+{
+    int32_t before = s->job->priority, wanted = s->message->job_priority->priority;
+
+    (void)err;
+    if (wanted == before)
+        return STATUS_OK;
+    queue_set_priority(&s->farm->queue, s->job, wanted);
+    farm_note(s->farm, s->job, s->who, "priority %d, was %d", wanted, before);
+    farm_job_save(s->farm, s->job, s->now_ns);
+    s->farm->pump_wanted = 1;
+    s->farm->events.job_changed(s->farm->events.user, s->job);
+    return STATUS_OK;
+}
+
+/* ---- develop ------------------------------------------------------------------------------------- */
+
+status steer_develop(const struct steering *s, struct error *err)
+{
+    struct output_settings output;
+    status result = wire_output_get(&output, s->message->job_develop->output, err);
+
+    if (result == STATUS_OK)
+        result = farm_develop(s->farm, s->job, &output, err);
+    if (result == STATUS_OK)
+        farm_note(s->farm, s->job, s->who, "developed again, with %s", output.tonemap.op->name);
+    return result;
 }
 
 /* ---- extend ---------------------------------------------------------------------------------- */
@@ -141,19 +198,36 @@ static void note_rules(struct farm *farm, const struct job *job, const char *who
     farm_note(farm, job, who, "extended to %s, was %s%s", now, was, frames);
 }
 
-status steer_extend(struct farm *farm, struct job *job, const struct job_extension *extension, const char *who,
-                    uint64_t now_ns, struct error *err)
+static status check_extension(struct job_extension *out, const Azulejo__Wire__JobExtend *wanted, struct error *err)
 {
+    *out = (struct job_extension){.spp = wanted->spp, .frames = wanted->frames, .frame_count = wanted->n_frames};
+    if (wire_stop_get(&out->rules, wanted->stop, err) != STATUS_OK)
+        return STATUS_ERR_INPUT;
+    if (wanted->spp > SETTINGS_SPP_MAX)
+        return error_set(err, STATUS_ERR_INPUT, "%u samples a pixel: must be 1..%d", wanted->spp, SETTINGS_SPP_MAX);
+    if (wanted->spp == 0 && !stop_ends_a_frame(&out->rules))
+        return error_set(err, STATUS_ERR_INPUT,
+                         "no rule says when the pictures are good enough: give samples a pixel (spp), a target error, a "
+                         "time limit or a limit of core time");
+    return STATUS_OK;
+}
+
+status steer_extend(const struct steering *s, struct error *err)
+{
+    struct job *job = s->job;
     const struct stop_rules before = job->stop;
     uint32_t spp_before = job->settings.spp;
     struct retarget_result result = {0};
-    status s = retarget_takes(job->state) ? farm_retarget(farm, job, extension, &result, now_ns, err)
-                                          : farm_extend(farm, job, extension, err);
+    struct job_extension extension;
+    status done = check_extension(&extension, s->message->job_extend, err);
 
-    if (s != STATUS_OK || result.same)
-        return s;
-    note_rules(farm, job, who, &before, spp_before, &result);
-    farm_job_save(farm, job, now_ns);
+    if (done == STATUS_OK)
+        done = job->state != JOB_STATE_DONE ? farm_retarget(s->farm, job, &extension, &result, s->now_ns, err)
+                                            : farm_extend(s->farm, job, &extension, err);
+    if (done != STATUS_OK || result.same)
+        return done;
+    note_rules(s->farm, job, s->who, &before, spp_before, &result);
+    farm_job_save(s->farm, job, s->now_ns);
     return STATUS_OK;
 }
 
@@ -182,7 +256,7 @@ static status unfinished_frames(const struct job *job, uint32_t **out, size_t *c
             (*out)[(*count)++] = frame;
     }
     if (*count == 0 && job->state == JOB_STATE_DONE)
-        return refuse(job, "tried again", err);
+        return refuse(job, &job_verbs[VERB_RETRY], err);
     if (*count == 0)
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %" PRIu64 " has all of its frames: name those to try again (--frames)",
@@ -225,60 +299,67 @@ static status reopen(struct farm *farm, struct job *job, const struct job_reopen
     return s;
 }
 
-status steer_retry(struct farm *farm, struct job *job, const uint32_t *frames, size_t count,
-                   const char *who, struct error *err)
+static int ascends(const uint32_t *numbers, size_t count)
 {
+    for (size_t i = 1; i < count; i++)
+        if (numbers[i] <= numbers[i - 1])
+            return 0;
+    return 1;
+}
+
+static status check_retry(const struct job *job, const Azulejo__Wire__JobRetry *wanted, struct error *err)
+{
+    if (!ascends(wanted->frames, wanted->n_frames))
+        return error_set(err, STATUS_ERR_INPUT, "the frames to try again must ascend");
+    return job->release[0] ? extend_check_release(job, err) : STATUS_OK;
+}
+
+status steer_retry(const struct steering *s, struct error *err)
+{
+    const Azulejo__Wire__JobRetry *wanted = s->message->job_retry;
+    struct job *job = s->job;
     struct job_reopening chosen = {0};
     uint32_t *unfinished = NULL;
-    size_t named = count;
-    status s = STATUS_OK;
+    size_t count = wanted->n_frames;
+    status result = check_retry(job, wanted, err);
 
-    if (!job_state_ended(job->state))
-        return refuse(job, "tried again", err);
-    if (job->release[0])
-        s = extend_check_release(job, err);
-    if (s == STATUS_OK && count == 0) {
-        s = unfinished_frames(job, &unfinished, &count, err);
-        frames = unfinished;
-    }
-    if (s == STATUS_OK)
-        s = job_reopening_init(&chosen, job, frames, count, job->settings.spp, err);
-    if (s == STATUS_OK)
-        s = farm_store_usable(farm, err);
-    if (s == STATUS_OK)
-        s = job_reopen_check(&farm->queue, job, err);
-    if (s == STATUS_OK)
-        s = reopen(farm, job, &chosen, err);
-    if (s == STATUS_OK) {
+    if (result == STATUS_OK && count == 0)
+        result = unfinished_frames(job, &unfinished, &count, err);
+    if (result == STATUS_OK)
+        result = job_reopening_init(&chosen, job, unfinished ? unfinished : wanted->frames, count, job->settings.spp, err);
+    if (result == STATUS_OK)
+        result = farm_store_usable(s->farm, err);
+    if (result == STATUS_OK)
+        result = job_reopen_check(&s->farm->queue, job, err);
+    if (result == STATUS_OK)
+        result = reopen(s->farm, job, &chosen, err);
+    if (result == STATUS_OK) {
         suspicion_clear(&job->suspicion);
         job->broken_count = 0;
-        log_info("job %" PRIu64 " (%s) is tried again by %s", job->id, job->name, who);
-        farm_note(farm, job, who, "retry: %zu frame%s%s", count, count == 1 ? "" : "s",
-                  named ? ", chosen" : "");
+        log_info("job %" PRIu64 " (%s) is tried again by %s", job->id, job->name, s->who);
+        farm_note(s->farm, job, s->who, "retry: %zu frame%s%s", count, count == 1 ? "" : "s",
+                  unfinished ? "" : ", chosen");
     }
     job_reopening_release(&chosen);
     mem_free(unfinished);
-    return s;
+    return result;
 }
 
 /* ---- remove ---------------------------------------------------------------------------------- */
 
-status steer_remove(struct farm *farm, struct job *job, const char *who, uint64_t now_ns,
-                    struct error *err)
+status steer_remove(const struct steering *s, struct error *err)
 {
-    status s = STATUS_OK;
+    struct farm *farm = s->farm;
+    struct job *job = s->job;
+    status result = STATUS_OK;
 
-    if (!job_state_ended(job->state))
-        return error_set(err, STATUS_ERR_REFUSED,
-                         "job %" PRIu64 " is %s and cannot be removed: 'cancel' it first", job->id,
-                         job_state_word(job->state));
-    waiting_settle(farm, now_ns); /* while it is there */
+    waiting_settle(farm, s->now_ns); /* while it is there */
     if (farm->store)
-        s = store_job_remove(farm->store, job->id, err);
-    if (s != STATUS_OK)
-        return s;
+        result = store_job_remove(farm->store, job->id, err);
+    if (result != STATUS_OK)
+        return result;
     log_info("job %" PRIu64 " (%s) of %s is removed by %s", job->id, job->name,
-             job->owner[0] ? job->owner : "nobody known", who);
+             job->owner[0] ? job->owner : "nobody known", s->who);
     farm_pictures_unwanted(farm, job);
     queue_remove(&farm->queue, job);
     job->removed = 1;

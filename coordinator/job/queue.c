@@ -7,10 +7,6 @@
 
 #include "common/base/memory.h"
 
-static const char *const state_names[JOB_STATE_COUNT] = {
-    "queued", "running", "done", "failed", "cancelled", "parked", "cancelling", "paused",
-    "finishing"};
-
 /* The diagram in queue.h. */
 const struct job_edge job_edges[] = {
 #define FROM_TO(from, to) {JOB_STATE_##from, JOB_STATE_##to}
@@ -31,11 +27,6 @@ const struct job_edge job_edges[] = {
 #undef FROM_TO
 };
 const size_t job_edge_count = sizeof job_edges / sizeof job_edges[0];
-
-const char *job_state_word(enum job_state state)
-{
-    return (unsigned)state < JOB_STATE_COUNT ? state_names[state] : "unknown";
-}
 
 void work_stats_add(struct work_stats *sum, const struct work_stats *more)
 {
@@ -231,16 +222,6 @@ struct job *queue_next(const struct queue *queue, unsigned lists, const struct j
 void queue_order_changed(struct queue *queue)
 {
     candidates_sort(&queue->candidates);
-}
-
-int job_state_ended(enum job_state state)
-{
-    return state == JOB_STATE_DONE || state == JOB_STATE_FAILED || state == JOB_STATE_CANCELLED;
-}
-
-int job_state_is_open(enum job_state state)
-{
-    return state == JOB_STATE_QUEUED || state == JOB_STATE_RUNNING || state == JOB_STATE_FINISHING;
 }
 
 static int change_is_allowed(enum job_state from, enum job_state to)

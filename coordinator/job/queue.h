@@ -39,6 +39,7 @@
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 #include "common/scene/stages.h"
+#include "common/schema/job_states.h"
 #include "common/tonemap/tonemap.h"
 #include "coordinator/job/candidates.h"
 #include "coordinator/job/eta.h"
@@ -64,21 +65,6 @@ enum {
     JOB_BROKEN_MAX = 3, /* a job without results fails when this many machines cannot render it */
     JOB_BROKEN_MACHINES_MAX = 256, /* a job with results fails when this many cannot */
 };
-
-/* The numbers are the wire's JobState and the store's. */
-enum job_state {
-    JOB_STATE_QUEUED,
-    JOB_STATE_RUNNING,
-    JOB_STATE_DONE,
-    JOB_STATE_FAILED,
-    JOB_STATE_CANCELLED,
-    JOB_STATE_PARKED,
-    JOB_STATE_CANCELLING,
-    JOB_STATE_PAUSED,
-    JOB_STATE_FINISHING,
-    JOB_STATE_COUNT
-};
-const char *job_state_word(enum job_state state);
 
 /* The edges of the diagram. Every state has edges to FAILED but those that are final. */
 struct job_edge {
@@ -235,9 +221,6 @@ struct job *queue_next(const struct queue *queue, unsigned lists, const struct j
 /* Jobs changed their `place` (order.h). Call it before anything else is asked of the queue. */
 void queue_order_changed(struct queue *queue);
 
-int job_state_ended(enum job_state state);
-/* Units of the job are lent and results taken: it is QUEUED, RUNNING or FINISHING. */
-int job_state_is_open(enum job_state state);
 /* `text` may be NULL. Asserts that the diagram allows the change. */
 void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
                    uint64_t now_ns, int64_t wall_s);

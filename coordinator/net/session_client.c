@@ -5,9 +5,8 @@
 #include "common/base/clock.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/report.h"
-#include "coordinator/farm/steer.h"
+#include "common/schema/verbs.h"
 #include "coordinator/farm/waiting.h"
-#include "coordinator/job/wire.h"
 #include "coordinator/net/held.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_audit.h"
@@ -216,68 +215,6 @@ status session_answer_change(struct session *session, uint64_t request, const st
     return s == STATUS_OK ? session_hold(session, request, answer_changed, &subject, err) : s;
 }
 
-static status cancel(struct session *session, const Azulejo__Wire__Envelope *message,
-                     uint64_t now_ns, struct error *err)
-{
-    struct job *job = session_job(session, message->job_cancel->job, err);
-
-    if (!job)
-        return STATUS_ERR_NOT_FOUND;
-    steer_cancel(&session->server->farm, job, message->job_cancel->discard, session->who, now_ns);
-    return session_answer_change(session, message->request, job, STATUS_OK, err);
-}
-
-static status resume(struct session *session, const Azulejo__Wire__Envelope *message,
-                     uint64_t now_ns, struct error *err)
-{
-    struct job *job = session_job(session, message->job_resume->job, err);
-
-    if (!job)
-        return STATUS_ERR_NOT_FOUND;
-    return session_answer_change(session, message->request, job,
-                         steer_resume(&session->server->farm, job, session->who, now_ns, err), err);
-}
-
-static status develop(struct session *session, const Azulejo__Wire__Envelope *message,
-                      uint64_t now_ns, struct error *err)
-{
-    struct job *job = session_job(session, message->job_develop->job, err);
-    struct output_settings output;
-    status s =
-        job ? wire_output_get(&output, message->job_develop->output, err) : STATUS_ERR_NOT_FOUND;
-
-    (void)now_ns;
-    if (s == STATUS_OK)
-        s = session_check_tonemap(session, &output, err);
-    if (s == STATUS_OK)
-        s = farm_develop(&session->server->farm, job, &output, err);
-    if (s == STATUS_OK)
-        farm_note(&session->server->farm, job, session->who, "developed again, with %s",
-                  output.tonemap.op->name);
-    return session_answer_change(session, message->request, job, s, err);
-}
-
-static status extend(struct session *session, const Azulejo__Wire__Envelope *message,
-                     uint64_t now_ns, struct error *err)
-{
-    const Azulejo__Wire__JobExtend *wanted = message->job_extend;
-    struct job *job = session_job(session, wanted->job, err);
-    struct job_extension extension = {
-        .spp = wanted->spp, .frames = wanted->frames, .frame_count = wanted->n_frames};
-    status s = job ? wire_stop_get(&extension.rules, wanted->stop, err) : STATUS_ERR_NOT_FOUND;
-
-    if (s == STATUS_OK && wanted->spp > SETTINGS_SPP_MAX)
-        s = error_set(err, STATUS_ERR_INPUT, "%u samples a pixel: must be 1..%d", wanted->spp,
-                      SETTINGS_SPP_MAX);
-    if (s == STATUS_OK && wanted->spp == 0 && !stop_ends_a_frame(&extension.rules))
-        s = error_set(err, STATUS_ERR_INPUT,
-                      "no rule says when the pictures are good enough: give samples a pixel (spp), a target error, a "
-                      "time limit or a limit of core time");
-    if (s == STATUS_OK)
-        s = steer_extend(&session->server->farm, job, &extension, session->who, now_ns, err);
-    return session_answer_change(session, message->request, job, s, err);
-}
-
 /* What the page and its API keep is theirs. */
 static status guest(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
                     struct error *err)
@@ -307,19 +244,15 @@ static const struct {
     {BODY(JOB_SUBMIT), CLIENTS, session_submit},
     {BODY(JOB_QUERY), CLIENTS, query},
     {BODY(JOB_WATCH), CLIENTS, watch},
-    {BODY(JOB_CANCEL), CHANGES, cancel},
-    {BODY(JOB_RESUME), CHANGES, resume},
-    {BODY(JOB_EXTEND), CHANGES, extend},
-    {BODY(JOB_PAUSE), CHANGES, session_pause},
-    {BODY(JOB_START), CHANGES, session_start},
-    {BODY(JOB_FINISH), CHANGES, session_finish},
-    {BODY(JOB_PRIORITY), CHANGES, session_priority},
-    {BODY(JOB_RETRY), CHANGES, session_retry},
     {BODY(JOB_REMOVE), CHANGES, session_remove},
+#define VERB(NAME, ...) {BODY(JOB_##NAME), CHANGES, session_steer},
+#define VARIANT(...)
+    JOB_VERBS(VERB, VARIANT)
+#undef VERB
+#undef VARIANT
     {BODY(JOB_LOG_GET), CLIENTS, session_log},
     {BODY(STORE_QUERY), CLIENTS, session_store},
     {BODY(JOB_TRACE_GET), CLIENTS, session_trace},
-    {BODY(JOB_DEVELOP), CHANGES, develop},
     {BODY(WORKER_QUERY), CLIENTS, session_workers},
     {BODY(WORKER_STEER), CHANGES, session_worker_steer},
     {BODY(OUTPUT_GET), CLIENTS, session_output_get},

@@ -22,11 +22,7 @@ session_handler session_submit;         /* session_submit.c */
 session_handler session_output_get;     /* session_outputs.c */
 session_handler session_history_get;
 session_handler session_frame_tiles;    /* session_tiles.c */
-session_handler session_pause;          /* session_steer.c */
-session_handler session_finish;
-session_handler session_priority;
-session_handler session_retry;
-session_handler session_start;
+session_handler session_steer;          /* session_steer.c: every verb of verbs.h but remove */
 session_handler session_remove;
 session_handler session_log;
 session_handler session_store;          /* collector.c */

@@ -5,79 +5,39 @@
 #include "coordinator/farm/steer.h"
 #include "coordinator/net/server.h"
 #include "coordinator/net/session_messages.h"
+#include "coordinator/job/wire.h"
+#include "protocol/fields.h"
 #include "protocol/message.h"
 
-status session_pause(struct session *session, const Azulejo__Wire__Envelope *message,
-                     uint64_t now_ns, struct error *err)
+/* What the farm cannot check by itself. */
+static status check(struct session *session, const Azulejo__Wire__Envelope *message, struct error *err)
 {
-    struct farm *farm = &session->server->farm;
-    struct job *job = session_job(session, message->job_pause->job, err);
-    status s = job ? steer_pause(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
+    struct output_settings output;
+    status s;
 
-    return session_answer_change(session, message->request, job, s, err);
+    if (message->body_case != AZULEJO__WIRE__ENVELOPE__BODY_JOB_DEVELOP)
+        return STATUS_OK;
+    s = wire_output_get(&output, message->job_develop->output, err);
+    return s == STATUS_OK ? session_check_tonemap(session, &output, err) : s;
 }
 
-status session_finish(struct session *session, const Azulejo__Wire__Envelope *message,
-                      uint64_t now_ns, struct error *err)
+status session_steer(struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
+                     struct error *err)
 {
-    struct farm *farm = &session->server->farm;
-    struct job *job = session_job(session, message->job_finish->job, err);
-    status s = job ? steer_finish(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
+    struct job *job = session_job(session, message_job(message_body(message)), err);
+    const struct steering what = {&session->server->farm, job, message, session->who, now_ns};
+    status s = job ? check(session, message, err) : STATUS_ERR_NOT_FOUND;
 
-    return session_answer_change(session, message->request, job, s, err);
-}
-
-status session_priority(struct session *session, const Azulejo__Wire__Envelope *message,
-                        uint64_t now_ns, struct error *err)
-{
-    struct farm *farm = &session->server->farm;
-    const Azulejo__Wire__JobPriority *wanted = message->job_priority;
-    struct job *job = session_job(session, wanted->job, err);
-    status s = job ? steer_priority(farm, job, wanted->priority, session->who, now_ns, err)
-                   : STATUS_ERR_NOT_FOUND;
-
-    return session_answer_change(session, message->request, job, s, err);
-}
-
-status session_start(struct session *session, const Azulejo__Wire__Envelope *message,
-                     uint64_t now_ns, struct error *err)
-{
-    struct farm *farm = &session->server->farm;
-    struct job *job = session_job(session, message->job_start->job, err);
-    status s = job ? steer_start(farm, job, session->who, now_ns, err) : STATUS_ERR_NOT_FOUND;
-
-    return session_answer_change(session, message->request, job, s, err);
-}
-
-static int ascends(const uint32_t *numbers, size_t count)
-{
-    for (size_t i = 1; i < count; i++)
-        if (numbers[i] <= numbers[i - 1])
-            return 0;
-    return 1;
-}
-
-status session_retry(struct session *session, const Azulejo__Wire__Envelope *message,
-                     uint64_t now_ns, struct error *err)
-{
-    struct farm *farm = &session->server->farm;
-    const Azulejo__Wire__JobRetry *wanted = message->job_retry;
-    struct job *job = session_job(session, wanted->job, err);
-    status s = job ? STATUS_OK : STATUS_ERR_NOT_FOUND;
-
-    (void)now_ns;
-    if (s == STATUS_OK && !ascends(wanted->frames, wanted->n_frames))
-        s = error_set(err, STATUS_ERR_INPUT, "the frames to try again must ascend");
     if (s == STATUS_OK)
-        s = steer_retry(farm, job, wanted->frames, wanted->n_frames, session->who, err);
+        s = steer(&what, err);
     return session_answer_change(session, message->request, job, s, err);
 }
 
 status session_remove(struct session *session, const Azulejo__Wire__Envelope *message,
                       uint64_t now_ns, struct error *err)
 {
-    struct farm *farm = &session->server->farm;
     struct job *job = session_job(session, message->job_remove->job, err);
+    const struct steering what = {&session->server->farm, job, message, session->who, now_ns};
     Azulejo__Wire__JobInfo info = AZULEJO__WIRE__JOB_INFO__INIT, *infos[] = {&info};
     Azulejo__Wire__JobList list = AZULEJO__WIRE__JOB_LIST__INIT;
     Azulejo__Wire__Envelope envelope = MESSAGE(JOB_LIST, job_list, &list);
@@ -94,7 +54,7 @@ status session_remove(struct session *session, const Azulejo__Wire__Envelope *me
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu stays: somebody fetches its pictures just now ('remove' does not wait for that)",
                          (unsigned long long)job->id);
-    s = steer_remove(farm, job, session->who, now_ns, err);
+    s = steer(&what, err);
     if (s != STATUS_OK)
         return s;
     collector_wake(session->server);

@@ -14,5 +14,6 @@ status api_workers_json(struct server *server, struct buffer *out, struct error 
 void api_farm(struct web_request *request);      /* GET /farm */
 void api_operators(struct web_request *request); /* GET /operators: the tone mappers */
 void api_effects(struct web_request *request);   /* GET /effects: the names behind bits and numbers */
+void api_verbs(struct web_request *request);     /* GET /verbs: what can be done to jobs */
 
 #endif

@@ -1,12 +1,17 @@
-/* The tables of the program that pages need: tone mappers, effects, layers, choices. */
+/* The tables of the program that pages need: tone mappers, effects, layers, choices, verbs. */
+#include <ctype.h>
+#include <stdio.h>
+
 #include "common/film/health.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
 #include "common/scene/stages.h"
+#include "common/schema/verbs.h"
 #include "common/tonemap/tonemap.h"
 #include "coordinator/web/api_farm.h"
 #include "coordinator/web/json_wire.h"
 #include "coordinator/web/problem.h"
+#include "coordinator/web/tokens.h"
 
 static void answer_table(struct web_request *request, struct buffer *text)
 {
@@ -154,5 +159,68 @@ void api_effects(struct web_request *request)
     }
     put_health(&out);
     buffer_puts(&out, "}");
+    answer_table(request, &out);
+}
+
+/* ---- verbs --------------------------------------------------------------------------------------- */
+
+static void put_words(struct buffer *out, const char *name, const char *text)
+{
+    buffer_printf(out, ",\"%s\":", name);
+    json_put_text(out, text);
+}
+
+static void put_states(struct buffer *out, const char *name, unsigned states)
+{
+    int any = 0;
+
+    buffer_printf(out, ",\"%s\":[", name);
+    for (int s = 0; s < JOB_STATE_COUNT; s++)
+        if (states >> s & 1)
+            buffer_printf(out, "%s\"%s\"", any++ ? "," : "", job_state_word(s));
+    buffer_puts(out, "]");
+}
+
+static void put_verb(struct buffer *out, const struct job_verb *verb)
+{
+    static const char *const takes[] = {"nothing", "flag", "number", "text", "frames", "form"};
+    char label[32];
+
+    snprintf(label, sizeof label, "%s", verb->label ? verb->label : verb->name);
+    label[0] = (char)toupper((unsigned char)label[0]);
+    buffer_puts(out, "{\"name\":");
+    json_put_text(out, verb->name);
+    put_words(out, "path", verb->path);
+    put_words(out, "says", verb->says);
+    put_words(out, "label", label);
+    put_words(out, "done", verb->done ? verb->done : verb->past);
+    put_words(out, "question", verb->question);
+    put_words(out, "button", verb->button ? verb->button : label);
+    put_words(out, "takes", takes[verb->takes]);
+    put_words(out, "field", verb->field);
+    put_bool(out, "single", verb->single);
+    put_states(out, "states", verb->states);
+    put_states(out, "accepted", verb->accepted);
+    put_states(out, "front", verb->front);
+}
+
+void api_verbs(struct web_request *request)
+{
+    static const enum web_role roles[VERB_COUNT] = {
+#define VERB(NAME, name, ROLE, ...) [VERB_##NAME] = WEB_ROLE_##ROLE,
+#define VARIANT(...)
+        JOB_VERBS(VERB, VARIANT)
+#undef VERB
+#undef VARIANT
+    };
+    struct buffer out = BUFFER_INIT;
+
+    for (int v = 0; v < VERB_COUNT; v++) {
+        buffer_puts(&out, v ? "," : "{\"verbs\":[");
+        put_verb(&out, &job_verbs[v]);
+        put_words(&out, "role", web_role_name(roles[job_verb_find(job_verbs[v].path) - job_verbs]));
+        buffer_puts(&out, "}");
+    }
+    buffer_puts(&out, "]}");
     answer_table(request, &out);
 }

@@ -36,12 +36,12 @@ static void put_jobs(struct buffer *out, const struct farm *farm)
         in_state[farm->queue.all[i]->state]++;
     metric_begin(out, "azulejo_jobs", "gauge", "Jobs that the coordinator knows, by state.");
     for (int s = 0; s < JOB_STATE_COUNT; s++)
-        metric_value(out, "azulejo_jobs", (double)in_state[s], "state", job_state_word((enum job_state)s), NULL);
+        metric_value(out, "azulejo_jobs", (double)in_state[s], "state", job_state_word(s), NULL);
     metric_begin(out, "azulejo_jobs_ended_total", "counter", "Jobs that ended, by their last state.");
     for (int s = 0; s < JOB_STATE_COUNT; s++)
-        if (job_state_ended((enum job_state)s))
+        if (job_state_ended(s))
             metric_value(out, "azulejo_jobs_ended_total", (double)farm->counts.jobs[s], "state",
-                         job_state_word((enum job_state)s), NULL);
+                         job_state_word(s), NULL);
     metric_one(out, "azulejo_frames_done_total", "counter", "Frames that were completed.",
                (double)farm->counts.frames);
     metric_one(out, "azulejo_frames_open", "gauge", "Frames whose films are in memory.", farm->open_frames);

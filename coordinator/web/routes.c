@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/schema/verbs.h"
 #include "coordinator/net/server.h"
 #include "coordinator/web/api_blobs.h"
 #include "coordinator/web/api_farm.h"
@@ -24,10 +25,11 @@
 #define BODY(name) AZULEJO__WIRE__ENVELOPE__BODY_##name
 /* A message to the farm, and what it answers with. */
 #define ASKS(question, reply) .message = BODY(question), .answer = BODY(reply)
-/* What is done to a job: its owner may. */
-#define VERB(word, question, says)                                                                              \
-    {WEB_POST, "/api/v1/jobs/{job}/" word, WEB_ROLE_OPERATE, ASKS(question, JOB_LIST), .own_jobs_suffice = 1, \
-     .summary = says}
+/* What is done to a job (common/schema/verbs.h): its owner may. */
+#define VERB(NAME, name, ROLE, run, says, ...)                                                                  \
+    {WEB_POST, "/api/v1/jobs/{job}/" #name, WEB_ROLE_##ROLE, ASKS(JOB_##NAME, JOB_LIST), .own_jobs_suffice = 1, \
+     .summary = says},
+#define VARIANT(...)
 #define WORKER_VERB(word, says)                                                                                 \
     {WEB_POST, "/api/v1/workers/{name}/" word, WEB_ROLE_OPERATE, ASKS(WORKER_STEER, WORKER_LIST),             \
      .fixed = "verb=" word, .summary = says}
@@ -58,6 +60,9 @@ static const struct web_route routes[] = {
     {WEB_GET, "/api/v1/effects", WEB_ROLE_VIEW, .run = api_effects,
      .summary = "The names behind bits and numbers: effects, layers, choices."},
 
+    {WEB_GET, "/api/v1/verbs", WEB_ROLE_VIEW, .run = api_verbs,
+     .summary = "What can be done to jobs: paths, roles, arguments, states, and words for people."},
+
     {WEB_GET, "/api/v1/log", WEB_ROLE_VIEW, ASKS(JOB_LOG_GET, JOB_LOG), .query = "after newest",
      .summary = "Tell what happened to all jobs: after a number, or the newest events."},
     {WEB_GET, "/api/v1/jobs", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .query = "filter before first",
@@ -67,15 +72,7 @@ static const struct web_route routes[] = {
     {WEB_GET, "/api/v1/jobs/{job}", WEB_ROLE_VIEW, ASKS(JOB_QUERY, JOB_LIST), .summary = "Describe a job."},
     {WEB_DELETE, "/api/v1/jobs/{job}", WEB_ROLE_OPERATE, ASKS(JOB_REMOVE, JOB_LIST), .own_jobs_suffice = 1,
      .query = "unless_read", .summary = "Remove a job that has ended, with its films and pictures."},
-    VERB("pause", JOB_PAUSE, "Pause a job: it gets no more work until it is resumed."),
-    VERB("resume", JOB_RESUME, "Resume a job that is paused or parked."),
-    VERB("finish", JOB_FINISH, "Finish a job early, with the frames in work complete to their first pass."),
-    VERB("cancel", JOB_CANCEL, "Cancel a job; pictures are made of what there is, unless `discard`."),
-    VERB("start", JOB_START, "Start a job that waits for other jobs or for a moment."),
-    VERB("priority", JOB_PRIORITY, "Change a job's priority."),
-    VERB("retry", JOB_RETRY, "Try frames of an ended job again."),
-    VERB("extend", JOB_EXTEND, "Give a job in work, or a done one, other rules about when its frames have enough samples."),
-    VERB("develop", JOB_DEVELOP, "Make a job's pictures again with other output settings."),
+    JOB_VERBS(VERB, VARIANT)
     {WEB_GET, "/api/v1/jobs/{job}/log", WEB_ROLE_VIEW, ASKS(JOB_LOG_GET, JOB_LOG), .query = "after",
      .summary = "A job's events, with larger numbers than `after`."},
     {WEB_GET, "/api/v1/jobs/{job}/trace", WEB_ROLE_VIEW, ASKS(JOB_TRACE_GET, JOB_TRACE), .query = "after",

@@ -197,11 +197,11 @@ class Farm:
 
     # ---- programs ------------------------------------------------------------------------
 
-    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None, prefix=(), env=None):
+    def start_coordinator(self, *options, listen="127.0.0.1:0", key=None, prefix=(), env=None, program=None):
         """Start (or, after a kill, start again with the same store) and wait until it listens.
 
         prefix: words before the command, such as a shell that sets limits and runs it."""
-        argv = list(prefix) + [os.path.join(BIN, "azulejo-coordinator"), "--listen", listen,
+        argv = list(prefix) + [program or os.path.join(BIN, "azulejo-coordinator"), "--listen", listen,
                 "--key", key or self.key, "--store", self.store] + list(options)
         self.coordinator = Program("coordinator", argv,
                                    self.path("coordinator-%d.log" % len(self.programs)),

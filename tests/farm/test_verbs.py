@@ -1,15 +1,19 @@
 """What people do to jobs, at the command line: one job, several or a filter; the coordinator killed
 around each answer; the bits of what continues."""
+import contextlib
 import itertools
 import json
 import os
 import pty
+import re
 import socket
+import sqlite3
 import subprocess
 import time
 
-from farm import BIN, PATIENCE, Failure, Farm, Tests, readable, wait_for
+from farm import BIN, BUILD, PATIENCE, ROOT, Failure, Farm, Tests, read_bytes, readable, wait_for
 from jobs import Outcome, expect, expect_same
+from page import Page
 
 tests = Tests()
 LONG = ("--size", "160x96", "--frames", "1-2", "--spp", "320")
@@ -213,6 +217,134 @@ def many():
         expect(farm.cli("list", "--json").json()["jobs"] == [], "all are gone")
         expect(farm.cli("remove", "--mine", "--yes").code == 5, "no job matches")
         expect(farm.cli("pause", "--state", "lost").code == 2, "an unknown state")
+
+
+@tests.add
+def early():
+    """A name or a filter chooses what retry goes on with: also a job that was finished early, not one with all samples"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        whole = farm.submit(farm.scene(), "--size", "32x32", "--spp", "4", "--name", "walk-1")
+        farm.wait_for_job(whole)
+        number = farm.submit(farm.scene(), *ENDLESS, "--name", "walk-2")
+        begun(farm, number)
+        verb(farm, "finish", number)
+        expect(farm.wait_for_job(number)["finished_early"], "it was not finished early")
+        verb(farm, "retry", "walk-*", "--yes")
+        expect(state(farm, number) in OPEN and state(farm, whole) == "done", (state(farm, number), state(farm, whole)))
+        verb(farm, "cancel", number, "--discard")
+        result = farm.cli("retry", "walk-*", "--frames", "1", "--yes", "--json", expect=0).json()
+        expect([j["job"] for j in result["jobs"]] == [whole, number], result)
+
+
+ROWS = re.findall(r"STATE\((\w+), (\w+), (\d+),", read_bytes(os.path.join(ROOT, "common/schema/job_states.h")).decode())
+STATES = {name: int(number) for _, name, number in ROWS}
+STUCK = ("finishing", "cancelling")  # states that end by themselves
+ARGUMENTS = {"priority": (("--to", "3"), {"priority": 3}), "retry-frames": (("--frames", "1"), {"frames": [1]}),
+             "discard": (("--discard",), {"discard": True}), "extend": (None, {"spp": 64}), "develop": (None, {"output": {}})}
+
+
+def jobs_in_each_state(farm, api, names):
+    """A job of every name in every state but STUCK: {(name, state): number}. Nothing of them was rendered."""
+    first = api.get("/api/v1/jobs/%d" % farm.submit(farm.scene(), *ENDLESS)).json()["jobs"][0]
+    copy = {key: first[key] for key in ("scene", "settings", "output", "first_frame", "last_frame")}
+    jobs = {}
+    for name, state in itertools.product(names, (s for s in STATES if s not in STUCK)):
+        answer = api.post("/api/v1/jobs", dict(copy, name="%s.%s" % (name, state)))
+        jobs[name, state] = answer.json()["job"]
+    verb(farm, "cancel", first["job"], "--discard")
+    farm.coordinator.stop()
+    with contextlib.closing(sqlite3.connect(farm.path("store", "queue.sqlite"))) as store:
+        store.executemany("UPDATE jobs SET state=?, finished_at=? WHERE id=?",
+                          [(STATES[state], state in ENDED, number) for (_, state), number in jobs.items()])
+        store.commit()
+    return jobs
+
+
+def post(api, row, number, state):
+    """Whether the farm takes the verb in that state is what the table says."""
+    answer = api.post("/api/v1/jobs/%d/%s" % (number, row["path"]), ARGUMENTS.get(row["name"], ((), {}))[1])
+    by_state = answer.status == 409 and "is %s and cannot be" % state in answer.json()["detail"]
+    expect(by_state == (state not in row["states"] + row["accepted"]), (row["name"], state, answer))
+
+
+@tests.add
+def table():
+    """Every verb in every state: command line, API, JSON and farm say what common/schema/verbs.h says"""
+    with Farm() as farm:
+        api = Page(farm.start_coordinator())
+        rows = {row["name"]: row for row in api.get("/api/v1/verbs").json()["verbs"]}
+        jobs = jobs_in_each_state(farm, api, ["%s-%s" % pair for pair in itertools.product(("cli", "api"), rows)])
+        api = Page(farm.start_coordinator())
+        theirs = {j["job"]: j for j in api.get("/api/v1/jobs").json()["jobs"]}
+        ours = {j["job"]: j for j in farm.cli("list", "--json", expect=0).json()["jobs"]}
+        for (name, state), number in jobs.items():
+            expect(theirs[number]["state"] == state and ours[number]["verbs"] == theirs[number]["verbs"], theirs[number])
+            # These depend on more than the state: it waits for nothing, and nothing of it was rendered or left out.
+            but = {"start"} | ({"finish"} if state == "queued" else {"retry"} if state == "done" else set())
+            expect(theirs[number]["verbs"] == [n for n in rows if state in rows[n]["states"] and n not in but],
+                   (state, theirs[number]["verbs"]))
+        for name, row in rows.items():
+            options = ARGUMENTS.get(name, ((), {}))[0]
+            if options is None:
+                continue  # it takes one job, by its number
+            mine = {number for (job, _), number in jobs.items() if job == "cli-" + name}
+            offered = {number for number in mine if name in ours[number]["verbs"]}
+            done = farm.cli(row["path"], "cli-%s.*" % name, "--yes", "--json", *options)
+            if offered:
+                got = done.json()
+                expect({j["job"] for j in got["jobs"] + got["failed"]} == offered, (name, done))
+                expect(not any(" and cannot be " in j["error"] for j in got["failed"]), (name, done))
+            else:
+                expect(done.code == 5 and "nothing to do" in done.err, (name, done))
+            for state in (s for s in STATES if s not in STUCK):
+                post(api, row, jobs["api-" + name, state], state)
+        # A picture that cannot be written keeps a job in the states that end by themselves.
+        farm.start_worker()
+        stuck = farm.submit(farm.scene(), *ENDLESS, "--priority", "9")
+        begun(farm, stuck)
+        os.makedirs(farm.path("store", "outputs"), exist_ok=True)
+        open(farm.path("store", "outputs", str(stuck)), "w").close()
+        for state, way in (("finishing", "finish"), ("cancelling", "cancel")):
+            expect(api.post("/api/v1/jobs/%d/%s" % (stuck, way), {}).status == 200, way)
+            for name in (n for n in rows if n not in ("cancel", "discard") or state == "cancelling" and n == "cancel"):
+                post(api, rows[name], stuck, state)
+            expect(farm.job(stuck)["verbs"] == [n for n in rows if state in rows[n]["states"] and n != "start"],
+                   farm.job(stuck))
+        post(api, rows["discard"], stuck, "cancelling")
+        expect(farm.job(stuck)["state"] == "cancelled", farm.job(stuck))
+
+
+@tests.add
+def row():
+    """A verb that only its row, its message and its function describe: command, help, completion, API, JSON, log, audit"""
+    there = os.path.join(BUILD, "row", "verb", "bin")
+    azulejo = lambda *words: subprocess.run([os.path.join(there, "azulejo"), *words], capture_output=True, text=True, timeout=60)
+    with Farm() as farm:
+        api = Page(farm.start_coordinator(program=os.path.join(there, "azulejo-coordinator")))
+        number = farm.submit(farm.scene(), *ENDLESS, "--name", "walk")
+        gone = farm.submit(farm.scene(), *ENDLESS, "--name", "walk")
+        farm.cli("cancel", gone, expect=0)
+        where = ("--coordinator", farm.address, "--key", farm.key)
+        helps = azulejo("salute", "--help").stdout
+        expect("usage: azulejo salute JOB... TEXT [OPTION]..." in helps and "several jobs are saluted" in helps, helps)
+        expect("  salute       salute jobs\n" in azulejo("--help").stdout, "the list of commands")
+        expect("salute" in azulejo("completion", "bash").stdout, "completion")
+        told = azulejo("salute", "walk", "good day", "--yes", *where)
+        expect(told.returncode == 0 and told.stdout.startswith("job %d: queued" % number) and told.stdout.count("job") == 1, told)
+        told = azulejo("salute", str(gone), "good day", *where)
+        expect(told.returncode == 5 and "job %d is cancelled and cannot be saluted: 'retry'" % gone in told.stderr, told)
+        expect("salute" in farm.job(number)["verbs"] and "salute" not in farm.job(gone)["verbs"], farm.job(number)["verbs"])
+        answer = api.post("/api/v1/jobs/%d/salute" % number, {"words": "by API"})
+        expect(answer.status == 200, answer)
+        verbs = {v["name"]: v for v in api.get("/api/v1/verbs").json()["verbs"]}
+        expect(verbs["salute"]["takes"] == "text" and verbs["salute"]["label"] == "Salute", verbs["salute"])
+        log = farm.cli("log", number, expect=0).out
+        expect(": saluted: good day" in log and ": saluted: by API" in log, log)
+        lines = [json.loads(line) for line in read_bytes(farm.path("store", "audit.log")).decode().splitlines()]
+        expect([l["details"] for l in lines if l.get("verb") == "salute" and l["outcome"] == "done"] ==
+               [{"words": "good day"}, {"words": "by API"}], lines)
 
 
 @tests.add

@@ -6,7 +6,7 @@ import sys
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from browser import Browser  # noqa: E402
-from farm import Tests, wait_for  # noqa: E402
+from farm import BUILD, Tests, wait_for  # noqa: E402
 from jobs import expect  # noqa: E402
 from pressing import confirm, field, verb  # noqa: E402
 from webfarm import WebFarm  # noqa: E402
@@ -116,6 +116,27 @@ def verbs_of_waiting_and_finished_jobs():
         begin, end = (page.place("[data-job=\"%d\"] a" % n) for n in (third, first))
         page.drag((begin["x"], begin["y"]), (end["x"], end["top"] + 2))
         wait_for(lambda: order()[0] == third, "the dragged job to be the first: %s" % order())
+
+
+@tests.add
+def verbs_that_the_coordinator_lists():
+    """the page offers what each job carries, and asks for the argument of a verb that none of its files name"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator(program=os.path.join(BUILD, "row", "verb", "bin", "azulejo-coordinator"))
+        job, ended = (farm.submit(farm.scene(), *LONG) for _ in range(2))
+        farm.cli("cancel", ended, expect=0)
+        page = farm.page(browser, width=1600, height=1000)
+        show(farm, page, job)
+        until(farm, page, job, "queued")
+        until(farm, page, ended, "cancelled")
+        for number in (job, ended):
+            offered = page.js("import('/assets/verbs.js').then(async (v) => v.offered([(await import('/assets/state.js'))"
+                              ".state.job(%d)]).map((o) => o.name))" % number)
+            expect(offered == farm.job(number)["verbs"], "job %d: %s" % (number, offered))
+        verb(page, "Salute")
+        field(page, "Words", "good day")
+        confirm(page, "Salute")
+        wait_for(lambda: "saluted: good day" in farm.cli("log", job).out, "the log to say so")
 
 
 @tests.add

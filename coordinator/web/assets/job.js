@@ -9,10 +9,6 @@ import { span, coreTime, display, target, endedByDepth, percent, plural, samples
 import { where } from './empty.js';
 
 const FRAMES_SHOWN = 240, LINES_KEPT = 400;
-const FIRST = {
-  queued: ['pause', 'finish', 'start', 'priority'], running: ['pause', 'finish'], paused: ['resume', 'cancel'], parked: ['resume', 'cancel'],
-  finishing: ['cancel'], cancelling: ['discard'], done: ['extend', 'develop'], failed: ['retry', 'remove'], cancelled: ['retry', 'remove'],
-};
 const END = { cap: 'all samples', target: 'the target', time: 'the time limit', cores: 'the core limit', cancel: 'a cancel', schedule: 'its schedule', finish: 'finish' };
 const TOO_FEW = 'too few samples to know';
 let ui = null;
@@ -65,14 +61,14 @@ function figures(job, frame) {
 
 /* ---- verbs --------------------------------------------------------------------------------------- */
 
-const verbButton = (verb, job) => h('button', { class: verb.dangerous ? 'danger' : '', title: verb.text, onclick: () => act(verb.name, job.job) }, verb.label);
+const verbButton = (verb, job) => h('button', { class: verb.question ? 'danger' : '', title: verb.says, onclick: () => act(verb.name, job.job) }, verb.label);
 
 function buttons(job) {
   const can = offered([job]);
   const now = `${job.job}:${job.state}:${can.map((v) => v.name)}`;
   if (ui.verbs.dataset.now === now) return;
   ui.verbs.dataset.now = now;
-  const first = FIRST[job.state].map((n) => can.find((v) => v.name === n)).filter(Boolean).slice(0, 2);
+  const first = can.filter((v) => v.front.includes(job.state)).slice(0, 2);
   const more = can.filter((v) => !first.includes(v));
   const menu = more.length > 0 && h('button', { 'aria-haspopup': 'menu', title: 'More verbs', onclick: (e) => { const b = e.currentTarget.getBoundingClientRect(); menuOf([state.job(job.job)], b.left, b.bottom + 4, more); } }, 'More');
   const used = ui.verbs.contains(document.activeElement);
@@ -87,7 +83,7 @@ export function menuOf(jobs, x, y, some) {
   if (!can.length) return;
   const close = () => { node.remove(); removeEventListener('pointerdown', outside, true); if (before && before.isConnected) before.focus(); };
   const outside = (e) => { if (!node.contains(e.target)) close(); };
-  const items = can.map((v) => h('button', { role: 'menuitem', class: v.dangerous ? 'danger' : '', onclick: () => { close(); act(v.name, jobs.map((j) => j.job)); } }, h('b', null, v.label), h('small', null, v.text)));
+  const items = can.map((v) => h('button', { role: 'menuitem', class: v.question ? 'danger' : '', onclick: () => { close(); act(v.name, jobs.map((j) => j.job)); } }, h('b', null, v.label), h('small', null, v.says)));
   const node = h('div', { role: 'menu', class: 'menu', 'aria-label': 'Verbs', 'data-own-keys': true }, items);
   node.onkeydown = (e) => {
     const at = items.indexOf(document.activeElement), to = { ArrowDown: at + 1, ArrowUp: at - 1, Home: 0, End: -1 }[e.key];

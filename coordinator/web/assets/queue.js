@@ -126,7 +126,7 @@ function bulkBar() {
   if (bulk.dataset.now === now) return;
   bulk.dataset.now = now;
   children(bulk, [h('span', null, `${jobs.length} chosen`),
-    ...verbs.map((v) => h('button', { class: v.dangerous ? 'danger' : '', title: v.text, onclick: () => act(v.name, [...picked]).then((d) => d && ['remove'].includes(v.name) && clear()) }, v.label)),
+    ...verbs.map((v) => h('button', { class: v.question ? 'danger' : '', title: v.says, onclick: () => act(v.name, [...picked]).then((d) => d && ['remove'].includes(v.name) && clear()) }, v.label)),
     h('button', { class: 'quiet', onclick: clear }, 'None')]);
 }
 const clear = () => { picked.clear(); mark(); };

@@ -25,6 +25,7 @@ let changes = null, listeners = [], touched = null, loading = null;
 export const state = {
   session: null,        /* {role, who, token, software, farm}; null: not signed in */
   farm: {},             /* as GET /farm */
+  verbs: new Map(),     /* name -> as GET /verbs has it; in the order of buttons */
   jobs,
   workers: [],          /* WorkerInfo, each with `seenAt`, a moment of performance.now() */
   marks: [],            /* WorkerMark */
@@ -77,9 +78,9 @@ export function takeRemoved(number, here) {
   if (jobs.delete(number)) change().removed.add(number);
   if (here) change().removedHere = true;
 }
-/* A verb's answer. */
+/* A verb's answer. A job that is gone has no scene. */
 export function takeAnswer(answer) {
-  for (const info of (answer && answer.jobs) || []) if (info.scene) takeJob(info);
+  for (const info of (answer && answer.jobs) || []) if (info.scene) takeJob(info); else takeRemoved(info.job, true);
 }
 export function takeWorkers(list) {
   const at = performance.now();
@@ -126,6 +127,7 @@ export function load() {
   };
   loading = (async () => {
     await Promise.all([
+      state.verbs.size || get('/verbs').then((list) => list.verbs.forEach((v) => state.verbs.set(v.name, v))),
       get('/farm').then(takeFarm).catch(() => {}), /* its lines are the least of what is shown */
       get('/workers').then(takeWorkers),
       pages('/jobs?filter=active', take),

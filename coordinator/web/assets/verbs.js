@@ -1,10 +1,10 @@
 /* verbs: everything that can be done to jobs and workers, under the names of azulejo's commands. The coordinator
- * checks each of them again: what is offered here is only what has a chance.
+ * says which a job offers now, and checks each of them again.
  *
  * Verbs that lose nothing ask nothing, and offer the way back. The others say what is lost.
  */
-import { get, post, del } from './api.js';
-import { state, takeAnswer, takeRemoved, loadJob } from './state.js';
+import { get, post } from './api.js';
+import { state, takeAnswer, loadJob } from './state.js';
 import { say, trouble } from './notice.js';
 import { confirm, form } from './dialog.js';
 import { frameList, errorTarget, milliseconds, target, isolated } from './format.js';
@@ -19,85 +19,35 @@ export function may(role, job) {
   return mine >= rank(role) || (!!job && mine >= rank('submit') && owns(job));
 }
 
-const ALIVE = ['queued', 'running', 'parked', 'paused', 'finishing'];
-const FINAL = ['done', 'failed', 'cancelled'];
 const names = (jobs) => (jobs.length === 1 ? isolated(jobs[0].name) : `${jobs.length} jobs`);
-const of = (path, number) => `/jobs/${number}/${path}`;
 
-/* name: {states, when, text (what happens), done (word), undo(jobs, body) -> [verb, body],
- *        ask(jobs, send): asks what it must, and then gives send the body; null or false: nothing was asked for} */
-export const verbs = {
-  pause: {
-    states: ['queued', 'running'], done: 'paused', undo: () => ['resume'],
-    text: 'Stop until somebody resumes it. The samples so far stay.',
-  },
-  resume: {
-    states: ['paused', 'parked'], done: 'back in the queue', undo: (jobs) => jobs.every((j) => j.state === 'paused') && ['pause'],
-    text: 'Put it back into the queue.',
-  },
-  finish: {
-    states: ['queued', 'running', 'paused'], when: (j) => j.state !== 'queued' || Number(j.samples_done) > 0,
-    done: 'finishing: frames in work end with whole pictures, no frame is begun. Retry renders the rest',
-    text: 'Whole pictures now, from the samples so far; frames not begun are left out. Retry renders the rest.',
-  },
-  start: {
-    states: ALIVE, when: (j) => (j.after || []).length > 0 || Number(j.not_before) > 0, done: 'waiting for nothing but its turn',
-    text: 'Wait no longer for other jobs or for a time.',
-  },
-  priority: {
-    states: [...ALIVE, 'cancelling'], done: 'moved in the queue', ask: askPriority,
-    undo: (jobs) => jobs.length === 1 && ['priority', { priority: jobs[0].priority }],
-    text: 'Serve it earlier or later.',
-  },
-  retry: {
-    states: FINAL, when: (j) => j.state !== 'done' || j.finished_early, done: 'back in the queue, with the samples it has',
-    text: 'Go on with frames that are not done, from the samples they have.',
-  },
-  'retry-frames': {
-    verb: 'retry', label: 'Retry frames', single: true, states: FINAL, done: 'back in the queue', ask: askFrames,
-    text: 'Render chosen frames again.',
-  },
-  extend: {
-    label: 'Extend', states: ['queued', 'running', 'paused', 'parked', 'done'], single: true, done: 'has its new target', ask: askExtend,
-    text: 'Another target: more samples or a smaller error; while it is in work, also a larger one.',
-  },
-  develop: {
-    label: 'Develop', single: true, states: [...ALIVE, 'done', 'failed', 'cancelled'], ask: askDevelop, done: 'making its pictures again',
-    text: 'Tone map its pictures again, without rendering.',
-  },
-  cancel: {
-    states: ALIVE, done: 'cancelled: pictures are made of what is rendered', undo: () => ['retry'], undoName: 'Retry',
-    text: 'End it. Pictures are made of what is rendered, and Retry goes on from there.',
-  },
-  discard: {
-    verb: 'cancel', label: 'Cancel and discard', states: [...ALIVE, 'cancelling'], dangerous: true, done: 'cancelled', body: { discard: true },
-    ask: (jobs, send) => confirm(`Cancel ${names(jobs)} and discard its samples?`, [
-      'All samples of unfinished frames are lost: no pictures are made of them, and Retry begins them from nothing.',
-      'Pictures of finished frames stay.'], 'Discard the samples').then((yes) => yes && send({})),
-    text: 'End it, and free the room of its unfinished frames at once.',
-  },
-  remove: {
-    label: 'Remove', states: FINAL, dangerous: true, done: 'removed',
-    ask: (jobs, send) => confirm(`Remove ${names(jobs)}?`, [
-      `The coordinator forgets ${jobs.length === 1 ? 'the job' : 'these jobs'}: ${lost(jobs)}, settings and log are lost. Nothing brings them back.`,
-      'Pictures that were downloaded stay where they are.'], 'Remove').then((yes) => yes && send({})),
-    send: (number) => del(`/jobs/${number}`), text: 'Forget it, with its pictures.',
-  },
+/* What the page adds to the verbs that the coordinator lists (state.verbs): the way back, undo(jobs, body) -> [verb, body], and
+ * ask(jobs, send): asks for what one field does not hold, and then gives send the body; null or false: nothing was asked for. */
+const more = {
+  pause: { undo: () => ['resume'] },
+  resume: { undo: (jobs) => jobs.every((j) => j.state === 'paused') && ['pause'] },
+  priority: { undo: (jobs) => jobs.length === 1 && ['priority', { priority: jobs[0].priority }] },
+  'retry-frames': { ask: askFrames },
+  extend: { ask: askExtend },
+  develop: { ask: askDevelop },
+  cancel: { undo: () => ['retry'], undoName: 'Retry' },
+  remove: { lost: (jobs) => jobs.reduce((n, j) => n + (j.frames_done || 0), 0) },
 };
-for (const [name, verb] of Object.entries(verbs)) {
-  verb.name = name;
-  verb.verb = verb.verb || name;
-  verb.label = verb.label || name[0].toUpperCase() + name.slice(1);
-}
+const find = (name) => state.verbs.has(name) && { ...state.verbs.get(name), ...more[name] };
 
-function lost(jobs) {
-  const frames = jobs.reduce((n, j) => n + (j.frames_done || 0), 0);
-  return frames ? `the pictures of ${frames} finished frame${frames === 1 ? '' : 's'}` : 'films';
-}
-async function askPriority(jobs, send) {
-  return form(`Priority of ${names(jobs)}`, ['Jobs with a higher number go first.'],
-    [{ name: 'priority', label: 'Priority', type: 'number', step: 1, value: String(jobs[0].priority), required: true }],
-    'Set the priority', (v) => ({ priority: Math.trunc(Number(v.priority)) }), send);
+/* Asks what the verb has to know, or says what is lost. */
+function ask(verb, jobs, send) {
+  if (verb.ask) return verb.ask(jobs, send);
+  if (verb.question) {
+    const frames = verb.lost ? verb.lost(jobs) : 0;
+    return confirm(`${verb.label} ${names(jobs)}?`, [verb.question, ...(frames ? [`Finished frames whose pictures are lost: ${frames}.`] : [])],
+      verb.button).then((yes) => yes && send({}));
+  }
+  if (verb.takes !== 'number' && verb.takes !== 'text') return send({});
+  const number = verb.takes === 'number', value = jobs[0][verb.field];
+  return form(`${verb.label}: ${names(jobs)}`, [verb.says], [{
+    name: verb.field, label: verb.field[0].toUpperCase() + verb.field.slice(1), type: verb.takes, step: 1, value: String(value ?? ''), required: number,
+  }], verb.button, (v) => ({ [verb.field]: number ? Math.trunc(Number(v[verb.field])) : v[verb.field] }), send);
 }
 async function askFrames([job], send) {
   return form(`Frames of ${names([job])} to render again`, [
@@ -142,18 +92,11 @@ async function askDevelop([job], send) {
 /* A list that is the answer, or below this name in it. */
 export const listOf = (answer, name) => (Array.isArray(answer) ? answer : answer[name] || []);
 
-const allows = (verb, job) => verb.states.includes(job.state) && (!verb.when || verb.when(job)) && may('operate', job);
+const allows = (verb, job) => job.verbs.includes(verb.name) && may(verb.role, job);
 /* The verbs that have a chance with all of these jobs. */
 export function offered(jobs) {
   if (!jobs.length) return [];
-  return Object.values(verbs).filter((v) => (!v.single || jobs.length === 1) && jobs.every((j) => allows(v, j)));
-}
-
-async function send(verb, number, body) {
-  if (verb.send) {
-    await verb.send(number);
-    takeRemoved(number, true);
-  } else takeAnswer(await post(of(verb.verb, number), body));
+  return [...state.verbs.values()].filter((v) => (!v.single || jobs.length === 1) && jobs.every((j) => allows(v, j)));
 }
 
 /* A cancelled job still makes its pictures: what undoes that waits for it. */
@@ -166,10 +109,10 @@ const GONE = 'There is no such job any more: it was removed.';
 
 /* Sends it to all of these jobs, and says what became of it. Throws if no job took it; resolves with whether all did. */
 async function deliver(verb, jobs, given, quiet) {
-  const before = jobs.map((j) => ({ ...j })), body = { ...verb.body, ...given }, failed = [], rest = [...jobs];
+  const before = jobs.map((j) => ({ ...j })), body = { ...(verb.takes === 'flag' && { [verb.field]: true }), ...given }, failed = [], rest = [...jobs];
   await Promise.all(Array.from({ length: 6 }, async () => {
     for (let job; (job = rest.shift());)
-      try { await send(verb, job.job, body); } catch (why) { failed.push([job, why]); }
+      try { takeAnswer(await post(`/jobs/${job.job}/${verb.path}`, body)); } catch (why) { failed.push([job, why]); }
   }));
   const [first] = failed;
   if (first && jobs.length === 1) throw first[1];
@@ -187,7 +130,7 @@ async function deliver(verb, jobs, given, quiet) {
 
 /* A verb, for one job or several. `body`: what it would ask for. Resolves with whether all of it was done. */
 export async function act(name, numbers, body, quiet) {
-  const verb = verbs[name], wanted = [numbers].flat();
+  const verb = find(name), wanted = [numbers].flat();
   let jobs = wanted.map(state.job).filter(Boolean);
   if (!verb || !wanted.length) return false;
   /* What the page knows may be a moment old: an answer can overtake an event. */
@@ -198,13 +141,13 @@ export async function act(name, numbers, body, quiet) {
   if (unfit.length || !jobs.length) {
     if (!unfit.length) trouble(new Error(GONE));
     else trouble(new Error(!may('operate', unfit[0])
-      ? `Your token may not ${verb.verb} jobs of others: it has the role “${state.session?.role}”.`
-      : `${names(unfit)} cannot be told to ${verb.verb}: ${unfit.length === 1 ? 'it is' : 'some are'} ${unfit[0].state}.`));
+      ? `Your token may not ${verb.path} jobs of others: it has the role “${state.session?.role}”.`
+      : `${names(unfit)} cannot be told to ${verb.path}: ${unfit.length === 1 ? 'it is' : 'some are'} ${unfit[0].state}.`));
     return false;
   }
   const run = (given) => deliver(verb, jobs, given, quiet);
   try {
-    return !!await (body === undefined && verb.ask ? verb.ask(jobs, run) : run(body));
+    return !!await (body === undefined ? ask(verb, jobs, run) : run(body));
   } catch (why) {
     trouble(why);
     return false;

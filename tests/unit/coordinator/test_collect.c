@@ -16,9 +16,9 @@
 #include "common/base/memory.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/collect.h"
-#include "coordinator/farm/steer.h"
 #include "coordinator/store/store_hold.h"
 #include "tests/support/sim_farm.h"
+#include "tests/support/steering.h"
 
 static uint64_t read_job; /* somebody fetches its pictures; 0: nobody does */
 
@@ -103,10 +103,10 @@ static struct job *make(struct sim_stored *f, enum job_state state)
     switch (state) {
     case JOB_STATE_QUEUED:
     case JOB_STATE_PAUSED:
-        assert_int_equal(steer_pause(farm, job, "ana@desk", now_ns, NULL), STATUS_OK);
+        assert_int_equal(do_verb(farm, job, VERB_PAUSE, "ana@desk", now_ns, NULL), STATUS_OK);
         tick(f);
         if (state == JOB_STATE_QUEUED)
-            assert_int_equal(steer_resume(farm, job, "ana@desk", now_ns, NULL), STATUS_OK);
+            assert_int_equal(do_verb(farm, job, VERB_RESUME, "ana@desk", now_ns, NULL), STATUS_OK);
         break;
     case JOB_STATE_PARKED:
         for (uint64_t i = 1; i < SUSPICION_DEATHS; i++)
@@ -115,7 +115,7 @@ static struct job *make(struct sim_stored *f, enum job_state state)
                            now_ns);
         break;
     case JOB_STATE_FINISHING:
-        assert_int_equal(steer_finish(farm, job, "ana@desk", now_ns, NULL), STATUS_OK);
+        assert_int_equal(do_verb(farm, job, VERB_FINISH, "ana@desk", now_ns, NULL), STATUS_OK);
         break;
     case JOB_STATE_CANCELLING: farm_cancel(farm, job, 0, now_ns); break;
     case JOB_STATE_CANCELLED: farm_cancel(farm, job, 1, now_ns); break;
@@ -142,7 +142,7 @@ static void go_on(struct sim_stored *f, enum job_state from, const struct retent
     struct job *job = f->sim->farm.queue.all[0];
 
     if (job->state == JOB_STATE_PAUSED || job->state == JOB_STATE_PARKED)
-        assert_int_equal(steer_resume(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL),
+        assert_int_equal(do_verb(&f->sim->farm, job, VERB_RESUME, "ana@desk", f->sim->now_ns, NULL),
                          STATUS_OK);
     for (int i = 0; i < 20 && f->sim->farm.queue.active_count > 0; i++) {
         collect(f, policy);
@@ -239,7 +239,7 @@ static void what_is_read_or_copied_stays(void **state)
     assert_int_equal(collect(f, &policy), 0);
     assert_int_equal(f->sim->farm.queue.count, 1);
     /* A person may remove it: its files wait for the end of the back-up, over a restart, too. */
-    assert_int_equal(steer_remove(&f->sim->farm, f->sim->farm.queue.all[0], "ana@desk",
+    assert_int_equal(do_verb(&f->sim->farm, f->sim->farm.queue.all[0], VERB_REMOVE, "ana@desk",
                                   f->sim->now_ns, &err),
                      STATUS_OK);
     assert_true(has_folder(f, "outputs"));

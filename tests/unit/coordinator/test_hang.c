@@ -9,8 +9,8 @@
 
 #include "common/base/clock.h"
 #include "coordinator/farm/roster.h"
-#include "coordinator/farm/steer.h"
 #include "tests/support/sim_farm.h"
+#include "tests/support/steering.h"
 
 enum { LEAST_S = 10 };
 
@@ -147,7 +147,7 @@ static void three_park_the_job(void **state)
     }
     assert_int_equal(job->state, JOB_STATE_PARKED);
     assert_non_null(strstr(job->state_text, "3 workers hung on one work unit"));
-    assert_int_equal(steer_resume(&sim->farm, job, "ada", sim->now_ns, &err), STATUS_OK);
+    assert_int_equal(do_verb(&sim->farm, job, VERB_RESUME, "ada", sim->now_ns, &err), STATUS_OK);
     assert_int_equal(job->hangs.count, 0);
 }
 

@@ -11,8 +11,8 @@
 #include "common/base/clock.h"
 #include "coordinator/farm/report.h"
 #include "coordinator/farm/retarget.h"
-#include "coordinator/farm/steer.h"
 #include "tests/support/sim_farm.h"
+#include "tests/support/steering.h"
 
 static struct job *the_job(const struct sim_stored *f)
 {
@@ -44,9 +44,8 @@ static void render(struct sim_stored *f)
 
 static void extend(struct sim_stored *f, uint32_t spp)
 {
-    const struct job_extension wanted = {.spp = spp};
-
-    assert_int_equal(steer_extend(&f->sim->farm, the_job(f), &wanted, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, the_job(f), VERB_EXTEND, spp, "ana@desk", f->sim->now_ns, NULL),
+                     STATUS_OK);
 }
 
 /* The job ends with 64 samples of every pixel, and its films are right. */

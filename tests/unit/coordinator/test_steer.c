@@ -15,9 +15,9 @@
 #include "common/base/file.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/scheduler.h"
-#include "coordinator/farm/steer.h"
 #include "coordinator/farm/waiting.h"
 #include "tests/support/sim_farm.h"
+#include "tests/support/steering.h"
 
 static struct sim_worker *connect(struct sim_stored *f, uint32_t threads)
 {
@@ -89,16 +89,16 @@ static struct job *make(struct sim_stored *f, enum job_state state)
 
     switch (state) {
     case JOB_STATE_QUEUED: /* one that has begun */
-        assert_int_equal(steer_pause(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        assert_int_equal(do_verb(&sim->farm, job, VERB_PAUSE, "ana@desk", sim->now_ns, NULL), STATUS_OK);
         tick(f);
-        assert_int_equal(steer_resume(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        assert_int_equal(do_verb(&sim->farm, job, VERB_RESUME, "ana@desk", sim->now_ns, NULL), STATUS_OK);
         break;
     case JOB_STATE_PAUSED:
-        assert_int_equal(steer_pause(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        assert_int_equal(do_verb(&sim->farm, job, VERB_PAUSE, "ana@desk", sim->now_ns, NULL), STATUS_OK);
         break;
     case JOB_STATE_PARKED: park(f, job); break;
     case JOB_STATE_FINISHING:
-        assert_int_equal(steer_finish(&sim->farm, job, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+        assert_int_equal(do_verb(&sim->farm, job, VERB_FINISH, "ana@desk", sim->now_ns, NULL), STATUS_OK);
         break;
     case JOB_STATE_CANCELLING: farm_cancel(&sim->farm, job, 0, sim->now_ns); break;
     case JOB_STATE_CANCELLED: farm_cancel(&sim->farm, job, 1, sim->now_ns); break;
@@ -129,9 +129,9 @@ static void act(struct sim_stored *f, struct job *job, enum job_state to)
 
     switch (to) {
     case JOB_STATE_QUEUED:
-        if (steer_resume(farm, job, "ana@desk", now_ns, &err) != STATUS_OK) {
+        if (do_verb(farm, job, VERB_RESUME, "ana@desk", now_ns, &err) != STATUS_OK) {
             const uint32_t frame = 1;
-            (void)!steer_retry(farm, job, &frame, 1, "ana@desk", &err);
+            (void)!do_verb_with(farm, job, VERB_RETRY_FRAMES, frame, "ana@desk", f->sim->now_ns, &err);
         }
         return;
     case JOB_STATE_RUNNING: sim_grant(f->sim, connect(f, 1), 1); return;
@@ -143,8 +143,8 @@ static void act(struct sim_stored *f, struct job *job, enum job_state to)
     case JOB_STATE_CANCELLED: farm_cancel(farm, job, 1, now_ns); return;
     case JOB_STATE_CANCELLING: farm_cancel(farm, job, 0, now_ns); return;
     case JOB_STATE_PARKED: park(f, job); return;
-    case JOB_STATE_PAUSED: (void)!steer_pause(farm, job, "ana@desk", now_ns, &err); return;
-    case JOB_STATE_FINISHING: (void)!steer_finish(farm, job, "ana@desk", now_ns, &err); return;
+    case JOB_STATE_PAUSED: (void)!do_verb(farm, job, VERB_PAUSE, "ana@desk", now_ns, &err); return;
+    case JOB_STATE_FINISHING: (void)!do_verb(farm, job, VERB_FINISH, "ana@desk", now_ns, &err); return;
     default: return;
     }
 }
@@ -176,63 +176,47 @@ static void every_edge(void **state)
 
 /* ---- the verbs ------------------------------------------------------------------------------- */
 
-enum verb { PAUSE, RESUME, FINISH, PRIORITY, RETRY, RETRY_FRAME, REMOVE, START, EXTEND, CANCEL, DISCARD, VERBS };
-
-static status do_verb(struct sim_stored *f, struct job *job, enum verb verb, struct error *err)
+static status do_it(struct sim_stored *f, struct job *job, enum job_verb_name verb, struct error *err)
 {
-    struct farm *farm = &f->sim->farm;
-    const uint32_t frame = 2;
-
-    switch (verb) {
-    case PAUSE: return steer_pause(farm, job, "ana@desk", f->sim->now_ns, err);
-    case RESUME: return steer_resume(farm, job, "ana@desk", f->sim->now_ns, err);
-    case FINISH: return steer_finish(farm, job, "ana@desk", f->sim->now_ns, err);
-    case PRIORITY: return steer_priority(farm, job, 7, "ana@desk", f->sim->now_ns, err);
-    case RETRY: return steer_retry(farm, job, NULL, 0, "ana@desk", err);
-    case RETRY_FRAME: return steer_retry(farm, job, &frame, 1, "ana@desk", err);
-    case REMOVE: return steer_remove(farm, job, "ana@desk", f->sim->now_ns, err);
-    case START:
+    if (verb == VERB_START) {
         job->needs.not_before = INT64_MAX;
         job->needs.after[job->needs.after_count++] = 1;
-        farm_job_save(farm, job, f->sim->now_ns);
-        return steer_start(farm, job, "ana@desk", f->sim->now_ns, err);
-    case EXTEND: {
-        const struct job_extension more = {.spp = 64};
-        return steer_extend(farm, job, &more, "ana@desk", f->sim->now_ns, err);
+        farm_job_save(&f->sim->farm, job, f->sim->now_ns);
     }
-    case CANCEL: steer_cancel(farm, job, 0, "ana@desk", f->sim->now_ns); return STATUS_OK;
-    default: steer_cancel(farm, job, 1, "ana@desk", f->sim->now_ns); return STATUS_OK;
-    }
+    return do_verb_with(&f->sim->farm, job, verb,
+                        verb == VERB_PRIORITY ? 7 : verb == VERB_RETRY_FRAMES ? 2 : verb == VERB_EXTEND ? 64
+                                                                                 : verb == VERB_DISCARD,
+                        "ana@desk", f->sim->now_ns, err);
 }
 
 /* The table in steer.h. "-": refused; "=": taken, and the state stays; "0": gone. */
-static const char *const table[VERBS] = {
-    /*                q    r    d    f    c    k    g    p    n       (enum job_state's order) */
-    [PAUSE] =       "p" "p" "-" "-" "-" "-" "-" "=" "-",
-    [RESUME] =      "-" "-" "-" "-" "-" "q" "-" "q" "-",
-    [FINISH] =      "n" "n" "-" "-" "-" "-" "-" "n" "=",
-    [PRIORITY] =    "=" "=" "-" "-" "-" "=" "=" "=" "=",
-    [RETRY] =       "-" "-" "-" "q" "q" "-" "-" "-" "-",
-    [RETRY_FRAME] = "-" "-" "q" "q" "q" "-" "-" "-" "-",
-    [REMOVE] =      "-" "-" "0" "0" "0" "-" "-" "-" "-",
-    [START] =       "=" "=" "-" "-" "-" "=" "=" "=" "=",
-    [EXTEND] =      "=" "=" "q" "-" "-" "=" "-" "=" "-",
-    [CANCEL] =      "g" "g" "=" "=" "=" "g" "=" "g" "g",
-    [DISCARD] =     "c" "c" "=" "=" "=" "c" "c" "c" "c",
+static const char *const table[VERB_COUNT] = {
+    /*                     q    r    d    f    c    k    g    p    n       (enum job_state's numbers) */
+    [VERB_PAUSE] =        "p" "p" "-" "-" "-" "-" "-" "=" "-",
+    [VERB_RESUME] =       "-" "-" "-" "-" "-" "q" "-" "q" "-",
+    [VERB_FINISH] =       "n" "n" "-" "-" "-" "-" "-" "n" "=",
+    [VERB_START] =        "=" "=" "-" "-" "-" "=" "=" "=" "=",
+    [VERB_PRIORITY] =     "=" "=" "-" "-" "-" "=" "=" "=" "=",
+    [VERB_RETRY] =        "-" "-" "-" "q" "q" "-" "-" "-" "-",
+    [VERB_RETRY_FRAMES] = "-" "-" "q" "q" "q" "-" "-" "-" "-",
+    [VERB_EXTEND] =       "=" "=" "q" "-" "-" "=" "-" "=" "-",
+    [VERB_DEVELOP] =      "=" "=" "=" "=" "=" "=" "=" "=" "=",
+    [VERB_CANCEL] =       "g" "g" "=" "=" "=" "g" "=" "g" "g",
+    [VERB_DISCARD] =      "c" "c" "=" "=" "=" "c" "c" "c" "c",
+    [VERB_REMOVE] =       "-" "-" "0" "0" "0" "-" "-" "-" "-",
 };
 static const char letters[] = "qrdfckgpn";
 
-static const char *const words[VERBS] = {
-    [PAUSE] = "pause",   [RESUME] = "resume", [FINISH] = "finish", [PRIORITY] = "priority",
-    [RETRY] = "retry",   [RETRY_FRAME] = "retry --frames", [REMOVE] = "remove", [START] = "start",
-    [EXTEND] = "extend",   [CANCEL] = "cancel",
-    [DISCARD] = "cancel --discard",
-};
+/* At the command line. */
+static const char *words_of(int verb)
+{
+    return verb == VERB_RETRY_FRAMES ? "retry --frames" : verb == VERB_DISCARD ? "cancel --discard" : job_verbs[verb].name;
+}
 
 /* Does a verb lead from that state to the other? */
 static int verb_leads(enum job_state from, enum job_state to)
 {
-    for (int verb = 0; verb < VERBS; verb++)
+    for (int verb = 0; verb < VERB_COUNT; verb++)
         if (table[verb][from] == letters[to])
             return 1;
     return 0;
@@ -251,14 +235,14 @@ static void make_row(enum job_state from, char *out, size_t size)
                                      job_state_word((enum job_state)to));
     used += (size_t)snprintf(out + used, size - used, "%s | ", any ? "" : "-");
     any = 0;
-    for (int verb = 0; verb < VERBS; verb++) {
+    for (int verb = 0; verb < VERB_COUNT; verb++) {
         char outcome = table[verb][from];
         const char *to = strchr(letters, outcome) ? job_state_word((enum job_state)(strchr(letters, outcome) - letters))
                                                   : outcome == '0' ? "gone" : NULL;
 
-        if (outcome == '-' || (outcome == '=' && job_state_ended(from)))
+        if (outcome == '-' || verb == VERB_DEVELOP || (outcome == '=' && job_state_ended(from)))
             continue;
-        used += (size_t)snprintf(out + used, size - used, "%s`%s`%s%s", any++ ? ", " : "", words[verb],
+        used += (size_t)snprintf(out + used, size - used, "%s`%s`%s%s", any++ ? ", " : "", words_of(verb),
                                  to ? " → " : "", to ? to : "");
     }
     snprintf(out + used, size - used, " |\n");
@@ -287,7 +271,7 @@ static void the_documents_have_the_table(void **state)
     buffer_release(&text);
 }
 
-static void check_after(struct sim_stored *f, enum verb verb, enum job_state expected)
+static void check_after(struct sim_stored *f, enum job_verb_name verb, enum job_state expected)
 {
     struct job *job;
 
@@ -299,11 +283,11 @@ static void check_after(struct sim_stored *f, enum verb verb, enum job_state exp
     if (job->state != expected)
         fail_msg("verb %d: it is %s, not %s", verb, job_state_word(job->state),
                  job_state_word(expected));
-    if (verb == PRIORITY && !job_state_ended(expected))
+    if (verb == VERB_PRIORITY && !job_state_ended(expected))
         assert_int_equal(job->priority, 7);
-    if (verb == EXTEND && table[verb][expected] == '=')
+    if (verb == VERB_EXTEND && table[verb][expected] == '=')
         assert_int_equal(job->settings.spp, 64);
-    if (verb == START && !job_state_ended(expected))
+    if (verb == VERB_START && !job_state_ended(expected))
         assert_true(job->needs.not_before == 0 && job->needs.after_count == 0);
 }
 
@@ -312,15 +296,19 @@ static void every_verb_in_every_state(void **state)
     struct sim_stored *f = *state;
 
     for (int from = 0; from < JOB_STATE_COUNT; from++)
-        for (int verb = 0; verb < VERBS; verb++) {
+        for (int verb = 0; verb < VERB_COUNT; verb++) {
             struct job *job = make(f, (enum job_state)from);
             char outcome = table[verb][from];
             enum job_state expected = outcome == '-' || outcome == '='
                                           ? (enum job_state)from
                                           : (enum job_state)(strchr(letters, outcome) - letters);
             struct error err = {0};
-            status s = do_verb(f, job, (enum verb)verb, &err);
+            int offered = steer_offers(job, (enum job_verb_name)verb);
+            status s = do_it(f, job, (enum job_verb_name)verb, &err);
 
+            /* What changes the state is offered; what is refused is not. */
+            if (offered ? outcome == '-' : outcome != '-' && outcome != '=')
+                fail_msg("%s is%s offered in state %s", job_verbs[verb].name, offered ? "" : " not", job_state_word(from));
             if ((s == STATUS_ERR_REFUSED) != (outcome == '-'))
                 fail_msg("verb %d in state %s: %d (%s)", verb, job_state_word(job->state), s, err.text);
             store_settle(f->store); /* its answer waits for that */
@@ -330,9 +318,9 @@ static void every_verb_in_every_state(void **state)
                 assert_true(strstr(err.text, "job 1 is ") && strchr(err.text, ':'));
             if (outcome == '0')
                 expected = JOB_STATE_COUNT;
-            check_after(f, (enum verb)verb, expected);
+            check_after(f, (enum job_verb_name)verb, expected);
             sim_stored_restart(f);  /* killed after the answer */
-            check_after(f, (enum verb)verb, expected);
+            check_after(f, (enum job_verb_name)verb, expected);
             sim_stored_tear_down(state);
             sim_stored_set_up(state);
             f = *state;
@@ -370,7 +358,7 @@ static void a_paused_job_stays_paused(void **state)
     assert_int_equal(job->state, JOB_STATE_PAUSED);
     assert_string_equal(job->state_text, "paused by ana@desk");
     assert_int_equal(job->samples_done, 0);
-    assert_int_equal(steer_resume(&f->sim->farm, job, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_RESUME, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
     sim_stored_restart(f);
     assert_int_equal(the_job(f)->state, JOB_STATE_QUEUED);
     check_whole(f);
@@ -404,7 +392,7 @@ static void a_finished_job_has_its_first_pass(void **state)
     job = the_job(f);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_true(job_frame_is_left(job, 2) && job_frames_left(job) == 1);
-    assert_int_equal(steer_retry(&f->sim->farm, job, NULL, 0, "ana@desk", NULL), STATUS_OK);
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_RETRY, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     sim_stored_restart(f);
     assert_int_equal(the_job(f)->frames_done_count, 0);
     check_whole(f);
@@ -424,7 +412,7 @@ static void a_covered_frame_ends_now(void **state)
             sent++;
         }
     assert_in_range(sent, 8, count - 1);
-    assert_int_equal(steer_finish(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_FINISH, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(worker->worker.held.units, 0);
     assert_int_equal(sim_grant(f->sim, worker, 12), 0);
     tick(f);
@@ -440,7 +428,7 @@ static void nothing_in_work_cannot_be_finished(void **state)
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
     struct error err = {0};
 
-    assert_int_equal(steer_finish(&f->sim->farm, job, "ana@desk", f->sim->now_ns, &err),
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_FINISH, "ana@desk", f->sim->now_ns, &err),
                      STATUS_ERR_REFUSED);
     assert_non_null(strstr(err.text, "no frame in work"));
     assert_null(strstr(err.text, "remove")); /* which is refused until the job has ended */
@@ -467,7 +455,7 @@ static void failed_and_cancelled_jobs_go_on(void **state)
         job = the_job(f);
         assert_int_equal(job->state, ends[i]);
         assert_true(store_film_exists(f->store, job->id, 1));
-        assert_int_equal(steer_retry(&f->sim->farm, job, NULL, 0, "ana@desk", NULL), STATUS_OK);
+        assert_int_equal(do_verb(&f->sim->farm, job, VERB_RETRY, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
         sim_stored_restart(f);
         job = the_job(f);
         assert_non_null(farm_frame_open(&f->sim->farm, job, 1, f->sim->now_ns));
@@ -485,9 +473,9 @@ static void retry_takes_only_the_named_frames(void **state)
     struct job *job = make(f, JOB_STATE_FAILED);
     const uint32_t second = 2, none = 3;
 
-    assert_int_equal(steer_retry(&f->sim->farm, job, &none, 1, "ana@desk", NULL), STATUS_ERR_INPUT);
+    assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_RETRY_FRAMES, none, "ana@desk", f->sim->now_ns, NULL), STATUS_ERR_INPUT);
     assert_int_equal(job->state, JOB_STATE_FAILED);
-    assert_int_equal(steer_retry(&f->sim->farm, job, &second, 1, "ana@desk", NULL), STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_RETRY_FRAMES, second, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     sim_stored_restart(f);
     render_all(f);
     job = the_job(f);
@@ -504,11 +492,11 @@ static void priority_changes_the_order(void **state)
     struct job *second = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
     struct job *parked = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
 
-    assert_int_equal(steer_pause(&f->sim->farm, parked, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb(&f->sim->farm, parked, VERB_PAUSE, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_ptr_equal(queue->active[0], first);
-    assert_int_equal(steer_priority(&f->sim->farm, second, 1, "ana@desk", 0, NULL), STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, second, VERB_PRIORITY, 1, "ana@desk", 0, NULL), STATUS_OK);
     assert_ptr_equal(queue->active[0], second);
-    assert_int_equal(steer_priority(&f->sim->farm, parked, 2, "ana@desk", 0, NULL), STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, parked, VERB_PRIORITY, 2, "ana@desk", 0, NULL), STATUS_OK);
     assert_ptr_equal(queue->active[0], parked);
     assert_int_equal(waiting_order(&f->sim->farm, f->sim->now_ns)->count, 2);
     assert_int_equal(second->place.before, 0);
@@ -516,7 +504,7 @@ static void priority_changes_the_order(void **state)
     sim_stored_restart(f);
     assert_int_equal(queue->active[0]->id, 3);
     assert_int_equal(queue->active[1]->priority, 1);
-    assert_int_equal(steer_priority(&f->sim->farm, queue->active[1], -1, "ana@desk", 0, NULL), STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, queue->active[1], VERB_PRIORITY, (uint32_t)-1, "ana@desk", 0, NULL), STATUS_OK);
     assert_int_equal(queue->active[1]->priority, 0);
 }
 
@@ -540,7 +528,7 @@ static void removing_leaves_nothing(void **state)
     assert_int_equal(store_output_write(f->store, job->id, 1, "png", &picture, NULL), STATUS_OK);
     buffer_release(&picture);
     assert_true(exists(f, "outputs/1") && exists(f, "films/1"));
-    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_REMOVE, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_false(exists(f, "outputs/1") || exists(f, "films/1"));
     sim_stored_restart(f);
     assert_int_equal(f->sim->farm.queue.count, 0);
@@ -571,7 +559,7 @@ static void a_job_that_is_held_is_freed_later(void **state)
     assert_int_equal(f->sim->developing_count, 1);
     farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
     assert_int_equal(job->closing_frames, 1);
-    assert_int_equal(steer_remove(&f->sim->farm, job, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_REMOVE, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(f->sim->farm.queue.count, 0);
     assert_int_equal(job->removed, 1); /* still there for the develop */
     sim_develop(f->sim);
@@ -632,10 +620,10 @@ static void the_log_names_people(void **state)
 
     sim_stored_restart(f);
     job = the_job(f);
-    assert_int_equal(steer_resume(&f->sim->farm, job, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
-    assert_int_equal(steer_priority(&f->sim->farm, job, 3, "ben@desk", f->sim->now_ns, NULL),
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_RESUME, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_PRIORITY, 3, "ben@desk", f->sim->now_ns, NULL),
                      STATUS_OK);
-    steer_cancel(&f->sim->farm, job, 1, "cy@desk", f->sim->now_ns);
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_DISCARD, "cy@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(store_events_load(f->store, job->id, 0, take_line, &lines, NULL), STATUS_OK);
     assert_string_equal(lines.text, "coordinator: submitted as simulated\n"
                                     "coordinator: runs, first on \n"

@@ -10,10 +10,10 @@
 
 #include "common/base/clock.h"
 #include "coordinator/farm/closing.h"
-#include "coordinator/farm/steer.h"
 #include "coordinator/farm/waiting.h"
 #include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
+#include "tests/support/steering.h"
 
 static void a_machine_is_its_name_and_address(void **state)
 {
@@ -78,8 +78,8 @@ static void a_poisonous_job_is_parked_and_the_next_one_runs(void **state)
     (void)waiting_order(&sim->farm, sim->now_ns);
     assert_int_equal(next->place.before, 0); /* it waits behind nothing */
 
-    assert_int_equal(steer_resume(&sim->farm, next, "ana@desk", sim->now_ns, &err), STATUS_ERR_REFUSED);
-    assert_int_equal(steer_resume(&sim->farm, poison, "ana@desk", sim->now_ns, &err), STATUS_OK);
+    assert_int_equal(do_verb(&sim->farm, next, VERB_RESUME, "ana@desk", sim->now_ns, &err), STATUS_ERR_REFUSED);
+    assert_int_equal(do_verb(&sim->farm, poison, VERB_RESUME, "ana@desk", sim->now_ns, &err), STATUS_OK);
     assert_int_equal(poison->state, JOB_STATE_QUEUED);
     assert_int_equal(poison->suspicion.deaths, 0);
     worker = sim_connect(sim, 1, 4);

@@ -13,9 +13,9 @@
 #include "common/base/clock.h"
 #include "coordinator/farm/report.h"
 #include "coordinator/farm/scheduler.h"
-#include "coordinator/farm/steer.h"
 #include "coordinator/farm/waiting.h"
 #include "tests/support/sim_farm.h"
+#include "tests/support/steering.h"
 
 static struct job *submit_as(struct sim *sim, const char *owner, uint32_t size, uint32_t last_frame)
 {
@@ -134,7 +134,7 @@ static void what_was_done_may_be_removed(void **state)
     assert_int_equal(job->needs.after_count, 1);
     job_set_state(&sim->farm.queue, first, JOB_STATE_RUNNING, NULL, sim->now_ns, sim->farm.wall_s);
     job_set_state(&sim->farm.queue, first, JOB_STATE_DONE, NULL, sim->now_ns, sim->farm.wall_s);
-    assert_int_equal(steer_remove(&sim->farm, first, "ana@desk", sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb(&sim->farm, first, VERB_REMOVE, "ana@desk", sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(job->needs.after_count, 0);
     assert_false(store_job_unsaved(f->store, job->id)); /* a kill now does not bring the need back */
     id = job->id;
@@ -155,7 +155,7 @@ static void what_is_waited_for_survives_a_restart(void **state)
     sim_stored_restart(f);
     job = queue_find(&f->sim->farm.queue, 2);
     /* Its row is written again for another reason. */
-    assert_int_equal(steer_priority(&f->sim->farm, job, 5, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_PRIORITY, 5, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     sim_stored_restart(f);
     job = queue_find(&f->sim->farm.queue, 2);
     assert_true(job->needs.after_count == 1 && job->needs.after[0] == 1 && job->needs.not_before == tomorrow);
