@@ -2,9 +2,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-#include "client/farm/cancel.h"
 #include "client/commands/steer.h"
-#include "client/terminal/parse.h"
 #include "client/farm/cut_frame.h"
 #include "client/farm/job_info.h"
 #include "client/farm/signals.h"
@@ -58,68 +56,7 @@ static void print(const Azulejo__Wire__JobInfo *info)
         printf("  'azulejo fetch %" PRIu64 "' brings the pictures\n", info->job);
 }
 
-static status cancel(struct connection *c, uint64_t job, int discard, int json, struct error *err)
+status cancel_command(const struct command *command, int argc, char *const *argv, int *exit_code, struct error *err)
 {
-    Azulejo__Wire__Envelope *answer = NULL;
-    status result = cancel_job(c, job, discard, &answer, err);
-
-    if (result == STATUS_OK)
-        result = await_end(c, job, &answer, err);
-    if (result == STATUS_OK && json)
-        result = json_print(job_info_json(job_list_find(answer->job_list, job)), err);
-    else if (result == STATUS_OK)
-        print(job_list_find(answer->job_list, job));
-    message_free(answer);
-    return result;
-}
-
-/* One of several jobs: its pictures are not waited for. */
-static status ask(struct connection *c, uint64_t job, const void *options,
-                  Azulejo__Wire__Envelope **answer, struct error *err)
-{
-    return cancel_job(c, job, *(const int *)options, answer, err);
-}
-
-/* A single job by its number. */
-static int is_one(const struct positionals *rest, const struct job_choice *choice, uint64_t *job)
-{
-    struct error ignored;
-
-    return rest->count == 1 && !choice->states && !choice->mine &&
-           parse_job(rest->items[0], job, &ignored) == STATUS_OK;
-}
-
-status cancel_command(const struct command *command, int argc, char *const *argv, int *exit_code,
-                      struct error *err)
-{
-    static const struct steer_verb verb = {.verb = &job_verbs[VERB_CANCEL], .ask = ask};
-    struct connection_options where = CONNECTION_OPTIONS_INIT;
-    struct job_choice choice = {0};
-    int discard = 0, json = 0, done;
-    const struct option table[] = {
-        JOB_CHOICE_ROWS(choice, JOB_CHOICE_YES_HELP("cancelled")),
-        {"discard", 0, OPTION_FLAG, &discard, NULL,
-         "discard the samples of unfinished frames instead of making pictures of them", 0, 0, NULL},
-        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
-        CONNECTION_OPTION_ROWS(where),
-        {0},
-    };
-    struct connection *connection = NULL;
-    struct positionals rest;
-    uint64_t job;
-    status result = command_parse(command, table, argc, argv, 0, OPTIONS_POSITIONAL_MAX, &rest, &done,
-                                  err);
-
-    if (result != STATUS_OK || done)
-        return result;
-    choice.verb = &job_verbs[discard ? VERB_DISCARD : VERB_CANCEL];
-    result = job_choice_check(&choice, &rest, err);
-    if (result == STATUS_OK && !is_one(&rest, &choice, &job))
-        return steer_jobs(&verb, &choice, &rest, &where, &discard, json, exit_code, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
-        result = cancel(connection, job, discard, json, err);
-    connection_close(connection);
-    return result;
+    return verb_run(command, await_end, print, argc, argv, exit_code, err);
 }

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "client/farm/cancel.h"
 #include "client/commands/command.h"
 #include "client/commands/estimate.h"
 #include "client/farm/figures_view.h"
@@ -15,6 +14,7 @@
 #include "client/farm/submission.h"
 #include "client/farm/trial.h"
 #include "client/farm/watch.h"
+#include "client/farm/verb.h"
 #include "client/terminal/moment.h"
 #include "common/base/clock.h"
 #include "common/base/memory.h"
@@ -130,7 +130,7 @@ static void give_up(struct pilot *p)
     struct error ignored = {0};
 
     connection_set_watch(p->connection, NULL, NULL);
-    if (cancel_job(p->connection, p->job, 1, &answer, &ignored) == STATUS_OK)
+    if (verb_ask(p->connection, p->job, VERB_DISCARD, NULL, &answer, &ignored) == STATUS_OK)
         message_free(answer);
 }
 

@@ -3,6 +3,7 @@
 
 #include "client/commands/steer.h"
 #include "client/farm/job_info.h"
+#include "client/farm/verb.h"
 #include "common/base/duration.h"
 #include "protocol/message.h"
 
@@ -40,25 +41,19 @@ static status ask_remove(struct connection *c, uint64_t job, Azulejo__Wire__Enve
 static status ask_films(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer,
                         struct error *err)
 {
-    Azulejo__Wire__JobCancel body = AZULEJO__WIRE__JOB_CANCEL__INIT;
-    Azulejo__Wire__Envelope question = MESSAGE(JOB_CANCEL, job_cancel, &body);
-    const Azulejo__Wire__JobInfo *info;
     Azulejo__Wire__JobState state;
     status result = job_query(c, job, answer, err);
 
     if (result != STATUS_OK)
         return result;
-    info = job_list_find((*answer)->job_list, job);
-    state = info->state;
+    state = job_list_find((*answer)->job_list, job)->state;
     message_free(*answer);
     *answer = NULL;
     if (!job_state_ended(state)) /* it would be cancelled */
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %llu is %s: only films of jobs that have ended are removed",
                          (unsigned long long)job, job_state_word(state));
-    body.job = job;
-    body.discard = 1;
-    return job_ask(c, &question, job, answer, err);
+    return verb_ask(c, job, VERB_DISCARD, NULL, answer, err);
 }
 
 static status ask(struct connection *c, uint64_t job, const void *options,

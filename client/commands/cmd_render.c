@@ -5,7 +5,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "client/farm/cancel.h"
 #include "client/commands/command.h"
 #include "client/farm/cut_frame.h"
 #include "client/farm/destination.h"
@@ -17,6 +16,7 @@
 #include "client/farm/submission.h"
 #include "client/farm/video.h"
 #include "client/farm/watch.h"
+#include "client/farm/verb.h"
 #include "common/base/clock.h"
 #include "common/base/file.h"
 #include "common/base/memory.h"
@@ -219,7 +219,7 @@ static status cut_short(struct render *r, struct error *err)
     if (!r->quiet)
         fprintf(stderr,
                 "interrupted: writing what is rendered; press Ctrl-C again to stop at once\n");
-    result = cancel_job(r->connection, r->job, 0, &answer, err);
+    result = verb_ask(r->connection, r->job, VERB_CANCEL, NULL, &answer, err);
     message_free(answer);
     if (result == STATUS_OK)
         result = await_cut(r, err);

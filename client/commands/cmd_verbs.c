@@ -4,96 +4,73 @@
 
 #include "client/commands/steer.h"
 #include "client/farm/job_info.h"
-#include "common/base/memory.h"
-#include "protocol/fields.h"
-#include "protocol/message.h"
+#include "client/farm/verb.h"
 
-/* A verb's argument. */
-struct argument {
+struct options {
     const struct job_verb *verb;      /* or the variant that was chosen */
-    int64_t number;
-    const char *text;
+    struct verb_argument argument;
     struct frame_choice frames;
+    int flag;
 };
 
 static status check(void *options, struct job_choice *choice, struct error *err)
 {
-    struct argument *argument = options;
-    const struct job_verb *variant = job_verb_variant(argument->verb);
+    struct options *o = options;
 
-    if (argument->verb->takes == VERB_TAKES_NUMBER && argument->number > argument->verb->most)
-        return error_set(err, STATUS_ERR_USAGE, "which %s? Give --%s %s", argument->verb->field, argument->verb->option,
-                         argument->verb->placeholder);
-    if (variant && (argument->frames.list || argument->frames.first_middle_last))
-        argument->verb = variant;
-    choice->verb = argument->verb;
-    return frame_choice_check(&argument->frames, err);
-}
-
-static void set(const ProtobufCMessage *body, const struct argument *argument, const struct frame_list *frames)
-{
-    size_t *count;
-    void *at = argument->verb->field ? message_field(body, argument->verb->field, &count) : NULL;
-
-    switch (argument->verb->takes) {
-    case VERB_TAKES_NUMBER: *(int32_t *)at = (int32_t)argument->number; break;
-    case VERB_TAKES_TEXT: *(const char **)at = argument->text; break;
-    case VERB_TAKES_FRAMES:
-        *(uint32_t **)at = frames->items;
-        *count = frames->count;
-        break;
-    default: break;
-    }
+    if (o->verb->takes == VERB_TAKES_NUMBER && o->argument.number > o->verb->most)
+        return error_set(err, STATUS_ERR_USAGE, "which %s? Give --%s %s", o->verb->field, o->verb->option,
+                         o->verb->placeholder);
+    if (o->frames.list || o->frames.first_middle_last || o->flag)
+        o->verb = job_verb_variant(o->verb);
+    choice->verb = o->verb;
+    return frame_choice_check(&o->frames, err);
 }
 
 static status ask(struct connection *c, uint64_t job, const void *options, Azulejo__Wire__Envelope **answer,
                   struct error *err)
 {
-    const struct argument *argument = options;
-    Azulejo__Wire__Envelope question;
-    struct frame_list frames;
-    ProtobufCMessage *body;
-    char field[32];
-    status result = frame_choice_of_job(c, job, &argument->frames, &frames, err);
+    const struct options *o = options;
+    struct verb_argument argument = o->argument;
+    status result = frame_choice_of_job(c, job, &o->frames, &argument.frames, err);
 
-    if (result != STATUS_OK)
-        return result;
-    snprintf(field, sizeof field, "job_%s", argument->verb->path);
-    body = message_new(&question, field);
-    if (body) {
-        *(uint64_t *)message_field(body, "job", NULL) = job;
-        set(body, argument, &frames);
-        result = job_ask(c, &question, job, answer, err);
-    } else {
-        result = error_no_memory(err, "a message");
-    }
-    mem_free(body);
-    frame_list_free(&frames);
+    if (result == STATUS_OK)
+        result = verb_ask(c, job, (enum job_verb_name)(o->verb - job_verbs), &argument, answer, err);
+    frame_list_free(&argument.frames);
     return result;
 }
 
 static void print(const void *options)
 {
-    const struct argument *argument = options;
+    const struct options *o = options;
 
-    if (argument->verb->takes == VERB_TAKES_NUMBER)
-        printf("  %s %" PRId64 "\n", argument->verb->field, argument->number);
+    if (o->verb->takes == VERB_TAKES_NUMBER)
+        printf("  %s %" PRId64 "\n", o->verb->field, o->argument.number);
+}
+
+status verb_run(const struct command *command, steer_settle *settle, void (*show)(const Azulejo__Wire__JobInfo *info),
+                int argc, char *const *argv, int *exit_code, struct error *err)
+{
+    const struct job_verb *verb = job_verb_find(command->name), *variant = job_verb_variant(verb);
+    struct options o = {.verb = verb, .argument.number = verb->most + 1};
+    const struct steer_verb how = {.verb = verb, .check = check, .ask = ask, .print = print, .settle = settle, .show = show,
+                                   .text = verb->takes == VERB_TAKES_TEXT ? &o.argument.text : NULL,
+                                   .outcome = verb->removes ? verb->past : NULL};
+    const struct option number[] = {{verb->option, 0, OPTION_INT, &o.argument.number, verb->placeholder, verb->help,
+                                     (double)-verb->most, (double)verb->most, NULL}, {0}};
+    const struct option flag[] = {{variant ? variant->field : NULL, 0, OPTION_FLAG, &o.flag, NULL,
+                                   variant ? variant->help : NULL, 0, 0, NULL}, {0}};
+    const struct option frames[] = {FRAME_CHOICE_ROWS(o.frames, 'f', "try"), {0}};
+    const struct option *own = verb->takes == VERB_TAKES_NUMBER                 ? number
+                               : variant && variant->takes == VERB_TAKES_FRAMES ? frames
+                                                                                : flag;
+
+    return steer_run(command, &how, own, &o, argc, argv, exit_code, err);
 }
 
 static status verb_command(const struct command *command, int argc, char *const *argv, int *exit_code,
                            struct error *err)
 {
-    const struct job_verb *verb = job_verb_find(command->name), *variant = job_verb_variant(verb);
-    struct argument argument = {.verb = verb, .number = verb->most + 1};
-    const struct steer_verb how = {.verb = verb, .check = check, .ask = ask, .print = print,
-                                   .text = verb->takes == VERB_TAKES_TEXT ? &argument.text : NULL,
-                                   .outcome = verb->removes ? verb->past : NULL};
-    const struct option number[] = {{verb->option, 0, OPTION_INT, &argument.number, verb->placeholder, verb->help,
-                                     (double)-verb->most, (double)verb->most, NULL}, {0}};
-    const struct option frames[] = {FRAME_CHOICE_ROWS(argument.frames, 'f', "try"), {0}};
-
-    return steer_run(command, &how, verb->takes == VERB_TAKES_NUMBER ? number : variant ? frames : NULL, &argument,
-                     argc, argv, exit_code, err);
+    return verb_run(command, NULL, NULL, argc, argv, exit_code, err);
 }
 
 #define HELP(arguments, phrase, text) arguments, .summary = phrase, .description = text

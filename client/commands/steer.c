@@ -23,6 +23,7 @@ static void print_one(const struct steer_verb *verb, const Azulejo__Wire__JobInf
 
 /* What happened to each job. */
 struct outcomes {
+    int several;
     json_t *jobs, *failed;
     status first;                /* failure */
     struct error why;            /* of it */
@@ -36,16 +37,21 @@ static status one(struct connection *c, const struct steer_verb *verb, uint64_t 
     struct error why = {0};
     status result = verb->ask(c, job, options, &answer, &why);
 
+    if (result == STATUS_OK && verb->settle && !out->several)
+        result = verb->settle(c, job, &answer, &why);
     if (result == STATUS_OK) {
         const Azulejo__Wire__JobInfo *info = job_list_find(answer->job_list, job);
         out->done++;
         if (json)
             json_array_append_new(out->jobs, job_info_json(info));
+        else if (verb->show && !out->several)
+            verb->show(info);
         else
             print_one(verb, info, options);
         message_free(answer);
         return STATUS_OK;
     }
+    message_free(answer);
     if (out->first == STATUS_OK) {
         out->first = result;
         out->why = why;
@@ -89,7 +95,7 @@ static status report(const struct chosen_jobs *jobs, struct outcomes *out, struc
     return json_print(json_pack("{s:O, s:O}", "jobs", out->jobs, "failed", out->failed), err);
 }
 
-status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice,
+static status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice,
                   const struct positionals *rest, const struct connection_options *where,
                   const void *options, int json, int *exit_code, struct error *err)
 {
@@ -108,6 +114,7 @@ status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice
                                                                              : verb->verb->name, &go_on, err);
     if (result == STATUS_OK && !go_on)
         fprintf(stderr, "nothing was changed\n");
+    out.several = jobs.several;
     if (result == STATUS_OK && go_on)
         result = all(c, verb, &jobs, options, json, &out, err);
     if (result == STATUS_OK && json && go_on)

@@ -8,6 +8,9 @@
 #include "client/commands/command.h"
 #include "client/farm/job_choice.h"
 
+/* Wait, and replace *answer by a later one. On failure it may be NULL. */
+typedef status steer_settle(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer, struct error *err);
+
 struct steer_verb {
     const struct job_verb *verb;
     const char *word, *past;     /* where they are not the verb's: "prune", "pruned" */
@@ -18,24 +21,25 @@ struct steer_verb {
      * frees with message_free. Errors: job_ask's. */
     status (*ask)(struct connection *c, uint64_t job, const void *options,
                   Azulejo__Wire__Envelope **answer, struct error *err);
+    steer_settle *settle;        /* of one job by its number; NULL: nothing to wait for */
+    void (*show)(const Azulejo__Wire__JobInfo *info); /* prints it; NULL: its state, `outcome` and `print` */
     const char **text;           /* gets the last argument, which is no job; NULL: all are jobs */
     const char *outcome;         /* printed after "job 3: "; NULL: its state */
     /* The rest of what is printed about one job; NULL: nothing. */
     void (*print)(const void *options);
 };
 
-/* Do it to the chosen jobs. A failure that is about one job does not stop the others: *exit_code is
- * that of the first. ERR_USAGE, ERR_NOT_FOUND, ERR_NO_MEMORY, the connection's errors, or `ask`'s. */
-status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice,
-                  const struct positionals *rest, const struct connection_options *where,
-                  const void *options, int json, int *exit_code, struct error *err) MUST_CHECK;
-
 /* Parse the command line and do it. `own`: the verb's rows before the common ones, ended by a row
  * without a name, at most STEER_OWN_MAX; NULL: none. Their targets are in `options`, which `check`,
- * `ask` and `print` get. ERR_USAGE, or steer_jobs's. */
+ * `ask` and `print` get. A failure that is about one job does not stop the others: *exit_code is that of the first.
+ * ERR_USAGE, ERR_NOT_FOUND, ERR_NO_MEMORY, the connection's errors, or `ask`'s. */
 enum { STEER_OWN_MAX = 2 };
 status steer_run(const struct command *command, const struct steer_verb *verb,
                  const struct option *own, void *options, int argc, char *const *argv,
                  int *exit_code, struct error *err) MUST_CHECK;
+
+/* The same for a verb of the table; `settle` and `show` as above (cmd_verbs.c). */
+status verb_run(const struct command *command, steer_settle *settle, void (*show)(const Azulejo__Wire__JobInfo *info),
+                int argc, char *const *argv, int *exit_code, struct error *err) MUST_CHECK;
 
 #endif

@@ -2,13 +2,13 @@
 
 #include <string.h>
 
-#include "client/farm/cancel.h"
 #include "client/farm/fetch.h"
 #include "client/farm/figures_view.h"
 #include "client/farm/job_info.h"
 #include "client/farm/signals.h"
 #include "client/farm/submission.h"
 #include "client/farm/watch.h"
+#include "client/farm/verb.h"
 #include "common/base/clock.h"
 #include "protocol/message.h"
 
@@ -40,7 +40,7 @@ static void give_up(struct connection *c, uint64_t job)
     struct error ignored = {0};
 
     connection_set_watch(c, NULL, NULL);
-    if (cancel_job(c, job, 1, &answer, &ignored) == STATUS_OK)
+    if (verb_ask(c, job, VERB_DISCARD, NULL, &answer, &ignored) == STATUS_OK)
         message_free(answer);
 }
 

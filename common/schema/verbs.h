@@ -69,7 +69,7 @@
          .past = "tried again", .done = "back in the queue, with the samples it has")                                  \
     VARIANT(RETRY_FRAMES, retry-frames, retry, "Render chosen frames again.", .states = HAS_ENDED,                     \
             .done = "back in the queue", .takes = VERB_TAKES_FRAMES, .field = "frames", .label = "Retry frames",       \
-            .help = "try", .single = 1, .button = "Retry these frames")                                                \
+            .single = 1, .button = "Retry these frames")                                                               \
     VERB(EXTEND, extend, OPERATE, extend_command,                                                                      \
          "Give the job another target: more samples or a smaller error; while it is in work, also a larger one.",      \
          HELP("JOB [OPTION]...", "give a job in work, or a done one, another target",                                  \
@@ -98,7 +98,8 @@
          .done = "cancelled: pictures are made of what is rendered")                                                   \
     VARIANT(DISCARD, discard, cancel, "End the job, and free the room of its unfinished frames at once.",              \
             .states = IN_WORK | IN(CANCELLING), .accepted = HAS_ENDED, .front = IN(CANCELLING), .done = "cancelled",   \
-            .takes = VERB_TAKES_FLAG, .field = "discard", .label = "Cancel and discard",                               \
+            .takes = VERB_TAKES_FLAG, .field = "discard", \
+            .help = "discard the samples of unfinished frames instead of making pictures of them", .label = "Cancel and discard", \
             .question = "All samples of unfinished frames are lost: no pictures are made of them, and Retry begins them" \
                         " from nothing. Pictures of finished frames stay.", .button = "Discard the samples")           \
     VERB(REMOVE, remove, OPERATE, verb_command, "Forget the job, with its pictures.",                                  \
@@ -140,7 +141,7 @@ struct job_verb {
     enum verb_takes takes;
     const char *field;           /* of the message that has the argument */
     const char *option, *placeholder; /* of a number: --to N; a text is the last word of the command line */
-    const char *help;            /* of its option */
+    const char *help;            /* of its option, but of frames */
     int64_t most;                /* of a number: -most..most at the command line */
     int single, removes;         /* for one job at a time on the page; the job is gone after it */
     const char *imperative;      /* "pause" 3 jobs; NULL: the name */

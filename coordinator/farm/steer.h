@@ -1,19 +1,7 @@
-/* steer: what people do to jobs. common/schema/verbs.h says which verb a state allows; here is what it does:
+/* steer: what people do to jobs. common/schema/verbs.h says in which states; here is what becomes of it:
  *
- *             | QUEUED    RUNNING   PAUSED    PARKED  FINISHING  CANCELLING  DONE     FAILED  CANCELLED
- *   pause     | PAUSED    PAUSED    (same)    -       -          -           -        -       -
- *   resume    | -         -         QUEUED    QUEUED  -          -           -        -       -
- *   finish    | FINISHING FINISHING FINISHING -       (same)     -           -        -       -
- *   start     | (same)    (same)    (same)    (same)  (same)     (same)      -        -       -
- *   priority  | (same)    (same)    (same)    (same)  (same)     (same)      -        -       -
- *   extend    | (same)    (same)    (same)    (same)  -          -           QUEUED   -       -
- *   develop   | (same) in all
- *   retry     | -         -         -         -       -          -           QUEUED*  QUEUED  QUEUED
- *   remove    | -         -         -         -       -          -           gone     gone    gone
- *   cancel    | CANCELLING from all that have not ended; nothing happens to those that have
- *
- *   "-" is ERR_REFUSED, with a sentence that says what to do instead. * only if it was finished early,
- *   or with frames. finish is refused if no frame is in work.
+ *   pause PAUSED, resume and retry QUEUED, finish FINISHING, cancel CANCELLING, with `discard` CANCELLED;
+ *   extend QUEUED if it was DONE; remove: gone; the others leave the state as it is
  *
  * A function returns when the change and its line in the job's log are on disk, or, if the store
  * cannot be written, noted for later (remove, retry and extend fail instead: ERR_IO).

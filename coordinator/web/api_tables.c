@@ -185,19 +185,18 @@ static void put_verb(struct buffer *out, const struct job_verb *verb)
 {
     static const char *const takes[] = {"nothing", "flag", "number", "text", "frames", "form"};
     char label[32];
+    const char *const words[][2] = {
+        {"path", verb->path}, {"says", verb->says}, {"label", label}, {"done", verb->done ? verb->done : verb->past},
+        {"question", verb->question}, {"button", verb->button ? verb->button : label}, {"takes", takes[verb->takes]},
+        {"field", verb->field},
+    };
 
     snprintf(label, sizeof label, "%s", verb->label ? verb->label : verb->name);
     label[0] = (char)toupper((unsigned char)label[0]);
     buffer_puts(out, "{\"name\":");
     json_put_text(out, verb->name);
-    put_words(out, "path", verb->path);
-    put_words(out, "says", verb->says);
-    put_words(out, "label", label);
-    put_words(out, "done", verb->done ? verb->done : verb->past);
-    put_words(out, "question", verb->question);
-    put_words(out, "button", verb->button ? verb->button : label);
-    put_words(out, "takes", takes[verb->takes]);
-    put_words(out, "field", verb->field);
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        put_words(out, words[i][0], words[i][1]);
     put_bool(out, "single", verb->single);
     put_states(out, "states", verb->states);
     put_states(out, "accepted", verb->accepted);

@@ -189,7 +189,7 @@ static status do_it(struct sim_stored *f, struct job *job, enum job_verb_name ve
                         "ana@desk", f->sim->now_ns, err);
 }
 
-/* The table in steer.h. "-": refused; "=": taken, and the state stays; "0": gone. */
+/* What every verb of verbs.h does. "-": refused; "=": taken, and the state stays; "0": gone. */
 static const char *const table[VERB_COUNT] = {
     /*                     q    r    d    f    c    k    g    p    n       (enum job_state's numbers) */
     [VERB_PAUSE] =        "p" "p" "-" "-" "-" "-" "-" "=" "-",
