@@ -152,7 +152,7 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
     printf("job %" PRIu64 ": %s\n", job->job, job_state_word(job->state));
     print_field("name", job->name);
     print_field("scene", job->scene_name);
-    if (job->state_text[0])
+    if (job->state_text[0] || job->comment[0])
         print_field("note", job_info_note(note, job));
     printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
            job->priority);

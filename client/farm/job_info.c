@@ -15,12 +15,17 @@
 
 const char *job_info_note(char out[JOB_NOTE_SIZE], const Azulejo__Wire__JobInfo *job)
 {
-    char when[FORMAT_SIZE];
+    char when[FORMAT_SIZE], comment[JOB_NOTE_SIZE / 2];
+    size_t used;
 
     if (job->waits_until)
         snprintf(out, JOB_NOTE_SIZE, "waits until %s", moment_text(when, job->waits_until, clock_wall_s()));
     else
         message_text(out, JOB_NOTE_SIZE, job->state_text);
+    used = strlen(out);
+    if (job->comment[0])
+        snprintf(out + used, JOB_NOTE_SIZE - used, "%scomment: %s", used ? "; " : "",
+                 message_text(comment, sizeof comment, job->comment));
     return out;
 }
 
@@ -319,6 +324,7 @@ json_t *job_info_json(const Azulejo__Wire__JobInfo *job)
     json_object_set_new(root, "state_text", json_text(job->state_text));
     json_object_set_new(root, "priority", json_integer(job->priority));
     json_object_set_new(root, "owner", job->owner[0] ? json_text(job->owner) : json_null());
+    json_object_set_new(root, "comment", json_text(job->comment));
     json_object_set_new(root, "after", after_json(job));
     json_object_set_new(root, "not_before", job->not_before ? json_integer(job->not_before) : json_null());
     json_object_set_new(root, "require", json_names(job->require));

@@ -88,6 +88,12 @@
               "--jpeg-quality stay the job's unless they are given; the EXR files, or that there are none, always do."), \
          .states = ANY_STATE, .front = IN(DONE), .past = "developed", .done = "making its pictures again",             \
          .takes = VERB_TAKES_FORM, .single = 1)                                                                        \
+    VERB(COMMENT, comment, OPERATE, verb_command, "Note something at the job, for those who see it; an empty text removes it.", \
+         HELP("JOB... TEXT [OPTION]...", "note something at jobs",                                                     \
+              "Put a comment at jobs, which 'azulejo list' and 'show', the page and JSON have until another replaces it; an\n" \
+              "empty TEXT removes it."),                                                                               \
+         .states = ANY_STATE, .past = "commented", .takes = VERB_TAKES_TEXT, .field = "comment",                       \
+         .imperative = "comment on", .button = "Keep the comment")                                                     \
     VERB(CANCEL, cancel, OPERATE, cancel_command,                                                                      \
          "End the job. Pictures are made of what is rendered, and Retry goes on from there.",                          \
          HELP("JOB... [OPTION]...", "end jobs",                                                                        \

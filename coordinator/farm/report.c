@@ -386,6 +386,7 @@ void job_report_make(struct job_report *report, struct farm *farm, struct job *j
     info.frames_resting = job_frames_left(job);
     info.finished_early = job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY);
     info.owner = job->owner;
+    info.comment = job->comment;
     info.n_after = job->needs.after_count;
     info.after = job->needs.after;
     info.not_before = job->needs.not_before;

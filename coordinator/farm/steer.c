@@ -166,6 +166,19 @@ status steer_priority(const struct steering *s, struct error *err)
     return STATUS_OK;
 }
 
+status steer_comment(const struct steering *s, struct error *err)
+{
+    const char *text = s->message->job_comment->comment;
+
+    if (strlen(text) > JOB_COMMENT_MAX)
+        return error_set(err, STATUS_ERR_INPUT, "a comment has at most %d bytes", JOB_COMMENT_MAX);
+    message_text(s->job->comment, sizeof s->job->comment, text);
+    farm_note(s->farm, s->job, s->who, s->job->comment[0] ? "comment: %s" : "the comment is removed", s->job->comment);
+    farm_job_save(s->farm, s->job, s->now_ns);
+    s->farm->events.job_changed(s->farm->events.user, s->job);
+    return STATUS_OK;
+}
+
 /* ---- develop ------------------------------------------------------------------------------------- */
 
 status steer_develop(const struct steering *s, struct error *err)

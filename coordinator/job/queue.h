@@ -56,6 +56,7 @@ enum {
     JOBS_MAX = 200000,
     JOB_NAME_MAX = 255,
     JOB_TEXT_MAX = 511,
+    JOB_COMMENT_MAX = 255,
     JOB_TOKEN_MAX = 64,
     JOB_SOURCE_MAX = 1023,
     JOB_WHO_MAX = 127,   /* a person: user@host */
@@ -117,6 +118,7 @@ struct job {
     enum job_state state;
     char state_text[JOB_TEXT_MAX + 1]; /* why it failed, was cancelled or parked; else empty */
     int32_t priority;
+    char comment[JOB_COMMENT_MAX + 1]; /* by a person; "": none */
     char owner[JOB_WHO_MAX + 1];       /* who submitted it, user@host; "": an older release's job */
     unsigned marks;                    /* enum job_mark */
     uint32_t first_frame, last_frame;

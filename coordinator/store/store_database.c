@@ -135,8 +135,9 @@ static const char schema_8[] =
     " body TEXT NOT NULL);";
 _Static_assert(TOKEN_FIRST == 2, "as in schema_8");
 
-/* Version 9: each frame's sums of light by depth, doubles of 64 bits, little-endian; NULL: not known. */
-static const char schema_9[] = "ALTER TABLE frames ADD COLUMN depth BLOB;";
+/* Version 9: comments; each frame's sums of light by depth, doubles of 64 bits, little-endian; NULL: not known. */
+static const char schema_9[] = "ALTER TABLE jobs ADD COLUMN comment TEXT NOT NULL DEFAULT '';"
+                               "ALTER TABLE frames ADD COLUMN depth BLOB;";
 
 /* Films have another format since version 9 (and since 4 and 5), so an unfinished frame's film is useless
  * (film_file_open renames it): a job without a finished frame counts as not begun, and workers of any release

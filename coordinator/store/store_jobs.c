@@ -271,6 +271,7 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
         needs_after_parse(&job->needs, (const char *)sqlite3_column_text(row, 18));
     if (sqlite3_column_type(row, 19) == SQLITE_INTEGER)
         job->needs.not_before = sqlite3_column_int64(row, 19);
+    column_text(row, 20, job->comment, sizeof job->comment);
     s = load_frames(store, store->db, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
@@ -293,7 +294,7 @@ status store_jobs_load(struct store *store,
     status s = sql_select(store,
                           "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
                           "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
-                          "trace_ns, revision, release, marks, priority, owner, waits_for, not_before FROM jobs ORDER BY id",
+                          "trace_ns, revision, release, marks, priority, owner, waits_for, not_before, comment FROM jobs ORDER BY id",
                           NULL, 0, &statement, err);
 
     if (s != STATUS_OK)

@@ -21,7 +21,7 @@ struct saved_job {
     enum job_state state;
     unsigned marks;
     int32_t priority;
-    char waits_for[NEEDS_AFTER_TEXT_SIZE];
+    char waits_for[NEEDS_AFTER_TEXT_SIZE], comment[JOB_COMMENT_MAX + 1];
     int64_t not_before;
     char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1], release[RELEASE_NAME_MAX + 1];
     int64_t finished_at;
@@ -45,6 +45,7 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->priority = job->priority;
     needs_after_text(row->waits_for, &job->needs);
     row->not_before = job->needs.not_before;
+    memcpy(row->comment, job->comment, sizeof row->comment);
     memcpy(row->state_text, job->state_text, sizeof row->state_text);
     memcpy(row->kernel, job->kernel, sizeof row->kernel);
     memcpy(row->release, job->release, sizeof row->release);
@@ -76,13 +77,13 @@ static status row_write(struct store *store, const struct saved_job *row, struct
     status s = sql_change_reserved(
         store,
         "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, active_ns=?, conflicts=?, "
-        "cpu_ns=?, trace_ns=?, release=?, marks=?, priority=?, waits_for=?, not_before=? WHERE id=?",
+        "cpu_ns=?, trace_ns=?, release=?, marks=?, priority=?, waits_for=?, not_before=?, comment=? WHERE id=?",
         SQL_VALUES(sql_number(row->state), sql_text(row->state_text), sql_text(row->kernel),
                    sql_number(row->finished_at), sql_number(row->active_ns),
                    sql_number(row->conflicts), sql_number(row->stats.cpu_ns),
                    sql_number(row->stats.trace_ns), sql_text(row->release), sql_number(row->marks),
                    sql_number(row->priority), sql_text(row->waits_for), sql_number(row->not_before),
-                   sql_number(row->id)),
+                   sql_text(row->comment), sql_number(row->id)),
         "the job's state cannot be stored", err);
 
     if (s == STATUS_OK && sqlite3_changes(store->db) == 0)

@@ -236,7 +236,7 @@ class Farm:
         argv = [os.path.join(BIN, "azulejo")] + [str(a) for a in args]
         if connect and self.address and args[0] in (
                 "submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend",
-                "workers", "top", "estimate", "start", "pause", "finish", "priority", "retry", "remove", "log", "prune", "gc", "trace", "owners", "token", "webhook") or (
+                "workers", "top", "estimate", "start", "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "trace", "owners", "token", "webhook") or (
                     connect and self.address and args[0] == "debug-pixel" and str(args[1]).isdigit()):
             argv += ["--coordinator", self.address, "--key", key or self.key]
         return argv

@@ -19,7 +19,7 @@ from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
-            "develop", "cancel", "extend", "start", "pause", "resume", "finish",
+            "develop", "cancel", "comment", "extend", "start", "pause", "resume", "finish",
             "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "token", "webhook", "keygen", "tonemap", "compare", "debug-pixel",
             "trace", "owners", "completion"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]

@@ -242,7 +242,8 @@ ROWS = re.findall(r"STATE\((\w+), (\w+), (\d+),", read_bytes(os.path.join(ROOT, 
 STATES = {name: int(number) for _, name, number in ROWS}
 STUCK = ("finishing", "cancelling")  # states that end by themselves
 ARGUMENTS = {"priority": (("--to", "3"), {"priority": 3}), "retry-frames": (("--frames", "1"), {"frames": [1]}),
-             "discard": (("--discard",), {"discard": True}), "extend": (None, {"spp": 64}), "develop": (None, {"output": {}})}
+             "discard": (("--discard",), {"discard": True}), "extend": (None, {"spp": 64}), "develop": (None, {"output": {}}), "comment": ((), {"comment": "words"})}
+WORDS = {"comment": ("words",)}  # behind the jobs
 
 
 def jobs_in_each_state(farm, api, names):
@@ -291,7 +292,7 @@ def table():
                 continue  # it takes one job, by its number
             mine = {number for (job, _), number in jobs.items() if job == "cli-" + name}
             offered = {number for number in mine if name in ours[number]["verbs"]}
-            done = farm.cli(row["path"], "cli-%s.*" % name, "--yes", "--json", *options)
+            done = farm.cli(row["path"], "cli-%s.*" % name, *WORDS.get(name, ()), "--yes", "--json", *options)
             if offered:
                 got = done.json()
                 expect({j["job"] for j in got["jobs"] + got["failed"]} == offered, (name, done))
@@ -314,6 +315,28 @@ def table():
                    farm.job(stuck))
         post(api, rows["discard"], stuck, "cancelling")
         expect(farm.job(stuck)["state"] == "cancelled", farm.job(stuck))
+
+
+@tests.add
+def comment():
+    """A comment is in list, show, JSON, the log and the audit log, over restarts, and after the job has ended; empty: none"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *ENDLESS, "--name", "walk")
+        text = "left hand: \u201cagain\u201d, 100%s"
+        verb(farm, "comment", number, text)
+        kill_and_restart(farm)
+        verb(farm, "cancel", "walk", "--yes")
+        kill_and_restart(farm)
+        expect(farm.job(number)["comment"] == text and farm.job(number)["state"] == "cancelled", farm.job(number))
+        for args in (("list",), ("show", number), ("log", number)):
+            expect("comment: " + text in farm.cli(*args, expect=0).out, args)
+        lines = [json.loads(line) for line in read_bytes(farm.path("store", "audit.log")).decode().splitlines()]
+        expect({"comment": text} in [l["details"] for l in lines if l["verb"] == "comment"], lines)
+        expect(farm.cli("comment", number, "x" * 256).code == 3 and farm.job(number)["comment"] == text, "255 bytes")
+        expect(farm.cli("comment", "walk").code == 2, "no text")
+        verb(farm, "comment", number, "")
+        expect(farm.job(number)["comment"] == "" and "comment:" not in farm.cli("show", number, expect=0).out, "none")
 
 
 @tests.add

@@ -24,6 +24,8 @@ status do_verb_with(struct farm *farm, struct job *job, enum job_verb_name verb,
     if (row->takes == VERB_TAKES_FRAMES) {
         *(uint32_t **)at = &number;
         *count = 1;
+    } else if (row->takes == VERB_TAKES_TEXT) {
+        *(const char **)at = "words";
     } else if (at) {
         *(uint32_t *)at = number;
     }

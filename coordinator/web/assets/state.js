@@ -177,8 +177,9 @@ export function share(job) {
 export const frameCount = (job) => Math.max(1, job.last_frame - job.first_frame + 1 - (job.frames_resting || 0));
 export const bit = (hex, i) => hex && i >> 3 < hex.length / 2 ? (parseInt(hex.substr((i >> 3) * 2, 2), 16) >> (i & 7)) & 1 : 0;
 
-/* Why it waits or failed, in words. */
-export const reason = (job) => (Number(job.waits_until) ? `waits until ${clockText(job.waits_until)}` : '') || job.state_text || (job.state === 'queued' && job.queue_position > 1 ? `${job.queue_position - 1} before it` : job.finished_early ? 'finished early' : '');
+/* Why it waits or failed, in words, and what a person noted. */
+const why = (job) => (Number(job.waits_until) ? `waits until ${clockText(job.waits_until)}` : '') || job.state_text || (job.state === 'queued' && job.queue_position > 1 ? `${job.queue_position - 1} before it` : job.finished_early ? 'finished early' : '');
+export const reason = (job) => [why(job), job.comment].filter(Boolean).join('; ');
 
 /* The order of the queue: what is served first comes first, the newest of the ended. */
 const RANK = { running: 0, finishing: 0, cancelling: 0, queued: 1, paused: 2, parked: 2 };

@@ -201,6 +201,7 @@ static const char *const table[VERB_COUNT] = {
     [VERB_RETRY_FRAMES] = "-" "-" "q" "q" "q" "-" "-" "-" "-",
     [VERB_EXTEND] =       "=" "=" "q" "-" "-" "=" "-" "=" "-",
     [VERB_DEVELOP] =      "=" "=" "=" "=" "=" "=" "=" "=" "=",
+    [VERB_COMMENT] =      "=" "=" "=" "=" "=" "=" "=" "=" "=",
     [VERB_CANCEL] =       "g" "g" "=" "=" "=" "g" "=" "g" "g",
     [VERB_DISCARD] =      "c" "c" "=" "=" "=" "c" "c" "c" "c",
     [VERB_REMOVE] =       "-" "-" "0" "0" "0" "-" "-" "-" "-",
@@ -240,7 +241,7 @@ static void make_row(enum job_state from, char *out, size_t size)
         const char *to = strchr(letters, outcome) ? job_state_word((enum job_state)(strchr(letters, outcome) - letters))
                                                   : outcome == '0' ? "gone" : NULL;
 
-        if (outcome == '-' || verb == VERB_DEVELOP || (outcome == '=' && job_state_ended(from)))
+        if (outcome == '-' || verb == VERB_DEVELOP || verb == VERB_COMMENT || (outcome == '=' && job_state_ended(from)))
             continue;
         used += (size_t)snprintf(out + used, size - used, "%s`%s`%s%s", any++ ? ", " : "", words_of(verb),
                                  to ? " → " : "", to ? to : "");
@@ -285,6 +286,8 @@ static void check_after(struct sim_stored *f, enum job_verb_name verb, enum job_
                  job_state_word(expected));
     if (verb == VERB_PRIORITY && !job_state_ended(expected))
         assert_int_equal(job->priority, 7);
+    if (verb == VERB_COMMENT)
+        assert_string_equal(job->comment, "words");
     if (verb == VERB_EXTEND && table[verb][expected] == '=')
         assert_int_equal(job->settings.spp, 64);
     if (verb == VERB_START && !job_state_ended(expected))

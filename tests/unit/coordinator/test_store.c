@@ -182,7 +182,7 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
-#define WITHOUT_9 "ALTER TABLE frames DROP COLUMN depth;"
+#define WITHOUT_9 "ALTER TABLE jobs DROP COLUMN comment; ALTER TABLE frames DROP COLUMN depth;"
 #define WITHOUT_8 WITHOUT_9 "DROP TABLE webhook_events; DROP TABLE webhooks; DROP TABLE tokens;"
 #define WITHOUT_7                                                                               \
     WITHOUT_8                                                                                   \
