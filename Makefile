@@ -146,7 +146,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words tables openapi docs-check docs-html gallery test-docs numerics invariance precision install uninstall dist clean tests lint format new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-slurm test-web accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fuzz bench bench-preview bench-accuracy bench-scale bench-page studio-day layers circles words tables openapi docs-check docs-html gallery test-docs numerics invariance transforms precision install uninstall dist clean tests lint format new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -377,6 +377,8 @@ numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS
 
 invariance: tests ## one scene written in many ways, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
 	@BUILD=$(BUILD) python3 -B tests/statistics/invariance_table.py $(SPP)
+transforms: tests ## every scene, and those of AZULEJO_DATA, with its faces twice and the like (docs/NUMERICS.md)
+	@$(BUILD)/tests/statistics/test_transforms --table $(TRANSFORM_ARGS)
 
 precision: ## float against double on hard scenes (docs/NUMERICS.md; PRECISION_ARGS=--quick: 1 minute)
 	$(MAKE) all build/release/tests/bench/bench_render

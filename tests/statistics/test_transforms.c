@@ -1,0 +1,292 @@
+/* Every scene with and without each transformation of tests/support/transform.h: the pictures are the same
+ * but for noise.
+ *
+ *   test_transforms [--table] [--spp N] [--only NAME] [SCENE...]
+ *
+ * Without SCENE: the files below scenes/, and where AZULEJO_DATA names the data's folder, all scenes there.
+ * A file without a sky gets a grey one. Both pictures have 64x64 pixels and the same seed, so most samples
+ * are the same. In each block of 8x8 pixels, and in the picture, Student's t of the pixels' differences tells
+ * whether their mean is 0: two-sided, family-wise 1e-4 over COMPARISONS (Sidak). A difference of less than
+ * ROUNDING of the block's light is none. */
+#include <dirent.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <cmocka.h>
+
+#include "common/base/memory.h"
+#include "tests/support/imported.h"
+#include "tests/support/replicates.h"
+#include "tests/support/statistics.h"
+#include "tests/support/transform.h"
+
+enum { SIDE = 64, BLOCK = 8, ACROSS = SIDE / BLOCK, VALUES = SIDE * SIDE * 3, COMPARISONS = 200000 };
+#define SIGNIFICANCE 1e-4
+#define ROUNDING 1e-5
+/* Larger files take too long for this test; `--table` and SCENE have no limit. */
+#define TRIANGLES_MAX 2000000
+
+struct totals {
+    uint32_t scenes, pictures, unchanged, refused, failed;
+    unsigned comparisons;
+    double z;                /* the largest */
+};
+
+static uint32_t samples = 16;
+static const char *only;
+static int table;
+
+/* ---- pictures --------------------------------------------------------------------------------- */
+
+/* 0: refused, as some files of the data must be. */
+static int load(const char *path, struct import_result *out)
+{
+    struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    struct error err = {0};
+
+    options.animation = "none";
+    if (import_scene(path, &options, out, &err) != STATUS_OK)
+        return 0;
+    if (!out->scene.environment.present) {
+        out->scene.environment.present = out->scene.environment.constant = 1;
+        for (int c = 0; c < 3; c++)
+            out->scene.environment.radiance[c] = 0.5f;
+    }
+    return 1;
+}
+
+static void render(struct import_result *import, double *mean)
+{
+    struct render_settings settings = imported_settings(SIDE, SIDE, samples);
+    struct render_scene *scene = imported_build(import, &settings, 0);
+    struct render_stats stats = {0};
+
+    replicates_render(scene, &settings, 0, mean, NULL, &stats);
+    render_scene_free(scene);
+}
+
+/* ---- comparing two ---------------------------------------------------------------------------- */
+
+struct worst {
+    double p_value, share;
+    int x, y, channel;      /* in pixels; -1: the whole picture */
+};
+
+/* Student's t of the differences: the mean is 0. */
+static void compare(const double *a, const double *b, int x, int y, int side, int channel,
+                    struct worst *worst)
+{
+    struct running_stats apart = {0};
+    double sum = 0, error, p;
+
+    for (int i = 0; i < side * side; i++) {
+        size_t at = ((size_t)(y + i / side) * SIDE + (size_t)(x + i % side)) * 3 + (size_t)channel;
+        running_stats_add(&apart, a[at] - b[at]);
+        sum += fabs(b[at]);
+    }
+    error = running_stats_error(&apart);
+    if (fabs(apart.mean) * side * side <= ROUNDING * sum)
+        return;
+    p = error > 0 ? 2 * student_cdf(-fabs(apart.mean) / error, side * side - 1) : 0;
+    if (p < worst->p_value)
+        *worst = (struct worst){p, apart.mean * side * side / sum, side < SIDE ? x : -1, y, channel};
+}
+
+static struct worst compare_all(const double *a, const double *b)
+{
+    struct worst worst = {.p_value = 1};
+
+    for (int c = 0; c < 3; c++) {
+        compare(a, b, 0, 0, SIDE, c, &worst);
+        for (int k = 0; k < ACROSS * ACROSS; k++)
+            compare(a, b, k % ACROSS * BLOCK, k / ACROSS * BLOCK, BLOCK, c, &worst);
+    }
+    return worst;
+}
+
+static double z_of(double p_value)
+{
+    return p_value <= 1e-300 ? 37 : p_value >= 1 ? 0 : -normal_quantile(p_value / 2);
+}
+
+static void judge(const char *path, const char *name, const double *picture, const double *reference,
+                  struct totals *totals)
+{
+    double limit = sidak_alpha(SIGNIFICANCE, COMPARISONS);
+    struct worst worst = compare_all(picture, reference);
+    uint32_t apart = 0;
+
+    totals->pictures++;
+    totals->comparisons += 3 * (ACROSS * ACROSS + 1);
+    totals->z = fmax(totals->z, z_of(worst.p_value));
+    for (int i = 0; i < VALUES; i += 3)
+        apart += memcmp(picture + i, reference + i, 3 * sizeof *picture) != 0;
+    if (table || worst.p_value < limit)
+        printf("%s%s | %s | %.2f %% of the pixels | z %.2f of %.2f | %+.3g %% at %d %d |\n",
+               worst.p_value < limit ? "FAILED " : "", path, name, 100.0 * apart / (SIDE * SIDE),
+               z_of(worst.p_value), z_of(limit), 100 * worst.share, worst.x, worst.y);
+    fflush(stdout);
+    totals->failed += worst.p_value < limit;
+}
+
+static void try_scene(const char *path, struct totals *totals)
+{
+    static double reference[VALUES], picture[VALUES];
+    struct import_result import;
+    uint64_t triangles;
+
+    if (!load(path, &import)) {
+        totals->refused++;
+        return;
+    }
+    triangles = import.triangles_placed;
+    if (triangles <= TRIANGLES_MAX || table) {
+        totals->scenes++;
+        render(&import, reference);
+    }
+    import_result_release(&import);
+    for (size_t i = 0; i < transform_count && (triangles <= TRIANGLES_MAX || table); i++) {
+        if (only && !strstr(transforms[i].name, only))
+            continue;
+        if (!load(path, &import))
+            abort();
+        if (transforms[i].apply(&import) > 0) {
+            render(&import, picture);
+            judge(path, transforms[i].name, picture, reference, totals);
+        } else {
+            totals->unchanged++;
+        }
+        import_result_release(&import);
+    }
+}
+
+/* ---- the scenes ------------------------------------------------------------------------------- */
+
+static int is_scene(const char *name)
+{
+    static const char *const endings[] = {".gltf", ".glb", ".pbrt", ".obj"};
+    size_t length = strlen(name);
+
+    for (size_t i = 0; i < sizeof endings / sizeof *endings; i++)
+        if (length > strlen(endings[i]) && strcmp(name + length - strlen(endings[i]), endings[i]) == 0)
+            return 1;
+    return 0;
+}
+
+/* Parts of other scenes, and files that are broken on purpose. */
+static int is_left_out(const char *name)
+{
+    static const char *const names[] = {"geometry", "models", "meshes", "fuzz"};
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(name, names[i]) == 0)
+            return 1;
+    return name[0] == '.';
+}
+
+static void try_folder(const char *folder, struct totals *totals)
+{
+    struct dirent **entries;
+    int count = scandir(folder, &entries, NULL, alphasort);
+
+    for (int i = 0; i < count; i++) {
+        char path[4096];
+        struct stat about;
+        snprintf(path, sizeof path, "%s/%s", folder, entries[i]->d_name);
+        if (!is_left_out(entries[i]->d_name) && stat(path, &about) == 0) {
+            if (S_ISDIR(about.st_mode))
+                try_folder(path, totals);
+            else if (is_scene(path))
+                try_scene(path, totals);
+        }
+        free(entries[i]);
+    }
+    if (count >= 0)
+        free(entries);
+}
+
+static void finish(const struct totals *totals)
+{
+    printf("# %u scenes, %u pictures, %u transformations with nothing to change, %u files refused; "
+           "largest z %.2f of %.2f; %u failed\n",
+           totals->scenes, totals->pictures, totals->unchanged, totals->refused, totals->z,
+           z_of(sidak_alpha(SIGNIFICANCE, COMPARISONS)), totals->failed);
+    assert_true(totals->comparisons <= COMPARISONS);
+    assert_true(totals->pictures > 0);
+    assert_int_equal(totals->failed, 0);
+}
+
+static void test_own_scenes(void **state)
+{
+    struct totals totals = {0};
+
+    (void)state;
+    try_folder("scenes", &totals);
+    finish(&totals);
+}
+
+static void test_data(void **state)
+{
+    const char *folder = getenv("AZULEJO_DATA");
+    struct totals totals = {0};
+
+    (void)state;
+    if (!folder)
+        skip();
+    try_folder(folder, &totals);
+    finish(&totals);
+}
+
+/* ---- arguments -------------------------------------------------------------------------------- */
+
+static char **files;
+static int file_count;
+
+static void test_files(void **state)
+{
+    struct totals totals = {0};
+
+    (void)state;
+    for (int i = 0; i < file_count; i++)
+        try_scene(files[i], &totals);
+    finish(&totals);
+}
+
+static int read_arguments(int argc, char **argv)
+{
+    int i = 1;
+
+    for (; i < argc && argv[i][0] == '-'; i++) {
+        if (strcmp(argv[i], "--table") == 0)
+            table = 1;
+        else if (strcmp(argv[i], "--spp") == 0 && i + 1 < argc && atoi(argv[i + 1]) >= 4)
+            samples = (uint32_t)atoi(argv[++i]);
+        else if (strcmp(argv[i], "--only") == 0 && i + 1 < argc)
+            only = argv[++i];
+        else
+            return 0;
+    }
+    files = argv + i;
+    file_count = argc - i;
+    return 1;
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_own_scenes), cmocka_unit_test(test_data)};
+    const struct CMUnitTest some[] = {cmocka_unit_test(test_files)};
+
+    if (!read_arguments(argc, argv)) {
+        fprintf(stderr, "usage: test_transforms [--table] [--spp N, at least 4] [--only NAME] [SCENE...]\n");
+        return 2;
+    }
+    if (file_count > 0)
+        return cmocka_run_group_tests_name("transforms", some, NULL, NULL);
+    return cmocka_run_group_tests_name("transforms", tests, NULL, NULL);
+}

@@ -1,0 +1,91 @@
+#include "tests/support/transform.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/base/memory.h"
+
+const struct transform_row transforms[] = {
+    {"faces twice", transform_copy_faces},
+    {"faces nearly twice", transform_near_faces},
+};
+const size_t transform_count = sizeof transforms / sizeof *transforms;
+
+static _Noreturn void give_up(const char *why)
+{
+    fprintf(stderr, "transform: %s\n", why);
+    abort();
+}
+
+const uint8_t *transform_blob(const struct import_result *import, const struct scene_mesh *mesh)
+{
+    for (size_t i = 0; i < import->blob_count; i++)
+        if (digest_equal(&import->blobs[i].digest, &mesh->blob.digest))
+            return import->blobs[i].data;
+    give_up("a mesh without its blob");
+}
+
+static void set_bounds(struct scene_mesh *mesh, const uint8_t *positions)
+{
+    for (int k = 0; k < 3; k++) {
+        mesh->bounds_min[k] = INFINITY;
+        mesh->bounds_max[k] = -INFINITY;
+    }
+    for (uint32_t i = 0; i < mesh->vertex_count; i++) {
+        float p[3];
+        memcpy(p, positions + 12 * (size_t)i, sizeof p);
+        for (int k = 0; k < 3; k++) {
+            mesh->bounds_min[k] = fminf(mesh->bounds_min[k], p[k]);
+            mesh->bounds_max[k] = fmaxf(mesh->bounds_max[k], p[k]);
+        }
+    }
+}
+
+static void add_blob(struct import_result *import, const struct scene_blob *name, uint8_t *data)
+{
+    size_t capacity = import->blob_count;
+
+    if (!MEM_GROW(import->blobs, capacity, import->blob_count + 1))
+        give_up("out of memory");
+    import->blobs[import->blob_count++] =
+        (struct import_blob){name->digest, data, (size_t)name->size_bytes};
+}
+
+/* A table of the arena with one row more, the last of them empty. */
+static void *grown(struct import_result *import, const void *table, size_t count, size_t size_bytes)
+{
+    void *more = arena_alloc(&import->scene.arena, count + 1, size_bytes);
+
+    if (!more)
+        give_up("out of memory");
+    if (count > 0)
+        memcpy(more, table, count * size_bytes);
+    return more;
+}
+
+uint32_t transform_add_mesh(struct import_result *import, struct scene_mesh mesh, uint8_t *blob)
+{
+    struct scene *scene = &import->scene;
+    struct scene_mesh_layout layout;
+
+    scene_mesh_layout(&mesh, &layout);
+    set_bounds(&mesh, blob + layout.positions);
+    mesh.blob.size_bytes = layout.total_bytes;
+    if (digest_of(&mesh.blob.digest, blob, layout.total_bytes) != STATUS_OK)
+        give_up("no digest");
+    add_blob(import, &mesh.blob, blob);
+    scene->meshes = grown(import, scene->meshes, scene->mesh_count, sizeof *scene->meshes);
+    scene->meshes[scene->mesh_count] = mesh;
+    return scene->mesh_count++;
+}
+
+void transform_add_instance(struct import_result *import, struct scene_instance instance)
+{
+    struct scene *scene = &import->scene;
+
+    scene->instances =
+        grown(import, scene->instances, scene->instance_count, sizeof *scene->instances);
+    scene->instances[scene->instance_count++] = instance;
+}

@@ -1,0 +1,42 @@
+/* transform: changes of an imported scene after which its picture must be the same but for noise.
+ *
+ * A transformation is a row of transforms[] and one function, in a file of its own (transform_faces.c):
+ * it edits import->scene in place, by the helpers below where it needs more meshes or instances, and tells
+ * how many things it changed. tests/statistics/test_transforms.c renders every scene with and
+ * without each row, so a new row needs nothing else.
+ * A failure (out of memory) aborts the program.
+ */
+#ifndef AZULEJO_TESTS_TRANSFORM_H
+#define AZULEJO_TESTS_TRANSFORM_H
+
+#include "client/import/import.h"
+
+struct transform_row {
+    const char *name;
+    /* Returns the number of things changed; 0: there is nothing to change in this scene, which is then
+     * left as it is. Depends on nothing but the scene. */
+    uint32_t (*apply)(struct import_result *import);
+};
+
+extern const struct transform_row transforms[];
+extern const size_t transform_count;
+
+/* ---- helpers ---------------------------------------------------------------------------------- */
+
+/* The bytes of a mesh (struct scene_mesh's layout). */
+const uint8_t *transform_blob(const struct import_result *import, const struct scene_mesh *mesh);
+
+/* Append a mesh: `mesh` with its counts, arrays and flags set, the name may be another's. Takes `blob` over
+ * (mem_alloc'd, scene_mesh_layout()'s bytes, the last 16 of them 0) and sets mesh->blob and the bounds.
+ * Returns its number. Pointers to scene.meshes are no longer valid. */
+uint32_t transform_add_mesh(struct import_result *import, struct scene_mesh mesh, uint8_t *blob);
+
+/* Append an instance. Pointers to scene.instances are no longer valid. */
+void transform_add_instance(struct import_result *import, struct scene_instance instance);
+
+/* ---- transform_faces.c: some faces, and all of many, written twice ------------------------------ */
+
+uint32_t transform_copy_faces(struct import_result *import);
+uint32_t transform_near_faces(struct import_result *import);
+
+#endif
