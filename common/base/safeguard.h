@@ -28,6 +28,7 @@
     X(LEFT_BY_NAME, "a face counts as one that is in contact with itself")                        \
     X(LEFT_SPHERE, "a ray that leaves a sphere meets it at once")                                 \
     X(BEHIND_LEFT_PLANE, "a ray meets a neighbour that lies below the face which it leaves")      \
+    X(PASSED_BEFORE, "light is caught between two faces closer than Embree's error")              \
     X(EDGE_SIDE, "a ray from an edge meets the wrong one of its faces")                           \
     X(DOUBLE_DECIDES, "float decides what is met near a ray's ends")                              \
     X(ERROR_OF_INSTANCE, "float decides near instances, where its error is larger")               \

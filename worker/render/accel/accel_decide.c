@@ -5,6 +5,11 @@
 
 #include "common/base/safeguard.h"
 
+/* A face in front of another, in the same place but for rounding: their normals' least cosine, and by
+ * how many times their distance the first may lie to the side. */
+#define PASSED_COSINE (1 - 0x1p-14)
+#define PASSED_SLACK 8.0
+
 /* What rounding may make of a height over a plane through `from`, times the normal's length. */
 static double height_noise(const double normal[3], const double to[3], const double from[3])
 {
@@ -99,6 +104,62 @@ static int goes_through(const struct query_context *q, const double corner[3][3]
                            : exact_dot(normal, q->direction) > 0;
 }
 
+/* Does the triangle, widened by `slack` metres, contain the point where the line through the origin meets
+ * its plane? Weights of corners 1 and 2. */
+static int covers(const struct query_context *q, const double corner[3][3], const double direction[3],
+                  double slack, double *u, double *v, int *facing)
+{
+    double e1[3], e2[3], e3[3], n[3], p[3], s[3], m[3], determinant, size;
+
+    exact_sub(corner[1], corner[0], e1);
+    exact_sub(corner[2], corner[0], e2);
+    exact_sub(corner[2], corner[1], e3);
+    exact_sub(q->origin, corner[0], s);
+    exact_cross(e1, e2, n);
+    exact_cross(direction, e2, p);
+    exact_cross(s, e1, m);
+    determinant = exact_dot(e1, p);
+    size = sqrt(exact_dot(n, n));
+    if (determinant == 0 || !(size > 0))
+        return 0;
+    *u = exact_dot(s, p) / determinant;
+    *v = exact_dot(direction, m) / determinant;
+    *facing = determinant > 0;
+    slack += 0x1p-22 * fabs(exact_dot(e2, m) / determinant);
+    return *u >= -slack * sqrt(exact_dot(e2, e2)) / size &&
+           *v >= -slack * sqrt(exact_dot(e1, e1)) / size &&
+           1 - *u - *v >= -slack * sqrt(exact_dot(e3, e3)) / size;
+}
+
+int accel_covers(const struct query_context *q, const struct hit *face, double *u, double *v,
+                 int *facing)
+{
+    double corner[3][3];
+
+    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
+    return covers(q, corner, q->direction, q->error, u, v, facing);
+}
+
+/* Has the path passed the triangle on the way to the opaque face that the ray leaves, and nearly parallel
+ * to that face, so close before it that Embree took the second for the first? Of such faces one counts:
+ * met from behind, the other would keep the light in a gap that floats do not have. */
+static int was_passed(const struct query_context *q, const double corner[3][3], const double normal[3],
+                      double height)
+{
+    const struct ray *ray = q->ray;
+    double off[3], came[3], u, v, length = sqrt(exact_dot(normal, normal));
+    int facing;
+
+    if (!ray->left_count || !(fabs(height) <= (double)ray->blur * length) || !SAFEGUARD(PASSED_BEFORE))
+        return 0;
+    exact_vec(ray->off, off);
+    exact_vec(ray->came, came);
+    if (!(fabs(exact_dot(normal, off)) > PASSED_COSINE * length) ||
+        (height < 0) != (exact_dot(normal, came) > 0))
+        return 0;
+    return covers(q, corner, came, PASSED_SLACK * fabs(height) / length, &u, &v, &facing);
+}
+
 int accel_decide(struct query_context *q, const struct hit *face, double *t)
 {
     double corner[3][3], n[3], to_corner[3], height;
@@ -122,6 +183,8 @@ int accel_decide(struct query_context *q, const struct hit *face, double *t)
         q->doubt = q->at_edge;
         return 0;
     }
+    if (was_passed(q, corner, n, height))
+        return 0;
     return !q->ray->reaches || !is_beyond(q, &q->ray->end, -1, corner);
 }
 
@@ -163,32 +226,6 @@ int accel_keep(struct query_context *q, const struct hit *face, double t, int fa
         q->nearest_t = t;
     }
     return 0;
-}
-
-int accel_covers(const struct query_context *q, const struct hit *face, double *u, double *v,
-                 int *facing)
-{
-    double corner[3][3], e1[3], e2[3], e3[3], n[3], p[3], s[3], m[3], determinant, size, slack;
-
-    q->accel->corners(q->accel->scene, face->instance, face->triangle, q->ray->time, corner);
-    exact_sub(corner[1], corner[0], e1);
-    exact_sub(corner[2], corner[0], e2);
-    exact_sub(corner[2], corner[1], e3);
-    exact_sub(q->origin, corner[0], s);
-    exact_cross(e1, e2, n);
-    exact_cross(q->direction, e2, p);
-    exact_cross(s, e1, m);
-    determinant = exact_dot(e1, p);
-    size = sqrt(exact_dot(n, n));
-    if (determinant == 0 || !(size > 0))
-        return 0;
-    *u = exact_dot(s, p) / determinant;
-    *v = exact_dot(q->direction, m) / determinant;
-    *facing = determinant > 0;
-    slack = q->error + 0x1p-22 * fabs(exact_dot(e2, m) / determinant);
-    return *u >= -slack * sqrt(exact_dot(e2, e2)) / size &&
-           *v >= -slack * sqrt(exact_dot(e1, e1)) / size &&
-           1 - *u - *v >= -slack * sqrt(exact_dot(e3, e3)) / size;
 }
 
 /* The distance of a line through the origin from the edge between two corners, as seen along the line;

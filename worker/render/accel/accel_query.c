@@ -227,7 +227,7 @@ static __attribute__((noinline)) void start_before_face(struct query_context *q)
         if (q->ray->t_max < INFINITY)
             aim_at_end(q);
     }
-    q->clear = 2 * q->error;
+    q->clear = 2 * q->error + (double)q->ray->blur;
     exact_vec(q->aim, aim);
     go(q->inside, aim, -q->back, q->start);
 }
@@ -245,7 +245,7 @@ static inline void start_on_face(struct query_context *q)
         start_before_face(q);
         return;
     }
-    q->clear = 2 * q->error;
+    q->clear = 2 * q->error + (double)ray->blur;
     exact_vec(ray->off, off);
     go(q->origin, off, q->error_left, q->start);
     q->t_max -= q->back;
@@ -404,6 +404,13 @@ static int meets(struct query_context *q, struct hit *hit)
         met = 1;
     }
     return met;
+}
+
+real accel_blur(const struct accel *accel, double largest, double t)
+{
+    double error = accel->error_origin * (largest + t) + accel->error_extent;
+
+    return t > BACK_ERRORS * error ? (real)error : 0;
 }
 
 double accel_gap(const struct accel_digits *digits, const double place[3])
