@@ -45,6 +45,7 @@
     X(LEAK_OF_FACE, "a ray slips out of the closed mesh into which it leaves a face")             \
     X(LEAK_OF_BODY, "a ray slips out of a body of several meshes")                                \
     X(LEAK_OUTLINE, "a small hole of a room passes too little light")                             \
+    X(LEAK_OF_COPY, "a ray that is traced again meets the face that it leaves, written twice")    \
     X(SPHERE_NEAREST_POINT, "a small sphere far away has a ragged outline")                       \
     X(MIRRORED_WINDING, "a mirrored mesh is inside out")                                          \
     X(NORMAL_ZERO, "a normal of length 0 turns towards the camera")                               \

@@ -15,9 +15,10 @@
 /* A moved copy's vertices are this share of the mesh's size away along each axis, at most. */
 #define MOVED_SHARE 3e-8
 
-/* How a mesh is copied. `every`: this triangle of so many, the first included. */
+/* How a mesh is copied. `moved`: each vertex a little, `shifted`: all together. `every`: this triangle of so
+ * many, the first included. */
 struct way {
-    int in_mesh, moved, reversed, same_mesh;
+    int in_mesh, moved, shifted, reversed, same_mesh;
     uint32_t every;
 };
 
@@ -32,7 +33,9 @@ static const struct way exact_ways[] = {
 };
 static const struct way near_ways[] = {
     {.in_mesh = 1, .moved = 1, .every = 1},
+    {.shifted = 1, .every = 1},
     {.moved = 1, .every = 1},
+    {.in_mesh = 1, .shifted = 1, .every = 1},
     {.moved = 1, .reversed = 1, .every = 1},
     {.in_mesh = 1, .moved = 1, .every = 3},
 };
@@ -64,6 +67,12 @@ static void move(float p[3], double reach)
         p[k] = (float)((double)p[k] + reach * (2 * test_random_double(&random) - 1));
 }
 
+static void shift(float p[3], double reach)
+{
+    for (int k = 0; k < 3; k++)
+        p[k] = (float)((double)p[k] + reach);
+}
+
 static double reach_of(const struct scene_mesh *mesh)
 {
     double most = 0;
@@ -82,6 +91,8 @@ static void copy_array(const struct scene_mesh *mesh, const struct way *way, siz
         memcpy(v, to, size_bytes < sizeof v ? size_bytes : sizeof v);
         if (from == layout->positions && way->moved)
             move(v, reach_of(mesh));
+        if (from == layout->positions && way->shifted)
+            shift(v, reach_of(mesh));
         for (int k = 0; k < 3 && from == layout->normals && way->reversed; k++)
             v[k] = -v[k];
         memcpy(to, v, size_bytes < sizeof v ? size_bytes : sizeof v);
@@ -137,7 +148,7 @@ static uint32_t copy_mesh(struct import_result *import, uint32_t number, const s
 {
     const struct scene_mesh mesh = import->scene.meshes[number];
     const uint8_t *blob = transform_blob(import, &mesh);
-    const int own = !way->in_mesh || way->moved || way->reversed;
+    const int own = !way->in_mesh || way->moved || way->shifted || way->reversed;
     struct scene_mesh out = mesh;
     struct scene_mesh_layout layout;
     uint8_t *data;

@@ -140,11 +140,29 @@ int accel_covers(const struct query_context *q, const struct hit *face, double *
     return covers(q, corner, q->direction, q->error, u, v, facing);
 }
 
+/* Would every ray have been stopped where this one passed the face? Not by a veil, and not by the invisible
+ * side of a face, unless it may as well lie behind. */
+static int stops_all(const struct query_context *q, const struct hit *face, const double corner[3][3],
+                     double u, double v, int facing, double apart)
+{
+    const struct accel *accel = q->accel;
+    double gap = 0;
+
+    if (!accel->geometries[face->instance].filtered)
+        return 1;
+    if (accel->accept(accel->scene, NULL, face->instance, face->triangle, (real)u, (real)v, facing))
+        return 1;
+    for (int k = 0; k < 3; k++)
+        gap = fmax(gap, accel_gap(&accel->digits, corner[k]));
+    return apart < gap &&
+           accel->accept(accel->scene, NULL, face->instance, face->triangle, (real)u, (real)v, !facing);
+}
+
 /* Has the path passed the triangle on the way to the opaque face that the ray leaves, and nearly parallel
  * to that face, so close before it that Embree took the second for the first? Of such faces one counts:
  * met from behind, the other would keep the light in a gap that floats do not have. */
-static int was_passed(const struct query_context *q, const double corner[3][3], const double normal[3],
-                      double height)
+static int was_passed(const struct query_context *q, const struct hit *face, const double corner[3][3],
+                      const double normal[3], double height)
 {
     const struct ray *ray = q->ray;
     double off[3], came[3], u, v, length = sqrt(exact_dot(normal, normal));
@@ -157,7 +175,8 @@ static int was_passed(const struct query_context *q, const double corner[3][3], 
     if (!(fabs(exact_dot(normal, off)) > PASSED_COSINE * length) ||
         (height < 0) != (exact_dot(normal, came) > 0))
         return 0;
-    return covers(q, corner, came, PASSED_SLACK * fabs(height) / length, &u, &v, &facing);
+    return covers(q, corner, came, PASSED_SLACK * fabs(height) / length, &u, &v, &facing) &&
+           stops_all(q, face, corner, u, v, facing, fabs(height) / length);
 }
 
 int accel_decide(struct query_context *q, const struct hit *face, double *t)
@@ -183,7 +202,7 @@ int accel_decide(struct query_context *q, const struct hit *face, double *t)
         q->doubt = q->at_edge;
         return 0;
     }
-    if (was_passed(q, corner, n, height))
+    if (was_passed(q, face, corner, n, height))
         return 0;
     return !q->ray->reaches || !is_beyond(q, &q->ray->end, -1, corner);
 }

@@ -96,18 +96,20 @@ void accel_filter(const struct RTCFilterFunctionNArguments *args)
     double t = (double)ray->tfar - q->back;
     double n[3] = {(double)hit->Ng_x, (double)hit->Ng_y, (double)hit->Ng_z};
     double d[3] = {(double)ray->dir_x, (double)ray->dir_y, (double)ray->dir_z};
-    int certain, facing;
+    int certain, settled, facing;
 
     if (args->valid[0] != -1)
         return;
     certain = is_certain(q, g, face.triangle, t, exact_dot(d, n), exact_dot(n, n),
                          (double)g->least_stretch);
+    /* Certain is only what the ray beside it meets: it may start on the other side of a face. */
+    settled = certain && (q->attempt == 0 || !SAFEGUARD(LEAK_OF_COPY));
     args->valid[0] = 0;
-    if (accel_is_excepted(q, &face) || (!certain && !accel_decide(q, &face, &t)) ||
+    if (accel_is_excepted(q, &face) || (!settled && !accel_decide(q, &face, &t)) ||
         !is_believed(q, &face, certain))
         return;
     facing = product(ray, hit) < 0;
-    if (accepts(q, g, &face, hit, facing) && (certain || accel_keep(q, &face, t, facing)))
+    if (accepts(q, g, &face, hit, facing) && (settled || accel_keep(q, &face, t, facing)))
         args->valid[0] = -1;
 }
 

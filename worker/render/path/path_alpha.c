@@ -32,6 +32,8 @@ static int alpha_accepts(const struct world_material *material, const struct wor
     alpha = world_alpha(material, mesh, vertex, u, v);
     if (material->m.alpha_mode == ALPHA_MASK)
         return alpha >= material->m.alpha_cutoff;
+    if (!query)
+        return alpha >= 1;
     if (!SAFEGUARD(ALPHA_HASH)) /* one number for all veils that a path meets */
         return sampler_hash(query->sampler, 0, 0) < alpha;
     return sampler_hash(query->sampler, query->ray_number * 0x9e3779b9u + alpha_key,
