@@ -99,8 +99,8 @@ struct accel_instance {
 };
 
 /* Does the hit count? Called during traversal, possibly several times for one triangle: it must be
- * a pure function of its arguments. `query` NULL: would it count for every ray? `facing`: the ray meets the side from which the (object-space)
- * winding is counter-clockwise. */
+ * a pure function of its arguments. `query` NULL: would it count for every ray? `facing`: the ray meets
+ * the side from which the (object-space) winding is counter-clockwise. */
 typedef int accel_accept(const void *scene, const void *query, uint32_t instance,
                          uint32_t triangle, real u, real v, int facing);
 
