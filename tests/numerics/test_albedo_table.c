@@ -15,6 +15,8 @@
 #include "worker/render/bsdf/bsdf.h"
 
 enum { POINTS = 128 };
+/* One in so many entries of the means of true losses is recomputed. */
+enum { SOME_MEANS = 13 };
 /* How far the table of the exact term may be off between its entries. */
 #define EXACT_BELOW 4e-3
 #define EXACT_ABOVE 8e-3
@@ -222,7 +224,9 @@ static double stretched_mean(double row, double ratio)
 
 static double interface_row_alpha(double row)
 {
-    return stretched_alpha(row / (ALBEDO_INTERFACE_ROWS - 1));
+    double first = sqrt((double)ALBEDO_INTERFACE_ALPHA_FIRST);
+
+    return fmin(1, square(first + (1 - first) * row / (ALBEDO_INTERFACE_ROWS - 1)));
 }
 
 static double fresnel(double c, double eta)
@@ -237,35 +241,47 @@ static double fresnel(double c, double eta)
     return 0.5 * (s * s + p * p);
 }
 
-/* What a rough interface does not send out, reflection and refraction together, seen along mu
- * from the thinner (side 0) or denser side: index 1 + 2 r / (1 - r). */
+/* Light that a rough interface of relative index eta (0: a mirror) loses along mu at one visible
+ * normal, whose cap's height is u and azimuth v, both 0..1. */
+static double interface_lost(double mu, double alpha, double eta, double u, double v)
+{
+    double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu);
+    double x = alpha * wo_x / root_o, z = mu / root_o, height = u * (1 + z) - z, phi = M_PI * v;
+    double s = sqrt(fmax(0, 1 - height * height)), mu_i, root_i, t, kept = 0;
+    double h[3] = {alpha * (s * cos(phi) + x), alpha * s * sin(phi), height + z};
+    double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]), hz = h[2] / norm;
+    double c = (wo_x * h[0] + mu * h[2]) / norm, f = eta > 0 ? fresnel(c, eta) : 1;
+
+    mu_i = 2 * c * hz - mu;
+    if (mu_i > 0) {
+        root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
+        kept += f * mu_i * (mu + root_o) / (mu_i * root_o + mu * root_i);
+    }
+    t = f < 1 ? sqrt(1 - (1 - c * c) / (eta * eta)) : 0;
+    mu_i = f < 1 ? -((c * hz - mu) / eta - t * hz) : 0;
+    if (mu_i > 0) {
+        root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
+        kept += (1 - f) * fmin(1, mu_i * (mu + root_o) / (mu * (mu_i + root_i)));
+    }
+    return 1 - kept;
+}
+
+/* Of index (1 + r) / (1 - r), seen from the thinner (side 0) or denser side. */
+static double interface_eta(double r, int side)
+{
+    return r < 1 ? side ? (1 - r) / (1 + r) : (1 + r) / (1 - r) : 0;
+}
+
+/* What a rough interface does not send out, reflection and refraction together, seen along mu. */
 static double interface_loss(double mu, double alpha, double r, int side)
 {
-    double eta = r < 1 ? side ? (1 - r) / (1 + r) : (1 + r) / (1 - r) : 0;
-    double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu);
-    double x = alpha * wo_x / root_o, z = mu / root_o, sum = 0;
+    double eta = interface_eta(r, side), sum = 0;
     enum { N = 96 };
 
     for (int i = 0; i < N; i++)
         for (int j = 0; j < N; j++) {
-            double v = (i + 0.5) / N, height = v * v * (1 + z) - z, phi = M_PI * (j + 0.5) / N;
-            double s = sqrt(fmax(0, 1 - height * height)), mu_i, root_i, f, t, kept = 0;
-            double h[3] = {alpha * (s * cos(phi) + x), alpha * s * sin(phi), height + z};
-            double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]), hz = h[2] / norm;
-            double c = (wo_x * h[0] + mu * h[2]) / norm;
-            f = r < 1 ? fresnel(c, eta) : 1;
-            mu_i = 2 * c * hz - mu;
-            if (mu_i > 0) {
-                root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
-                kept += f * mu_i * (mu + root_o) / (mu_i * root_o + mu * root_i);
-            }
-            t = f < 1 ? sqrt(1 - (1 - c * c) / (eta * eta)) : 0;
-            mu_i = f < 1 ? -((c * hz - mu) / eta - t * hz) : 0;
-            if (mu_i > 0) {
-                root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
-                kept += (1 - f) * fmin(1, mu_i * (mu + root_o) / (mu * (mu_i + root_i)));
-            }
-            sum += 2 * v * (1 - kept);
+            double v = (i + 0.5) / N;
+            sum += 2 * v * interface_lost(mu, alpha, eta, v * v, (j + 0.5) / N);
         }
     return sum / (N * N);
 }
@@ -279,18 +295,19 @@ static double interface_r(double x)
 
 static double interface_entry(int side, int row, int index, int column)
 {
-    double alpha = interface_row_alpha(row), c = (double)column / (ALBEDO_INTERFACE_COLUMNS - 1);
-    double mu = alpha * c / (1 + alpha - c);
+    double alpha = interface_row_alpha(row), x = (double)column / (ALBEDO_INTERFACE_COLUMNS - 1);
+    double c = 0.5 * (sqrt(1 + 8 * x) - 1), mu = alpha * c / (1 + alpha - c);
 
     return interface_loss(fmax(1e-6, fmin(1, mu)), alpha,
                           interface_r((double)index / (ALBEDO_INTERFACE_INDICES - 1)), side) /
-           (square(1 - c) + alpha * alpha);
+           ((1 - c) * (1 - c + alpha) + 0.5 * alpha * alpha);
 }
 
-static double interface_mean(int side, double row, double index)
+/* Of the table as it stands, over alpha^2. */
+static double interface_mean(int side, int row, int index)
 {
-    double alpha = interface_row_alpha(row), sum = 0;
-    double r = interface_r(index / (ALBEDO_INTERFACE_INDICES - 1));
+    double alpha = interface_row_alpha((double)row / ALBEDO_MEAN_STEPS), sum = 0;
+    double r = interface_r((double)index / (ALBEDO_INTERFACE_INDICES - 1));
     struct albedo_interface t = albedo_interface_find((float)alpha, (float)r, side);
     enum { STEPS = 4000 };
 
@@ -299,6 +316,31 @@ static double interface_mean(int side, double row, double index)
         sum += 8 * mu * s * s * s * albedo_interface_loss_at(&t, (float)alpha, (float)mu);
     }
     return sum / STEPS / (alpha * alpha);
+}
+
+/* A point of the additive recurrence of Kronecker and Weyl, folded so that no edge of the unit
+ * interval stands out. */
+static double recurrence(int i, double step)
+{
+    double x = 0.5 + i * step;
+    return 1 - fabs(2 * (x - floor(x)) - 1);
+}
+
+/* The true loss's mean over alpha, to about 5e-4 of it (2e-3 for alpha 0.1): the recurrence's steps are
+ * powers of the inverse of the root of x^4 = x + 1. */
+static double interface_lost_mean(int side, int row, int index)
+{
+    double alpha = interface_row_alpha((double)row / 2), sum = 0;
+    double r = interface_r((double)index / (ALBEDO_INTERFACE_LOST_INDICES - 1));
+    double eta = interface_eta(r, side);
+    enum { POINTS_OF_MEAN = 300000 };
+
+    for (int i = 0; i < POINTS_OF_MEAN; i++) {
+        double a = recurrence(i, 0.8191725133961645), b = recurrence(i, 0.6710436067037893);
+        sum += 12 * a * a * a * a * a * b * /* mu = a^3 */
+               interface_lost(a * a * a, alpha, eta, b * b, recurrence(i, 0.5497004779019703));
+    }
+    return sum / POINTS_OF_MEAN / alpha;
 }
 
 /* ---- the exact Fresnel term ---------------------------------------------------------------------- */
@@ -422,10 +464,56 @@ static double sheen_entry(int row, int column)
 
 static void print_numbers(const char *declaration, const float *values, int count)
 {
-    printf("\nconst float %s = {", declaration);
+    printf("\nconst float32 %s = {", declaration);
     for (int i = 0; i < count; i++)
         printf("%s%.5ef,", i % 7 == 0 ? "\n    " : " ", (double)values[i]);
     printf("\n};\n");
+}
+
+/* Five digits, as short as they can be. */
+static void print_short(const char *declaration, const float *values, int count)
+{
+    printf("\nconst float32 %s = {", declaration);
+    for (int i = 0; i < count; i++) {
+        char text[32];
+        snprintf(text, sizeof text, "%.5g", (double)values[i]);
+        printf("%s%s%sf,", i % 10 == 0 ? "\n    " : " ", text, strpbrk(text, ".e") ? "" : ".0");
+    }
+    printf("\n};\n");
+}
+
+static void print_interface_means(void)
+{
+    static float mean[2][ALBEDO_INTERFACE_MEAN_ROWS][ALBEDO_INTERFACE_INDICES];
+    static float lost[2][ALBEDO_INTERFACE_LOST_ROWS][ALBEDO_INTERFACE_LOST_INDICES];
+
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < ALBEDO_INTERFACE_MEAN_ROWS; i++)
+            for (int n = 0; n < ALBEDO_INTERFACE_INDICES; n++)
+                mean[side][i][n] = (float)interface_mean(side, i, n);
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < ALBEDO_INTERFACE_LOST_ROWS; i++)
+            for (int n = 0; n < ALBEDO_INTERFACE_LOST_INDICES; n++)
+                lost[side][i][n] = (float)interface_lost_mean(side, i, n);
+    print_short("albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_INDICES]",
+                mean[0][0], sizeof mean / sizeof(float));
+    print_short("albedo_interface_lost[2 * ALBEDO_INTERFACE_LOST_ROWS *\n"
+                "                                    ALBEDO_INTERFACE_LOST_INDICES]",
+                lost[0][0], sizeof lost / sizeof(float));
+}
+
+static void print_interface(void)
+{
+    static float loss[2][ALBEDO_INTERFACE_ROWS][ALBEDO_INTERFACE_INDICES][ALBEDO_INTERFACE_COLUMNS];
+
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < ALBEDO_INTERFACE_ROWS; i++)
+            for (int n = 0; n < ALBEDO_INTERFACE_INDICES; n++)
+                for (int c = 0; c < ALBEDO_INTERFACE_COLUMNS; c++)
+                    loss[side][i][n][c] = (float)interface_entry(side, i, n, c);
+    print_short("albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *\n"
+                "                                    ALBEDO_INTERFACE_COLUMNS]",
+                loss[0][0][0], sizeof loss / sizeof(float));
 }
 
 /* The tables of means depend on those that they are means of: print, compile, print again. */
@@ -435,9 +523,6 @@ static void print_losses(void)
     static float stretched[ALBEDO_STRETCHED_ROWS][ALBEDO_STRETCHED_RATIOS]
                           [ALBEDO_STRETCHED_AZIMUTHS][ALBEDO_STRETCHED_COLUMNS];
     static float stretched_means[ALBEDO_STRETCHED_MEAN_ROWS][ALBEDO_STRETCHED_MEAN_RATIOS];
-    static float interface[2][ALBEDO_INTERFACE_ROWS][ALBEDO_INTERFACE_INDICES]
-                          [ALBEDO_INTERFACE_COLUMNS];
-    static float interface_means[2][ALBEDO_INTERFACE_MEAN_ROWS][ALBEDO_INTERFACE_MEAN_INDICES];
     static float sheen[ALBEDO_ROWS][ALBEDO_COLUMNS];
 
     for (int i = 0; i < ALBEDO_ROWS; i++)
@@ -459,16 +544,6 @@ static void print_losses(void)
     for (int i = 0; i < ALBEDO_STRETCHED_MEAN_ROWS; i++)
         for (int r = 0; r < ALBEDO_STRETCHED_MEAN_RATIOS; r++)
             stretched_means[i][r] = (float)stretched_mean((double)i / ALBEDO_MEAN_STEPS, 0.5 * r);
-    for (int side = 0; side < 2; side++)
-        for (int i = 0; i < ALBEDO_INTERFACE_ROWS; i++)
-            for (int n = 0; n < ALBEDO_INTERFACE_INDICES; n++)
-                for (int c = 0; c < ALBEDO_INTERFACE_COLUMNS; c++)
-                    interface[side][i][n][c] = (float)interface_entry(side, i, n, c);
-    for (int side = 0; side < 2; side++)
-        for (int i = 0; i < ALBEDO_INTERFACE_MEAN_ROWS; i++)
-            for (int n = 0; n < ALBEDO_INTERFACE_MEAN_INDICES; n++)
-                interface_means[side][i][n] =
-                    (float)interface_mean(side, (double)i / ALBEDO_MEAN_STEPS, 0.5 * n);
     print_numbers("albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS]", loss[0],
                   ALBEDO_ROWS * ALBEDO_COLUMNS);
     print_numbers("albedo_loss_mean[ALBEDO_MEAN_ROWS]", means[0], ALBEDO_MEAN_ROWS);
@@ -479,11 +554,8 @@ static void print_losses(void)
                   stretched[0][0][0], sizeof stretched / sizeof(float));
     print_numbers("albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS]",
                   stretched_means[0], sizeof stretched_means / sizeof(float));
-    print_numbers("albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *\n"
-                  "                                  ALBEDO_INTERFACE_COLUMNS]",
-                  interface[0][0][0], sizeof interface / sizeof(float));
-    print_numbers("albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS *\n                                  ALBEDO_INTERFACE_MEAN_INDICES]",
-                  interface_means[0][0], sizeof interface_means / sizeof(float));
+    print_interface();
+    print_interface_means();
     print_numbers("albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS]", sheen[0],
                   ALBEDO_ROWS * ALBEDO_COLUMNS);
 }
@@ -520,7 +592,7 @@ static void print_table(void)
 
     printf("/* Written by tests/numerics/test_albedo_table.c --print; see albedo.h. */\n"
            "#include \"worker/render/bsdf/albedo.h\"\n\n"
-           "const float albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS] = {\n");
+           "const float32 albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS] = {\n");
     for (int i = 0; i < ALBEDO_ROWS; i++) {
         printf("    {");
         for (int j = 0; j < ALBEDO_COLUMNS; j++) {
@@ -530,7 +602,7 @@ static void print_table(void)
             printf("%s%s", text, j + 1 == ALBEDO_COLUMNS ? "},\n" : j % 8 == 7 ? ",\n     " : ", ");
         }
     }
-    printf("};\n\nconst float albedo_blend_average[ALBEDO_ROWS] = {\n");
+    printf("};\n\nconst float32 albedo_blend_average[ALBEDO_ROWS] = {\n");
     for (int i = 0; i < ALBEDO_ROWS; i++)
         printf("%s%.7ff,%s", i % 8 == 0 ? "    " : " ", row_average(table[i]),
                i % 8 == 7 ? "\n" : "");
@@ -551,10 +623,21 @@ static void entries_match_their_definition(void **state)
         assert_true(fabs(albedo_blend_average[i] - row_average(albedo_blend[i])) < 1e-6);
 }
 
+static void assert_near(const char *table, int index, float got, double want, double tolerance)
+{
+    if (fabs((double)got - want) > tolerance * fmax(0.05, fabs(want)))
+        fail_msg("%s entry %d: %.7g in the table, %.7g computed", table, index, (double)got, want);
+}
+
 static void assert_entry(const char *table, int index, float got, double want)
 {
-    if (fabs((double)got - want) > 2e-5 * fmax(0.05, fabs(want)))
-        fail_msg("%s entry %d: %.7g in the table, %.7g computed", table, index, (double)got, want);
+    assert_near(table, index, got, want, 2e-5);
+}
+
+/* Of the tables that are printed with five digits. */
+static void assert_short(const char *table, int index, float got, double want)
+{
+    assert_near(table, index, got, want, 7e-5);
 }
 
 /* Every entry of the tables of losses, and of the means what the tables as they stand yield. */
@@ -591,14 +674,21 @@ static void losses_match_their_definition(void **state)
         for (int i = 0; i < ALBEDO_INTERFACE_ROWS; i++)
             for (int r = 0; r < ALBEDO_INTERFACE_INDICES; r++)
                 for (int c = 0; c < ALBEDO_INTERFACE_COLUMNS; c++, n++)
-                    assert_entry("interface", n, albedo_interface_loss[n],
+                    assert_short("interface", n, albedo_interface_loss[n],
                                  interface_entry(side, i, r, c));
     n = 0;
     for (int side = 0; side < 2; side++)
         for (int i = 0; i < ALBEDO_INTERFACE_MEAN_ROWS; i++)
-            for (int r = 0; r < ALBEDO_INTERFACE_MEAN_INDICES; r++, n++)
-                assert_entry("interface mean", n, albedo_interface_mean[n],
-                             interface_mean(side, (double)i / ALBEDO_MEAN_STEPS, 0.5 * r));
+            for (int r = 0; r < ALBEDO_INTERFACE_INDICES; r++, n++)
+                assert_short("interface mean", n, albedo_interface_mean[n],
+                             interface_mean(side, i, r));
+    n = 0;
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < ALBEDO_INTERFACE_LOST_ROWS; i++)
+            for (int r = 0; r < ALBEDO_INTERFACE_LOST_INDICES; r++, n++)
+                if (n % SOME_MEANS == 0) /* all of them take half a minute */
+                    assert_short("interface lost", n, albedo_interface_lost[n],
+                                 interface_lost_mean(side, i, r));
 }
 
 /* Directional albedo of GGX with F = 1, by quadrature independent of this code, good to 1e-4;
@@ -758,6 +848,11 @@ int main(int argc, char **argv)
 
     if (argc > 1 && strcmp(argv[1], "--print-exact") == 0) {
         print_exact();
+        return 0;
+    }
+    if (argc > 1 && strcmp(argv[1], "--print-interface") == 0) {
+        print_interface(); /* then compile, and print the means */
+        print_interface_means();
         return 0;
     }
     if (argc > 1 && strcmp(argv[1], "--print") == 0) {

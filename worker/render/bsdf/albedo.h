@@ -315,50 +315,69 @@ static inline real albedo_stretched_layer(real alpha_x, real alpha_y)
  * (1), over (alpha, r^(1/4) with r = (n - 1) / (n + 1), mu). Just inside a slightly denser medium
  * nearly all light is lost at grazing angles: refraction lifts it above the horizon. Where that
  * begins depends on r, hence the fourth root. Below ALBEDO_INTERFACE_FIRST (n = 1.008) no table of
- * this size is accurate enough. Columns are equally spaced in c = mu (1 + alpha) / (mu + alpha): at
- * the far end closer than the other tables', because there the loss of a wide distribution is
- * steep. */
+ * this size is accurate enough. Rows are equally spaced in sqrt(alpha), from the alpha below which
+ * nothing is returned. Columns are equally spaced in c (1 + c) / 2, c = mu (1 + alpha) / (mu +
+ * alpha): closer than the other tables' towards c = 1, because there the loss of a wide
+ * distribution is steep. Entries are the loss over (1 - c)(1 - c + alpha) + alpha^2 / 2. */
 enum {
     ALBEDO_INTERFACE_ROWS = 12,
     ALBEDO_INTERFACE_INDICES = 16,
-    ALBEDO_INTERFACE_COLUMNS = 16,
+    ALBEDO_INTERFACE_COLUMNS = 24,
     ALBEDO_INTERFACE_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_INTERFACE_ROWS - 1) + 1,
-    ALBEDO_INTERFACE_MEAN_INDICES = 2 * (ALBEDO_INTERFACE_INDICES - 1) + 1,
+    ALBEDO_INTERFACE_LOST_ROWS = 2 * (ALBEDO_INTERFACE_ROWS - 1) + 1,
+    ALBEDO_INTERFACE_LOST_INDICES = 2 * (ALBEDO_INTERFACE_INDICES - 1) + 1,
 };
 #define ALBEDO_INTERFACE_FIRST 0.25f /* the first index's fourth root of r */
+#define ALBEDO_INTERFACE_ALPHA_FIRST REAL(0.02)
+#define ALBEDO_INTERFACE_ROW_FIRST REAL(0.14142136) /* its root */
 extern const float32 albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
                                          ALBEDO_INTERFACE_COLUMNS];
+/* Hemispherical means: of the loss as it is interpolated, over alpha^2 (linear between the indices,
+ * as the loss itself is), and of the loss in truth, over alpha. Their quotient corrects the
+ * interpolated loss, so that light inside a body, which meets its surface many times before it
+ * leaves, is right on average. */
 extern const float32
-    albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_MEAN_INDICES];
+    albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_INDICES];
+extern const float32
+    albedo_interface_lost[2 * ALBEDO_INTERFACE_LOST_ROWS * ALBEDO_INTERFACE_LOST_INDICES];
 
 struct albedo_interface {
     const float32 *low;
     real row, index;
-    real mean;
+    real mean, lost; /* the means above */
 };
 
+/* Between four entries of a table of means with `width` entries a row. */
+static inline real albedo_mean_between(const float32 *t, int width, real row, real column)
+{
+    real a = t[0] + (t[1] - t[0]) * column;
+    real b = t[width] + (t[width + 1] - t[width]) * column;
+    return a + (b - a) * row;
+}
+
+/* alpha in ALBEDO_INTERFACE_ALPHA_FIRST..1. */
 static inline struct albedo_interface albedo_interface_find(real alpha, real r, int side)
 {
-    real row = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) *
-                ((real)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real row = (real_sqrt(alpha) - ALBEDO_INTERFACE_ROW_FIRST) *
+                ((real)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_INTERFACE_ROW_FIRST));
     real index = (real_sqrt(real_sqrt(r)) - ALBEDO_INTERFACE_FIRST) *
                   ((real)(ALBEDO_INTERFACE_INDICES - 1) / (1.0f - ALBEDO_INTERFACE_FIRST));
-    real mean_row = row * (real)ALBEDO_MEAN_STEPS, mean_index = index * 2.0f, a, b;
+    real mean_row = row * (real)ALBEDO_MEAN_STEPS, lost_row = row * 2.0f, lost_index = index * 2.0f;
     int i = albedo_cell(&row, ALBEDO_INTERFACE_ROWS) + side * ALBEDO_INTERFACE_ROWS;
-    int k = i * ALBEDO_INTERFACE_INDICES + albedo_cell(&index, ALBEDO_INTERFACE_INDICES);
-    const float32 *mean = albedo_interface_mean;
+    int k = albedo_cell(&index, ALBEDO_INTERFACE_INDICES);
     struct albedo_interface t;
 
-    i = albedo_cell(&mean_row, ALBEDO_INTERFACE_MEAN_ROWS) + side * ALBEDO_INTERFACE_MEAN_ROWS;
-    mean += i * ALBEDO_INTERFACE_MEAN_INDICES;
-    mean += albedo_cell(&mean_index, ALBEDO_INTERFACE_MEAN_INDICES);
-    t.low = albedo_interface_loss + k * ALBEDO_INTERFACE_COLUMNS;
+    t.low = albedo_interface_loss +
+            (i * ALBEDO_INTERFACE_INDICES + k) * ALBEDO_INTERFACE_COLUMNS;
     t.row = row;
     t.index = index;
-    a = mean[0] + (mean[1] - mean[0]) * mean_index;
-    mean += ALBEDO_INTERFACE_MEAN_INDICES;
-    b = mean[0] + (mean[1] - mean[0]) * mean_index;
-    t.mean = (a + (b - a) * mean_row) * (alpha * alpha);
+    i = albedo_cell(&mean_row, ALBEDO_INTERFACE_MEAN_ROWS) + side * ALBEDO_INTERFACE_MEAN_ROWS;
+    t.mean = albedo_mean_between(albedo_interface_mean + i * ALBEDO_INTERFACE_INDICES + k,
+                                 ALBEDO_INTERFACE_INDICES, mean_row, index) * (alpha * alpha);
+    i = albedo_cell(&lost_row, ALBEDO_INTERFACE_LOST_ROWS) + side * ALBEDO_INTERFACE_LOST_ROWS;
+    k = albedo_cell(&lost_index, ALBEDO_INTERFACE_LOST_INDICES);
+    t.lost = albedo_mean_between(albedo_interface_lost + i * ALBEDO_INTERFACE_LOST_INDICES + k,
+                                 ALBEDO_INTERFACE_LOST_INDICES, lost_row, lost_index) * alpha;
     return t;
 }
 
@@ -366,7 +385,7 @@ static inline real albedo_interface_loss_at(const struct albedo_interface *t, re
                                              real mu)
 {
     real c = real_min(mu * (1.0f + alpha) / (mu + alpha), 1.0f), v[2];
-    real column = c * (real)(ALBEDO_INTERFACE_COLUMNS - 1);
+    real column = c * (1.0f + c) * (0.5f * (real)(ALBEDO_INTERFACE_COLUMNS - 1)), rest = 1.0f - c;
     const float32 *low = t->low + albedo_cell(&column, ALBEDO_INTERFACE_COLUMNS);
 
     for (int i = 0; i < 2; i++) {
@@ -375,7 +394,7 @@ static inline real albedo_interface_loss_at(const struct albedo_interface *t, re
         real a = p[0] + (p[1] - p[0]) * column, b = n[0] + (n[1] - n[0]) * column;
         v[i] = a + (b - a) * t->index;
     }
-    return (v[0] + (v[1] - v[0]) * t->row) * ((1.0f - c) * (1.0f - c) + alpha * alpha);
+    return (v[0] + (v[1] - v[0]) * t->row) * (rest * (rest + alpha) + 0.5f * (alpha * alpha));
 }
 
 /* ---- sheen: directional albedo of Charlie's distribution ----------------------------------------

@@ -22,18 +22,25 @@
 /* The error of the table of stretched distributions' losses is below this share of the loss if the
  * two alphas differ; see tests/statistics/test_bsdf_energy.c. */
 #define STRETCHED_DOUBT REAL(0.12)
-/* An interface returns slightly less than the table says, to allow for its errors. It returns
- * nothing below the first (n - 1) / (n + 1), which is the table's first, and all from the second
- * on; nothing below the first alpha (the loss is at grazing angles only), and all from the second
- * on. */
-#define INTERFACE_KEPT REAL(0.99)
-#define INTERFACE_NONE 0.00390625f
-#define INTERFACE_ALL REAL(0.015)
-/* From the table's last but one entry (n = 9.8) to the last, a mirror, is too far to
- * interpolate. */
+/* An interface returns slightly less than the table says, to allow for its errors. From an index of
+ * 9.8 (INTERFACE_MOST) on it is less by a hundredth: the table has only a mirror's entry after that,
+ * which is too far to interpolate, and light stays inside for so many reflections that the smallest
+ * gain would add up. It returns nothing below the first (n - 1) / (n + 1), which is the table's
+ * first, and all from the second on; nothing below the first alpha (the loss is at grazing angles
+ * only), and all from the second on. */
+#define INTERFACE_DOUBT REAL(1e-4)
+#define INTERFACE_DOUBT_BEYOND REAL(0.01)
 #define INTERFACE_MOST REAL(0.8145)
-#define INTERFACE_ALPHA_NONE REAL(0.02)
+#define INTERFACE_IOR_MOST REAL(9.8)
+#define INTERFACE_NONE 0.00390625f
+#define INTERFACE_ALL REAL(0.02)
+#define INTERFACE_ALPHA_NONE ALBEDO_INTERFACE_ALPHA_FIRST
 #define INTERFACE_ALPHA_ALL REAL(0.05)
+/* The loss's mean is corrected fully from here on, and not at all below INTERFACE_ALPHA_ALL: the
+ * table errs at grazing angles there, and to make up for it would be too much elsewhere. */
+#define INTERFACE_ALPHA_MEAN REAL(0.1)
+/* Single scattering is sampled with at least this share of what it would be without a loss. */
+#define INTERFACE_SHARE_MIN REAL(0.1)
 
 static inline int is_compensated(const struct bsdf_params *params)
 {
@@ -93,11 +100,20 @@ static inline real compensation_init(struct bsdf *b, struct vec3 color, real los
 
 /* ---- a rough interface --------------------------------------------------------------------------- */
 
+/* What the table may be wrong by, as a share of the loss. */
+static inline real interface_doubt(real n)
+{
+    return INTERFACE_DOUBT +
+           INTERFACE_DOUBT_BEYOND * clamp_to(n * (1.0f / INTERFACE_IOR_MOST) - 1.0f, 0, 1);
+}
+
 /* How much of the table's loss is returned: less if the Fresnel term is not the plain one, and
- * where the table is inaccurate. */
-static inline real interface_kept(const struct bsdf *b, real fade)
+ * where the table is inaccurate. n: the denser side's index relative to the other's, r: (n - 1) /
+ * (n + 1), or 1 where there is no index. */
+static inline real interface_kept(const struct bsdf *b, real n, real r)
 {
     const struct bsdf_dielectric *d = &b->dielectric;
+    real fade = clamp_to((r - INTERFACE_NONE) * (1.0f / (INTERFACE_ALL - INTERFACE_NONE)), 0, 1);
     real alpha = b->base.shape.y;
     real kept = d->normal_f0 > 0.0f ? vec3_min(d->f0) / d->normal_f0 : 1.0f;
 
@@ -105,7 +121,7 @@ static inline real interface_kept(const struct bsdf *b, real fade)
     if (d->exact)
         kept = real_min(kept, (1.0f - vec3_max(d->f0)) * d->inverse_rest_f0);
     if (SAFEGUARD(INTERFACE_DOUBT))
-        kept *= INTERFACE_KEPT * fade;
+        kept *= (1.0f - interface_doubt(n)) * fade;
     kept *= clamp_to((alpha - INTERFACE_ALPHA_NONE) *
                      (1.0f / (INTERFACE_ALPHA_ALL - INTERFACE_ALPHA_NONE)), 0, 1);
     if (ggx_is_stretched(&b->base.shape))
@@ -115,47 +131,57 @@ static inline real interface_kept(const struct bsdf *b, real fade)
     return kept;
 }
 
+/* The factor by which the table's loss is scaled, so that its hemispherical mean is the true one. */
+static inline real interface_scale(const struct albedo_interface *t, real alpha)
+{
+    real share = clamp_to((alpha - INTERFACE_ALPHA_ALL) *
+                          (1.0f / (INTERFACE_ALPHA_MEAN - INTERFACE_ALPHA_ALL)), 0, 1);
+    return 1.0f + (t->lost / t->mean - 1.0f) * share;
+}
+
 /* The reflected and transmitted shares on each side are such that the same light (times n^2) passes
- * both ways. *above and *below: how often to sample each; below 0: no such lobe. */
-static inline void interface_compensation_init(struct bsdf *b, real base, real *above,
+ * both ways: with the scaled losses k L, whose means are k M, and the same smaller one of these on
+ * both sides, f = k_o L_o k_i L_i pass / (pi k_i M_i eta^2). *above and *below: how often to sample
+ * each; below 0: no such lobe. Returns the share that is not lost: sampled as often as it is bright,
+ * single scattering makes the square of a sample's weight 1.26 on average, not 1.46, inside a body of
+ * index 3 and alpha 1, where these squares multiply from wall to wall. */
+static inline real interface_compensation_init(struct bsdf *b, real base, real *above,
                                                real *below)
 {
     struct bsdf_interface_compensation *c = &b->interface_compensation;
     const real alpha = b->base.shape.y, weight = b->weights.glass;
-    real n = b->eta > 1.0f ? b->eta : 1.0f / b->eta, r = (n - 1.0f) / (n + 1.0f), average, pass;
-    real near, far, loss_o, scale;
-    real fade = clamp_to((r - INTERFACE_NONE) * (1.0f / (INTERFACE_ALL - INTERFACE_NONE)), 0, 1);
+    real n = b->eta > 1.0f ? b->eta : 1.0f / b->eta, r = 1, average, pass, near, far, loss_o;
     int side = b->eta < 1.0f; /* wo is in the denser medium */
 
     *above = *below = -1;
-    if (!b->dielectric.exact) {
-        r = 1;
-        fade = 1;
-    } else if (b->interface.transmit_delta) {
-        return;
-    } else {
-        r = real_min(r, INTERFACE_MOST);
+    if (b->dielectric.exact) {
+        if (b->interface.transmit_delta)
+            return 1;
+        r = real_min((n - 1.0f) / (n + 1.0f), INTERFACE_MOST);
     }
+    loss_o = interface_kept(b, n, r);
+    if (!(loss_o > 0.0f))
+        return 1;
     c->loss_near = albedo_interface_find(alpha, r, side);
     c->loss_far = albedo_interface_find(alpha, r, !side);
-    near = c->loss_near.mean;
-    far = c->loss_far.mean;
-    if (!(near > LOSS_MEAN_MIN && far > LOSS_MEAN_MIN))
-        return;
+    if (!(c->loss_near.mean > LOSS_MEAN_MIN && c->loss_far.mean > LOSS_MEAN_MIN))
+        return 1;
+    loss_o *= interface_scale(&c->loss_near, alpha);
+    near = c->loss_near.mean * interface_scale(&c->loss_near, alpha);
+    far = c->loss_far.mean * interface_scale(&c->loss_far, alpha);
     /* Mean Fresnel reflectance from the thinner side (fit of Kulla and Conty 2017), to 0.3 %; from
      * the denser side exactly (1 - F') = (1 - F) / n^2. */
     average = b->dielectric.exact ? (n - 1.0f) / (REAL(4.08567) + REAL(1.00071) * n) : 1.0f;
     average = average < 1.0f ? average : 1.0f;
     pass = (1.0f - average) * (side ? 1.0f / (n * n) : 1.0f) * real_min(near, far) / near;
-    scale = interface_kept(b, fade);
-    if (!(scale > 0.0f))
-        return;
     c->on = 1;
-    loss_o = scale * albedo_interface_loss_at(&c->loss_near, alpha, b->cos_o);
-    c->near = weight * loss_o * (1.0f - pass) * (REAL_INV_PI / near);
-    c->far = vec3_scale(b->interface.tint, loss_o * pass * REAL_INV_PI / (far * b->eta * b->eta));
+    loss_o *= albedo_interface_loss_at(&c->loss_near, alpha, b->cos_o);
+    c->near = weight * loss_o * (1.0f - pass) * (REAL_INV_PI / c->loss_near.mean);
+    c->far = vec3_scale(b->interface.tint,
+                        loss_o * pass * REAL_INV_PI / (c->loss_far.mean * b->eta * b->eta));
     *above = weight * loss_o * (1.0f - pass);
     *below = pass > 0.0f ? weight * loss_o * pass * base : -1.0f;
+    return real_max(1.0f - loss_o, INTERFACE_SHARE_MIN);
 }
 
 /* f mu of what it returns to wo's side, and to the other. */

@@ -292,12 +292,13 @@ LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, stru
     }
     shares_add(shares, BSDF_LOBE_REFLECTION, reflection);
     if (LOBE_ENABLED(EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC) && b->weights.glass > 0.0f) {
-        shares_add(shares, BSDF_LOBE_INTERFACE, interface_init(b, base));
+        real interface = interface_init(b, base);
         if (!b->base.smooth && is_compensated(params)) {
-            interface_compensation_init(b, base, &above, &below);
+            interface *= interface_compensation_init(b, base, &above, &below);
             shares_add(shares, BSDF_LOBE_DIFFUSE, above);
             shares_add(shares, BSDF_LOBE_DIFFUSE_TRANSMISSION, below);
         }
+        shares_add(shares, BSDF_LOBE_INTERFACE, interface);
     }
     if (LOBE_ENABLED(EFFECT_THIN_TRANSMISSION) && b->weights.wall > 0.0f && base > 0.0f)
         shares_add(shares, BSDF_LOBE_THIN_WALL, thin_wall_init(b, wo, base));
