@@ -8,8 +8,8 @@
 #define BACK_ERRORS 64.0
 /* A ray this many errors away from the edges of the single face that it leaves may start off it. */
 #define INSET_ERRORS 64.0
-/* What stands at a face's edges is taken to have edges at most so many times as long: the error of longer ones
- * is INSET_ERRORS times smaller than what it would have to be to matter. */
+/* What stands at a face's edges counts as if its edges were at most so many times as long as the face's. Up to
+ * INSET_ERRORS times that ratio, Embree's error over a neighbour is still less than what keeps it away. */
 #define NEIGHBOUR_RATIO 16.0
 /* Double decides about a plane to which the ray makes a smaller angle than this. */
 #define GRAZING_COSINE 0x1p-18
@@ -210,7 +210,6 @@ static inline void look_at_start(struct query_context *q)
     const struct accel_geometry *g = &q->accel->geometries[q->ray->left[0].instance];
     double extent = g->error_extent;
 
-    /* The larger triangles of its instance are elsewhere, or double finds them near the ray's start. */
     if (q->ray->edge > 0 && SAFEGUARD(OWN_EDGE))
         extent = fmin(extent, g->error_origin * NEIGHBOUR_RATIO * (double)q->ray->edge);
     q->error_left = g->error_origin * q->largest + extent;
