@@ -12,7 +12,7 @@
 #include "common/scene/effects.h"
 #include "tests/support/radiance.h"
 
-enum { COMPARISONS = 95 };
+enum { COMPARISONS = 98 };
 
 static struct render_settings narrow(uint32_t spp, uint32_t depth)
 {
@@ -177,6 +177,18 @@ static void test_mix(void **state)
     m->mix_amount = 0.25f;
     i->material = 3;
     radiance_expect(&b, &settings, COMPARISONS, 2 * (0.75 * first + 0.25 * 0.8), "mix of a mix");
+    /* The amount is a texture's, times the factor. */
+    {
+        static const float half[3] = {0.5f, 0.25f, 0.75f}; /* red counts */
+        struct scene_material *first_mix = &b.scene.materials[2];
+
+        first_mix->mix_texture = (struct scene_texture_slot){.texture = (int32_t)builder_texture(&b, half, 1, 1),
+                                                             .uv_transform = {{1, 0, 0}, {0, 1, 0}}};
+        i->material = 2;
+        radiance_expect(&b, &settings, COMPARISONS, 2 * (0.85 * 0.8 + 0.15 * 0.1), "mix by a texture");
+        first_mix->mix_texture.texture = -1;
+        i->material = 3;
+    }
     /* One part shines: seen, and thrown on nothing else. */
     splat(b.scene.materials[1].emission, 4);
     radiance_expect(&b, &settings, COMPARISONS,

@@ -10,6 +10,8 @@
 
 #include "common/base/clock.h"
 #include "coordinator/farm/figures.h"
+#include "coordinator/farm/rate.h"
+#include "coordinator/farm/report.h"
 #include "tests/support/sim_farm.h"
 
 enum { SIDE = 64, TILES = 16, SPP = 32, FRAMES = 6, THREADS = 4, COST_NS = 100000 };
@@ -140,11 +142,127 @@ static void the_curve_has_each_point_once(void **state)
     }
 }
 
+/* With rounds the wanted samples are not all: until a target's curve is known, the cap is the frame's end;
+ * then the sooner of cap and target. */
+static void the_cap_ends_what_no_curve_ends(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, SIDE, SIDE, 4 * SPP, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, THREADS);
+    struct job_frame *frame;
+
+    job->stop.adaptive = job->stop.has_target = 1;
+    job->stop.target = (struct allocation_target){ALLOCATION_DISPLAY, 2};
+    for (int i = 0; i < 8; i++) {
+        sim_grant(sim, worker, 3 * TILES);
+        send_one(sim, worker);
+    }
+    frame = job->frames;
+    assert_non_null(frame);
+    assert_true(fabs(figures_whole_s(frame) - 4 * FRAME_S) < 1e-6 * FRAME_S);
+    history_of(&frame->history, 2); /* 8 codes after 12 s: 2 of them after some 192 s */
+    assert_true(fabs(figures_whole_s(frame) - 4 * FRAME_S) < 1e-6 * FRAME_S); /* which is later */
+    job->stop.target.value = 9;
+    assert_true(figures_whole_s(frame) > 3 && figures_whole_s(frame) < 12); /* sooner */
+}
+
+static int measurements;
+
+static status count_measurement(void *user, struct job_frame *frame)
+{
+    (void)user, (void)frame;
+    measurements++;
+    return STATUS_ERR_LIMIT; /* none begins */
+}
+
+/* Figures are computed again when the samples have grown by FIGURES_GROWTH. */
+static void figures_wait_for_samples(void **state)
+{
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, SIDE, SIDE, 4 * SPP, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, THREADS);
+    struct job_frame *frame;
+
+    while (!job->frames || !film_has_replicates(job->frames->film)) {
+        sim_grant(sim, worker, 2);
+        while (worker->unit_count > 0)
+            send_one(sim, worker);
+    }
+    frame = job->frames;
+    sim->farm.events.measure = count_measurement;
+    history_of(&frame->history, 1);
+    for (int more = 0; more < 2; more++) {
+        double growth = FIGURES_GROWTH + (more ? 0.01 : -0.01);
+
+        measurements = 0;
+        frame->measure_next_ns = 0;
+        frame->history.points[0].samples = (uint64_t)((double)film_samples(frame->film) / growth);
+        figures_tick(&sim->farm, frame, sim->now_ns);
+        assert_int_equal(measurements, more);
+    }
+    sim->farm.events.measure = NULL;
+}
+
+/* A forecast is the time from now, with all the processors that the job gets: of its value as of its ends. */
+static void forecasts_are_from_now(void **state)
+{
+    static struct job_report report;
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, SIDE, SIDE, 4 * SPP, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, THREADS);
+    double cores, spent_s;
+
+    for (int i = 0; i < 30; i++) {
+        sim_grant(sim, worker, 3 * TILES);
+        send_one(sim, worker);
+    }
+    sim_grant(sim, worker, 3 * TILES);
+    history_of(&job->frames->history, 1); /* 16 codes */
+    spent_s = job->frames->spent.core_s;
+    cores = throughput_of(&job->throughput);
+    assert_true(spent_s > 0.5 && fabs(cores - THREADS / 2.0) < 0.2);
+    job_report_make(&report, &sim->farm, job, sim->now_ns);
+    assert_true(report.message.n_forecasts >= 2);
+    for (size_t i = 0; i < 2; i++) {
+        const Azulejo__Wire__Forecast *f = report.message.forecasts[i];
+        struct accuracy_estimate core_s;
+        struct accuracy_curve curve;
+
+        figures_curve(job->frames, ALLOCATION_DISPLAY, &curve);
+        core_s = accuracy_curve_cost(&curve, f->display);
+        assert_true(fabs(f->seconds - fmax(core_s.value - spent_s, 0) / cores) < 1e-9);
+        assert_true(fabs(f->seconds_low - fmax(core_s.lo - spent_s, 0) / cores) < 1e-9);
+        assert_true(fabs(f->seconds_high - fmax(core_s.hi - spent_s, 0) / cores) < 1e-9);
+        assert_true(f->seconds > 0 && f->seconds_high > f->seconds);
+    }
+}
+
+/* Samples a second count from the first one on, not from before. */
+static void rates_begin_with_the_first(void **state)
+{
+    struct rate rate = {{0}, 0, 0};
+    uint64_t now_ns = 1000 * NS_PER_SECOND;
+
+    (void)state;
+    assert_true(rate_per_second(&rate, now_ns) == 0);
+    for (int i = 0; i < 30; i++) {
+        rate_add(&rate, 50, now_ns);
+        now_ns += NS_PER_SECOND / 2;
+        if (i >= 2)
+            assert_true(fabs(rate_per_second(&rate, now_ns) - 100) < (i < 2 * RATE_SECONDS ? 1 : 10));
+    }
+    assert_true(rate_per_second(&rate, now_ns + 2 * RATE_SECONDS * NS_PER_SECOND) == 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(time_left_counts_each_frame_once, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(limits_count_from_the_extension, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(the_cap_ends_what_no_curve_ends, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(figures_wait_for_samples, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(forecasts_are_from_now, sim_set_up, sim_tear_down),
+        cmocka_unit_test(rates_begin_with_the_first),
         cmocka_unit_test(the_curve_has_each_point_once),
     };
     return cmocka_run_group_tests_name("time left", tests, NULL, NULL);

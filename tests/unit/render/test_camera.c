@@ -591,6 +591,27 @@ static void test_panorama_seam(void **state)
             near_to((float)spread[k][side], spread[2][side], 0.01 * spread[2][side]);
 }
 
+/* What crosses the panorama's seam goes the short way. */
+static void test_motion_across_the_seam(void **state)
+{
+    struct scene_camera description = looking_down_z(CAMERA_PANORAMA);
+    struct camera camera;
+    float motion[2];
+
+    (void)state;
+    description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
+    camera_of(&camera, &description, 360, 180); /* a pixel is a degree */
+    for (int k = 0; k < 4; k++) {
+        double degrees = k < 2 ? 175 : 20, turned = k % 2 ? -10 : 10, a = degrees * M_PI / 180,
+               b = (degrees + turned) * M_PI / 180;
+
+        assert_true(camera_motion_vector(&camera, vec3_make((float)sin(a), 0, (float)-cos(a)),
+                                         vec3_make((float)sin(b), 0, (float)-cos(b)), motion));
+        near_to(motion[0], turned, 1e-3);
+        near_to(motion[1], 0, 1e-3);
+    }
+}
+
 /* With a lens as without, a ray begins where the camera is at the ray's own moment, and its place on the lens
  * is as far from there as the lens reaches; and what stands still moves on the picture as the camera travels. */
 static void test_moving_lens(void **state)
@@ -688,6 +709,7 @@ int main(void)
         cmocka_unit_test(test_project),
         cmocka_unit_test(test_moving_camera),
         cmocka_unit_test(test_panorama_seam),
+        cmocka_unit_test(test_motion_across_the_seam),
         cmocka_unit_test(test_moving_lens),
         cmocka_unit_test(test_cone),
         cmocka_unit_test(test_sphere),

@@ -611,7 +611,9 @@ static void test_state(void **state)
     struct tonemap_state measured, other, mean;
     const struct tonemap_state *both[] = {&measured, &other};
     struct tonemap_context context = {.linear = 1};
+    double darkest = 1e9, lightest = 0;
     struct error err = {0};
+    int compared = 0;
 
     (void)state;
     plain = picture_light(&in, &s);
@@ -626,6 +628,16 @@ static void test_state(void **state)
     context.state = &mean;
     assert_int_equal(tonemap_apply(&moved, &in, &s, &context, &err), STATUS_OK);
     assert_true(luminance_at(&moved, 20000) < 0.99 * luminance_at(&plain, 20000));
+    /* Both ends moved alike: every pixel that is not white is darker by the same factor. */
+    for (size_t i = 0; i < 300 * 200; i += 97)
+        if (luminance_at(&plain, i) > 1e-3 && luminance_at(&plain, i) < 0.2) {
+            double factor = luminance_at(&moved, i) / luminance_at(&plain, i);
+
+            darkest = fmin(darkest, factor);
+            lightest = fmax(lightest, factor);
+            compared++;
+        }
+    assert_true(compared > 50 && lightest < darkest * 1.001);
     image_release(&in);
     image_release(&plain);
     image_release(&own);

@@ -198,6 +198,30 @@ static void test_black_does_not_count(void **state)
     image_release(&b);
 }
 
+/* What is measured is of all lines, wherever the darkest and the brightest are. */
+static void test_statistics_of_all_lines(void **state)
+{
+    static const float greys[5] = {0.3f, 0.1f, 0.9f, 0.4f, 0.2f};
+    struct tonemap_settings s = settings_of("drago03");
+    double product = 1;
+
+    (void)state;
+    for (int i = 0; i < 5; i++)
+        product *= (double)greys[i];
+    for (size_t first = 0; first < 5; first++) {
+        struct image in = grey_image(4, 5, 1);
+        struct tonemap_state measured;
+
+        for (size_t i = 0; i < 4 * 5 * 3; i++)
+            in.pixels[i] = greys[(first + i / 12) % 5];
+        assert_int_equal(tonemap_measure(&measured, &in, &s, NULL, NULL), STATUS_OK);
+        assert_true(measured.counts && fabs(measured.ln_min - log(0.1)) < 1e-6);
+        assert_true(fabs(measured.ln_max - log(0.9)) < 1e-6);
+        assert_true(fabs(measured.ln_log_mean - log(product) / 5) < 1e-6);
+        image_release(&in);
+    }
+}
+
 static void test_linear_and_gamma_golden(void **state)
 {
     struct tonemap_settings linear = settings_of("linear"), gamma = settings_of("gamma");
@@ -214,8 +238,11 @@ static void test_linear_and_gamma_golden(void **state)
     out = apply(&in, &gamma);
     assert_true(fabsf(out.pixels[0] - 0.458658f) < 2e-6f); /* 0.18^(1/2.2), once, no sRGB on top */
     image_release(&out);
-    set(&gamma, "gamma", 1.0);
     set(&gamma, "gain", 2.0);
+    out = apply(&in, &gamma);
+    assert_true(fabsf(out.pixels[0] - 2 * 0.458658f) < 4e-6f); /* of the code, not of the light */
+    image_release(&out);
+    set(&gamma, "gamma", 1.0);
     out = apply(&in, &gamma);
     assert_true(fabsf(out.pixels[0] - 0.36f) < 1e-6f);
     image_release(&out);
@@ -990,6 +1017,7 @@ int main(void)
         cmocka_unit_test(test_reinhard_keeps_color),
         cmocka_unit_test(test_black_does_not_count),
         cmocka_unit_test(test_linear_and_gamma_golden),
+        cmocka_unit_test(test_statistics_of_all_lines),
         cmocka_unit_test(test_exposure_brightens),
         cmocka_unit_test(test_monotone),
         cmocka_unit_test(test_hard_inputs),
