@@ -375,8 +375,9 @@ numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS
 	$(MAKE) SAFEGUARDS=1 tests
 	@python3 -B tests/numerics/safeguards.py build/safeguards $(NUMERICS_ARGS)
 
-invariance: tests ## one scene written in many ways, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
+invariance: tests ## one scene written in many ways, and every scene with and without transformations, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
 	@BUILD=$(BUILD) python3 -B tests/statistics/invariance_table.py $(SPP)
+	@$(BUILD)/tests/statistics/test_transforms
 transforms: tests ## every scene, and those of AZULEJO_DATA, with its faces twice and the like (docs/NUMERICS.md)
 	@$(BUILD)/tests/statistics/test_transforms --table $(TRANSFORM_ARGS)
 

@@ -52,8 +52,8 @@ struct ray {
     real edge;             /* metres: the longest edge of left[0]; 0: not known */
     struct vec3 off;       /* unit: the normal of left[0], on the side to which the ray goes */
     struct vec3 came;      /* unit: the direction of the ray that met left[0], and */
-    real blur;            /* metres: Embree may have been wrong about the height of faces beside
-                              left[0] by this much; 0: what it passed there counts (accel_decide) */
+    real came_t;          /* metres: its length; Embree may have swapped what it met at its end. 0: what it
+                              passed there counts (accel_decide.c) */
     real end_inset;       /* the same from the end to the edges of `end`; 0: none */
     real end_cosine;      /* between the ray and the normal of `end`, positive */
 };
@@ -137,10 +137,6 @@ int accel_intersect(const struct accel *accel, const struct ray *ray, const void
  * their order. */
 int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
                  int in_contact, struct hit *hit);
-
-/* Of a face that a ray met after `t` metres, where the coordinates are at most `largest`: the height over
- * it, in metres, below which Embree may have swapped it with others. 0: double has decided. */
-real accel_blur(const struct accel *accel, double largest, double t);
 
 /* Is anything accepted between the origin and t_max? */
 int accel_occluded(const struct accel *accel, const struct ray *ray, const void *query);

@@ -168,7 +168,7 @@ static int was_passed(const struct query_context *q, const struct hit *face, con
     double off[3], came[3], u, v, length = sqrt(exact_dot(normal, normal));
     int facing;
 
-    if (!ray->left_count || !(fabs(height) <= (double)ray->blur * length) || !SAFEGUARD(PASSED_BEFORE))
+    if (!ray->left_count || !(fabs(height) <= q->blur * length) || !SAFEGUARD(PASSED_BEFORE))
         return 0;
     exact_vec(ray->off, off);
     exact_vec(ray->came, came);

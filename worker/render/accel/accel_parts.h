@@ -78,6 +78,7 @@ struct query_context {
     double inside[3];             /* farther inside the face, here; */
     struct vec3 aim;              /* unit: Embree's direction, and */
     double length;                /* metres: how far from there the ray's end is */
+    double blur;                  /* metres: Embree's error when the face that is left was met */
     double aside;                 /* metres: how far Embree's ray is beside the ray */
     int doubt;                    /* then: a proposed neighbour lies behind the ray */
     double back;                  /* metres by which Embree's ray starts before the ray */

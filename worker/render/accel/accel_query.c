@@ -214,6 +214,10 @@ static inline void look_at_start(struct query_context *q)
         extent = fmin(extent, g->error_origin * NEIGHBOUR_RATIO * (double)q->ray->edge);
     q->error_left = g->error_origin * q->largest + extent;
     q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
+    /* The same in the height over the face, of the ray that met it; near its own start double decided. */
+    q->blur = q->accel->error_origin * (q->largest + (double)q->ray->came_t) + q->accel->error_extent;
+    if (!((double)q->ray->came_t > BACK_ERRORS * q->blur))
+        q->blur = 0;
 }
 
 /* Near the face's edges and near other faces, Embree is going to propose the face itself. */
@@ -228,7 +232,7 @@ static __attribute__((noinline)) void start_before_face(struct query_context *q)
         if (q->ray->t_max < INFINITY)
             aim_at_end(q);
     }
-    q->clear = 2 * q->error + (double)q->ray->blur;
+    q->clear = 2 * q->error + q->blur;
     exact_vec(q->aim, aim);
     go(q->inside, aim, -q->back, q->start);
 }
@@ -246,7 +250,7 @@ static inline void start_on_face(struct query_context *q)
         start_before_face(q);
         return;
     }
-    q->clear = 2 * q->error + (double)ray->blur;
+    q->clear = 2 * q->error + q->blur;
     exact_vec(ray->off, off);
     go(q->origin, off, q->error_left, q->start);
     q->t_max -= q->back;
@@ -289,7 +293,7 @@ static inline void query_start(struct query_context *q, const struct accel *acce
     q->attempt = 0;
     q->about = NULL;
     q->off_cosine = 1;
-    q->clear = q->aside = 0;
+    q->clear = q->aside = q->blur = 0;
     if (ray->reaches)
         q->error += accel->error_origin * (double)ray->t_max;
     q->back = BACK_ERRORS * q->error;
@@ -405,13 +409,6 @@ static int meets(struct query_context *q, struct hit *hit)
         met = 1;
     }
     return met;
-}
-
-real accel_blur(const struct accel *accel, double largest, double t)
-{
-    double error = accel->error_origin * (largest + t) + accel->error_extent;
-
-    return t > BACK_ERRORS * error ? (real)error : 0;
 }
 
 double accel_gap(const struct accel_digits *digits, const double place[3])

@@ -101,7 +101,6 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->t = (real)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     surface_set_place(ray, p, s);
     s->area = (real)(0.5 * length);
-    s->blur = accel_blur(scene->accel, exact_largest(p), (double)s->t);
     s->contacts = world_near_boundary(scene, s->p);
     surface_set_edges(u, v, length, e1, e2, s);
 
@@ -146,6 +145,6 @@ void surface_leave(const struct surface *s, struct vec3 direction, struct ray *r
     ray->inset = s->inset;
     ray->edge = s->edge;
     ray->came = s->came;
-    ray->blur = s->material->flags & (MATERIAL_TWO_WAY | MATERIAL_BOUNDS) ? 0 : s->blur;
+    ray->came_t = s->material->flags & (MATERIAL_TWO_WAY | MATERIAL_BOUNDS) ? 0 : s->t;
     ray->off = vec3_dot(direction, s->ng) < 0 ? vec3_neg(s->ng) : s->ng;
 }

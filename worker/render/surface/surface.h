@@ -33,7 +33,6 @@ struct surface {
     real footprint;          /* width of the ray's beam over sqrt(area); 0: textures at their finest */
     real time;               /* 0..1: the ray's */
     struct vec3 came;         /* unit: the ray's direction */
-    real blur;               /* metres: Embree may have taken this face for one as close before it */
     int front;                /* met from the side of counter-clockwise winding */
     struct vec3 p;            /* world, rounded to float */
     double rest[3];           /* metres: the rounding error; the exact point is p + rest */

@@ -45,7 +45,6 @@ void surface_on_shape(const struct render_scene *scene, const struct ray *ray,
     s->t = (real)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     s->p = exact_round(p, s->rest);
     s->area = 1;
-    s->blur = 0; /* spheres are always met in double */
     s->contacts = world_near_boundary(scene, s->p);
     s->edge = 0;
     s->inset = INFINITY; /* there are no edges beyond which a neighbour stands */
