@@ -131,26 +131,26 @@ static inline real interface_kept(const struct bsdf *b, real n, real r)
     return kept;
 }
 
-/* The factor by which the table's loss is scaled, so that its hemispherical mean is the true one. */
-static inline real interface_scale(const struct albedo_interface *t, real alpha)
+/* How far the loss's mean is moved from the interpolated one to the true one. */
+static inline real interface_correction(real alpha)
 {
-    real share = clamp_to((alpha - INTERFACE_ALPHA_ALL) *
-                          (1.0f / (INTERFACE_ALPHA_MEAN - INTERFACE_ALPHA_ALL)), 0, 1);
-    return 1.0f + (t->lost / t->mean - 1.0f) * share;
+    return clamp_to((alpha - INTERFACE_ALPHA_ALL) *
+                    (1.0f / (INTERFACE_ALPHA_MEAN - INTERFACE_ALPHA_ALL)), 0, 1);
 }
 
 /* The reflected and transmitted shares on each side are such that the same light (times n^2) passes
- * both ways: with the scaled losses k L, whose means are k M, and the same smaller one of these on
- * both sides, f = k_o L_o k_i L_i pass / (pi k_i M_i eta^2). *above and *below: how often to sample
- * each; below 0: no such lobe. Returns the share that is not lost: sampled as often as it is bright,
- * single scattering makes the square of a sample's weight 1.26 on average, not 1.46, inside a body of
- * index 3 and alpha 1, where these squares multiply from wall to wall. */
+ * both ways: with losses k L scaled from the mean M to the corrected k M, and the smaller one of
+ * both sides' k M in `pass`, f = k_o L_o k_i L_i pass / (pi k_i M_i eta^2). *above and *below: how
+ * often to sample each; below 0: no such lobe. Returns the share that is not lost: sampled as often
+ * as it is bright, single scattering makes the square of a sample's weight 1.26 on average, not
+ * 1.46, inside a body of index 3 and alpha 1, where these squares multiply from wall to wall. */
 static inline real interface_compensation_init(struct bsdf *b, real base, real *above,
                                                real *below)
 {
     struct bsdf_interface_compensation *c = &b->interface_compensation;
     const real alpha = b->base.shape.y, weight = b->weights.glass;
     real n = b->eta > 1.0f ? b->eta : 1.0f / b->eta, r = 1, average, pass, near, far, loss_o;
+    real corrected, inverse;
     int side = b->eta < 1.0f; /* wo is in the denser medium */
 
     *above = *below = -1;
@@ -166,17 +166,18 @@ static inline real interface_compensation_init(struct bsdf *b, real base, real *
     c->loss_far = albedo_interface_find(alpha, r, !side);
     if (!(c->loss_near.mean > LOSS_MEAN_MIN && c->loss_far.mean > LOSS_MEAN_MIN))
         return 1;
-    loss_o *= interface_scale(&c->loss_near, alpha);
-    near = c->loss_near.mean * interface_scale(&c->loss_near, alpha);
-    far = c->loss_far.mean * interface_scale(&c->loss_far, alpha);
+    corrected = interface_correction(alpha);
+    near = c->loss_near.mean + (c->loss_near.lost - c->loss_near.mean) * corrected;
+    far = c->loss_far.mean + (c->loss_far.lost - c->loss_far.mean) * corrected;
     /* Mean Fresnel reflectance from the thinner side (fit of Kulla and Conty 2017), to 0.3 %; from
      * the denser side exactly (1 - F') = (1 - F) / n^2. */
     average = b->dielectric.exact ? (n - 1.0f) / (REAL(4.08567) + REAL(1.00071) * n) : 1.0f;
     average = average < 1.0f ? average : 1.0f;
     pass = (1.0f - average) * (side ? 1.0f / (n * n) : 1.0f) * real_min(near, far) / near;
     c->on = 1;
-    loss_o *= albedo_interface_loss_at(&c->loss_near, alpha, b->cos_o);
-    c->near = weight * loss_o * (1.0f - pass) * (REAL_INV_PI / c->loss_near.mean);
+    inverse = 1.0f / c->loss_near.mean;
+    loss_o *= near * inverse * albedo_interface_loss_at(&c->loss_near, alpha, b->cos_o);
+    c->near = weight * loss_o * (1.0f - pass) * (REAL_INV_PI * inverse);
     c->far = vec3_scale(b->interface.tint,
                         loss_o * pass * REAL_INV_PI / (c->loss_far.mean * b->eta * b->eta));
     *above = weight * loss_o * (1.0f - pass);
