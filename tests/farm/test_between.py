@@ -99,7 +99,7 @@ def finishing_waits():
         note = farm.job(number)["state_text"]
         expect(note == "waits: no worker takes work at present ('azulejo workers' says why)", note)
         extend = farm.cli("extend", number, "--spp", "128", expect=5)
-        expect("'finish'" not in extend.err and "let it end" in extend.err, extend)
+        expect("'finish'" not in extend.err and "it ends with" in extend.err, extend)
         worker.kill()
         wait_for(lambda: farm.job(number)["state_text"] == "waits: no worker is connected", "the reason")
         fetch = farm.cli("fetch", number, expect=5)

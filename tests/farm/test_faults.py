@@ -203,7 +203,7 @@ def hellos_that_do_not_fit():
     """another version, arithmetic, role or a senseless Hello is refused with words that help"""
     with Farm() as farm:
         farm.start_coordinator()
-        cases = [("worker", "version=999", "version 999.*version 4.*same release"),
+        cases = [("worker", "version=999", "version 999.*version 5.*same release"),
                  ("client", "version=0", "version 0"),
                  ("worker", "arithmetic=1", "arithmetic.*same release"),
                  ("worker", "role=2", "key|role"), ("client", "role=1", "key|role"),

@@ -143,6 +143,7 @@ def restarts():
         farm.cli("pause", number, expect=0)
         before = owners(farm, number)
         check(before)
+        farm.cli("priority", number, "--to", "1", expect=0)  # answered when it is on disk, and results before it are, too
         farm.coordinator.kill()
         farm.restart_coordinator()
         farm.wait_for_workers(3)
