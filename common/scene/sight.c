@@ -11,7 +11,7 @@
 /* Cells along each side of the coarse picture; a panorama is six of them. */
 enum { SIDE = 32, VIEWS_MAX = 6, CELLS = SIDE * SIDE };
 /* Triangles that are looked at, divided among the instances in view. */
-enum { TRIANGLES_MAX = 1 << 21 };
+enum { TRIANGLES_MAX = 1 << 18 };
 /* The import's origin stays if its spread is at most so many times the best one's. */
 #define SPREAD_KEPT 4.0
 /* Rays may start this share of the largest coordinate inside their face: 128 of the errors in docs/NUMERICS.md. */
@@ -26,6 +26,7 @@ struct cell {
 struct view {
     struct transform_d to_camera;
     double half_width, half_height; /* at distance 1; parallel: metres */
+    double cells_wide, cells_high;  /* SIDE / 2 over these */
     int parallel;
     struct cell cells[CELLS];
 };
@@ -45,6 +46,17 @@ static void cross(const double a[3], const double b[3], double out[3])
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
+/* fmin and fmax would be calls. */
+static inline double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 static double dot(const double a[3], const double b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -58,7 +70,7 @@ static void subtract(const double a[3], const double b[3], double out[3])
 
 static double largest(const double a[3])
 {
-    return fmax(fmax(fabs(a[0]), fabs(a[1])), fabs(a[2]));
+    return larger(larger(fabs(a[0]), fabs(a[1])), fabs(a[2]));
 }
 
 /* ---- the coarse picture ----------------------------------------------------------------------- */
@@ -101,12 +113,12 @@ static void cast(struct view *view, int x, int y, const double corner[3][3])
 }
 
 /* A point's position on the picture, in cells. */
-static void project(const struct view *view, const double p[3], double at[2])
+static inline void project(const struct view *view, const double p[3], double at[2])
 {
-    const double w = view->parallel ? 1 : -p[2];
+    const double w = view->parallel ? 1 : -1 / p[2];
 
-    at[0] = (p[0] / (w * view->half_width) + 1) * SIDE / 2;
-    at[1] = (p[1] / (w * view->half_height) + 1) * SIDE / 2;
+    at[0] = p[0] * w * view->cells_wide + SIDE / 2;
+    at[1] = p[1] * w * view->cells_high + SIDE / 2;
 }
 
 static int clamp_cell(double at)
@@ -116,7 +128,7 @@ static int clamp_cell(double at)
 
 /* The range of cells whose centres a triangle may cover, [low, high). All of them if it reaches behind the
  * camera; 0: none of it is in view. */
-static int covered(const struct view *view, const double corner[3][3], int low[2], int high[2])
+static inline int covered(const struct view *view, const double corner[3][3], int low[2], int high[2])
 {
     double least[2] = {INFINITY, INFINITY}, most[2] = {-INFINITY, -INFINITY};
     int behind = 0;
@@ -129,8 +141,8 @@ static int covered(const struct view *view, const double corner[3][3], int low[2
         }
         project(view, corner[k], at);
         for (int a = 0; a < 2; a++) {
-            least[a] = fmin(least[a], at[a]);
-            most[a] = fmax(most[a], at[a]);
+            least[a] = smaller(at[a], least[a]);
+            most[a] = larger(at[a], most[a]);
         }
     }
     if (behind == 3)
@@ -211,7 +223,9 @@ static void draw_mesh(struct view *view, const struct scene_mesh *mesh, const fl
             const float *p = positions + 3 * (size_t)vertex;
             if (vertex >= mesh->vertex_count)
                 return; /* a damaged blob: refused when the mesh is loaded */
-            transform_d_point(to_camera, (double[]){(double)p[0], (double)p[1], (double)p[2]}, corner[k]);
+            for (int r = 0; r < 3; r++) /* transform_d_point would be a call */
+                corner[k][r] = to_camera->m[r][0] * (double)p[0] + to_camera->m[r][1] * (double)p[1] +
+                               to_camera->m[r][2] * (double)p[2] + to_camera->m[r][3];
         }
         draw_triangle(view, corner);
     }
@@ -300,6 +314,8 @@ static status begin_views(struct scene_sight *sight, const struct scene_camera *
                             : camera->kind == CAMERA_ORTHOGRAPHIC ? (double)camera->ymag
                                                                   : 1;
         view->half_width = camera->kind == CAMERA_PANORAMA ? 1 : view->half_height * aspect;
+        view->cells_wide = SIDE / 2 / view->half_width;
+        view->cells_high = SIDE / 2 / view->half_height;
     }
     for (int r = 0; r < 3; r++)
         sight->eye[r] = camera->to_world.m[r][3];

@@ -14,7 +14,7 @@
 struct scene_sight;
 
 /* The view of `camera` at `pose`; `aspect` is the picture's width over its height. Reads the blobs of the meshes
- * that are in view: at most some two million triangles, evenly chosen. ERR_NO_MEMORY, or what the reader
+ * that are in view: at most some 260,000 triangles, evenly chosen. ERR_NO_MEMORY, or what the reader
  * returns. */
 status scene_sight_new(struct scene_sight **out, const struct scene *scene, const struct scene_pose *pose,
                        uint32_t camera, double aspect, struct scene_blob_reader blobs, struct error *err)

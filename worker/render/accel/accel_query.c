@@ -208,10 +208,11 @@ static void aim_at_end(struct query_context *q)
 static inline void look_at_start(struct query_context *q)
 {
     const struct accel_geometry *g = &q->accel->geometries[q->ray->left[0].instance];
-    double extent = g->error_extent;
+    double extent = g->error_extent, own;
 
-    if (q->ray->edge > 0 && SAFEGUARD(OWN_EDGE))
-        extent = fmin(extent, g->error_origin * NEIGHBOUR_RATIO * (double)q->ray->edge);
+    own = g->error_origin * NEIGHBOUR_RATIO * (double)q->ray->edge;
+    if (own < extent && own > 0 && SAFEGUARD(OWN_EDGE))
+        extent = own;
     q->error_left = g->error_origin * q->largest + extent;
     q->at_edge = (double)q->ray->inset < INSET_ERRORS * q->error_left;
     /* The same in the height over the face, of the ray that met it; near its own start double decided. */
