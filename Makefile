@@ -378,7 +378,7 @@ numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS
 invariance: tests ## one scene written in many ways, and every scene with and without transformations, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
 	@BUILD=$(BUILD) python3 -B tests/statistics/invariance_table.py $(SPP)
 	@$(BUILD)/tests/statistics/test_transforms
-transforms: tests ## every scene, and those of AZULEJO_DATA, with its faces twice and the like (docs/NUMERICS.md)
+transforms: tests ## every scene, and those of AZULEJO_DATA, with its faces twice, or with a far thing (docs/NUMERICS.md)
 	@$(BUILD)/tests/statistics/test_transforms --table $(TRANSFORM_ARGS)
 
 precision: ## float against double on hard scenes (docs/NUMERICS.md; PRECISION_ARGS=--quick: 1 minute)

@@ -10,6 +10,8 @@
 const struct transform_row transforms[] = {
     {"faces twice", transform_copy_faces},
     {"faces nearly twice", transform_near_faces},
+    {"a far thing", transform_far_thing},
+    {"a very far thing", transform_very_far_thing},
 };
 const size_t transform_count = sizeof transforms / sizeof *transforms;
 
@@ -88,4 +90,14 @@ void transform_add_instance(struct import_result *import, struct scene_instance 
     scene->instances =
         grown(import, scene->instances, scene->instance_count, sizeof *scene->instances);
     scene->instances[scene->instance_count++] = instance;
+}
+
+uint32_t transform_add_material(struct import_result *import, struct scene_material material)
+{
+    struct scene *scene = &import->scene;
+
+    scene->materials =
+        grown(import, scene->materials, scene->material_count, sizeof *scene->materials);
+    scene->materials[scene->material_count] = material;
+    return scene->material_count++;
 }

@@ -1,6 +1,6 @@
 /* transform: changes of an imported scene after which its picture must be the same but for noise.
  *
- * A transformation is a row of transforms[] and one function, in a file of its own (transform_faces.c):
+ * A transformation is a row of transforms[] and one function, in a file of its own (transform_faces.c, transform_far.c):
  * it edits import->scene in place, by the helpers below where it needs more meshes or instances, and tells
  * how many things it changed. tests/statistics/test_transforms.c renders every scene with and
  * without each row, so a new row needs nothing else.
@@ -33,6 +33,14 @@ uint32_t transform_add_mesh(struct import_result *import, struct scene_mesh mesh
 
 /* Append an instance. Pointers to scene.instances are no longer valid. */
 void transform_add_instance(struct import_result *import, struct scene_instance instance);
+
+/* Append a material; returns its number. Pointers to scene.materials are no longer valid. */
+uint32_t transform_add_material(struct import_result *import, struct scene_material material);
+
+/* ---- transform_far.c: a card a thousand and ten million times the scene's size away, at one side -- */
+
+uint32_t transform_far_thing(struct import_result *import);
+uint32_t transform_very_far_thing(struct import_result *import);
 
 /* ---- transform_faces.c: some faces, and all of many, written twice ------------------------------ */
 
