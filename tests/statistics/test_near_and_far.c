@@ -2,6 +2,8 @@
  * terrains that reach to one side of it. Each picture is compared with that of the same scene without the
  * far thing, pixel by pixel and in blocks of 8x8.
  *
+ *   test_near_and_far [--scene METRES]     print the pbrt scene with a card at this distance
+ *
  * Family-wise significance 1e-4, Sidak-corrected over all blocks; seeds are fixed. With the same seed samples
  * take the same random numbers, so where only rounding differs nearly all pixels are equal. */
 #include <math.h>
@@ -754,7 +756,21 @@ static void test_obj(void **state)
     }
 }
 
-int main(void)
+/* The model under a sun with a card so far off. */
+static int print_scene(const char *distance)
+{
+    struct buffer text = BUFFER_INIT;
+
+    begin(&text, SUN, here);
+    model(&text, here);
+    if (atof(distance) > 0)
+        card(&text, atof(distance), "Material \"diffuse\" \"rgb reflectance\" [0 0 0]", -0.1);
+    fputs(buffer_text(&text), stdout);
+    buffer_release(&text);
+    return 0;
+}
+
+int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_card),
@@ -771,5 +787,7 @@ int main(void)
         cmocka_unit_test(test_obj),
     };
 
+    if (argc == 3 && strcmp(argv[1], "--scene") == 0)
+        return print_scene(argv[2]);
     return cmocka_run_group_tests_name("near and far", tests, NULL, NULL);
 }
