@@ -209,7 +209,7 @@ def an_estimate_says_what_accuracy_costs():
         expect(math.isclose(made["cap"]["core_seconds"], 6 / 3 * 8 * sum(p["core_seconds"] for p in lasts),
                             rel_tol=1e-9), made)
         expect(made["job"] is None and made["command"] is None, "a job of a farm that is gone")
-        expect(made["cap"]["price"] == made["cap"]["core_seconds"], made["cap"])
+        expect(math.isclose(made["cap"]["price"], made["cap"]["core_seconds"], rel_tol=1e-9), made["cap"])
         expect(made["cap"]["display"] < last["display"] and 0.25 <= made["exponent"] <= 1, made)
         costs = [row["core_seconds"] for row in made["curve"]]
         expect(costs == sorted(costs) and costs[0] > 0, costs)
