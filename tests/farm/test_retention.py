@@ -368,7 +368,7 @@ def full_disk():
         farm.start_coordinator(*COLLECT_ALL)
         farm.start_worker()
         scene = farm.scene()
-        old = [farm.submit(scene, "--size", "160x100", "--spp", "1") for _ in range(3)]
+        old = [farm.submit(scene, "--size", "224x140", "--spp", "1") for _ in range(3)]
         for job in old:
             farm.wait_for_job(job)
         number = farm.submit(scene, "--size", "128x80", "--spp", "768")
