@@ -1,4 +1,5 @@
 /* azulejo: the command line client. */
+#include <limits.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -6,10 +7,12 @@
 #include <unistd.h>
 
 #include "client/commands/command.h"
-#include "client/farm/signals.h"
+#include "client/link/signals.h"
+#include "client/options/help_groups.h"
 #include "client/terminal/format.h"
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 
 static const struct command *const commands[] = {
     &command_render, &command_estimate, &command_import, &command_effects, &command_accuracy,
@@ -20,8 +23,8 @@ static const struct command *const commands[] = {
     JOB_VERBS(VERB, VARIANT)
 #undef VERB
 #undef VARIANT
-    &command_log, &command_prune, &command_gc, &command_trace, &command_owners, &command_top,
-    &command_workers, &command_token, &command_webhook, &command_keygen, &command_completion,
+    &command_log, &command_prune, &command_gc, &command_trace, &command_owners, &command_verify, &command_top,
+    &command_workers, &command_distrust, &command_token, &command_webhook, &command_key, &command_keygen, &command_completion,
     &command_tonemap, &command_compare,
 };
 enum { COMMAND_COUNT = sizeof commands / sizeof commands[0] };
@@ -43,20 +46,35 @@ static void print_help(void)
             if (commands[i]->group == (enum command_group)group)
                 printf("  %-11s  %s\n", commands[i]->name, commands[i]->summary);
     }
-    printf("\n'azulejo COMMAND --help' describes a command, 'azulejo --version' shows the "
-           "version.\n\n"
+    printf("\n'azulejo COMMAND --help' describes a command, 'azulejo help COMMAND' all of its\n"
+           "options, 'azulejo --version' shows the version.\n\n"
            "exit status:\n"
            "  0 success                1 internal error, or pictures that differ\n"
            "  2 bad usage              3 bad input or a limit exceeded\n"
            "  4 no coordinator there   5 refused or not found\n"
            "  6 job failed, cancelled  7 timed out\n"
            "  8 local input/output     9 some frames or files are missing\n"
+           "  11 not stored yet       12 verify: tiles differ\n"
            "  130 interrupted          141 the output's reader closed it\n");
 }
 
 static int report_unknown(const char *what, const char *word)
 {
-    fprintf(stderr, "azulejo: unknown %s '%s' ('azulejo --help' lists the commands)\n", what, word);
+    unsigned least = UINT_MAX;
+    int nearest = 0;
+
+    for (int i = 0; i < COMMAND_COUNT; i++) {
+        unsigned distance = options_word_distance(word, commands[i]->name);
+
+        if (distance < least) {
+            least = distance;
+            nearest = i;
+        }
+    }
+    fprintf(stderr, "azulejo: unknown %s '%s'", what, word);
+    if (options_word_is_near(word, least))
+        fprintf(stderr, ": did you mean %s?", commands[nearest]->name);
+    fprintf(stderr, " ('azulejo --help' lists the commands)\n");
     return status_exit_code(STATUS_ERR_USAGE);
 }
 
@@ -103,20 +121,28 @@ int main(int argc, char **argv)
 {
     struct error err = {0};
     const struct command *command;
+    char whole_help[] = "--help";
     int exit_code = 0;
     status result = STATUS_OK;
 
     file_hold_standard();
+    must_begin();
     log_setup("azulejo", LOG_LEVEL_WARN);
     signal(SIGPIPE, SIG_IGN); /* a broken pipe is an error of write(), not our death */
     if (argc < 2) {
         print_help();
         return status_exit_code(STATUS_ERR_USAGE);
     }
-    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
-        strcmp(argv[1], "help") == 0) {
+    help_groups_use();
+    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 || (strcmp(argv[1], "help") == 0 && argc == 2)) {
         print_help();
         return end_words(&result, &err);
+    }
+    if (strcmp(argv[1], "help") == 0) {
+        options_want_whole_help();
+        argv[1] = argv[2];
+        argv[2] = whole_help;
+        argc = 3;
     }
     if (strcmp(argv[1], "--version") == 0) {
         printf("azulejo %s\n", AZULEJO_VERSION);

@@ -4,22 +4,24 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include <uv.h>
+
 #include "common/base/bytes_text.h"
-#include "common/base/clock.h"
 #include "common/base/duration.h"
-#include "common/base/completion.h"
-#include "common/base/file.h"
-#include "common/base/log.h"
-#include "common/base/options.h"
-#include "coordinator/store/blobs.h"
+#include "common/cli/completion.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
+#include "common/cli/options.h"
+#include "coordinator/store/files/blobs.h"
 #include "coordinator/net/descriptors.h"
+#include "coordinator/net/base/task.h"
 #include "coordinator/net/server.h"
 #include "coordinator/store/store.h"
 #include "coordinator/store/store_backup.h"
+#include "coordinator/store/store_rot.h"
+#include "coordinator/page/keeper.h"
 #ifdef AZULEJO_WEB
-#include "coordinator/web/child.h"
-#include "coordinator/web/http.h"
-#include "coordinator/web/web.h"
+#include "coordinator/page/page.h"
 #endif
 #include "protocol/address.h"
 #include "protocol/key.h"
@@ -27,19 +29,17 @@
 static status load_key(const char *path, struct farm_key *key, struct error *err)
 {
     const char *named = path ? path : getenv("AZULEJO_KEY");
-    status s;
+    char words[KEY_WORDS_SIZE];
 
     if (!named || !named[0])
-        return error_set(
-            err, STATUS_ERR_USAGE,
-            "no key: name the farm's key file with --key or AZULEJO_KEY (azulejo keygen "
-            "makes one)");
-    s = farm_key_load(key, named, err);
-    if (s == STATUS_OK && !key->is_farm)
-        s = error_set(err, STATUS_ERR_REFUSED,
-                      "%s: holds the %s role's key; the coordinator needs the farm's own key",
-                      named, farm_role_name(key->role));
-    return s;
+        return error_set(err, STATUS_ERR_USAGE,
+                         "no key: name the farm's key file with --key or AZULEJO_KEY (azulejo keygen "
+                         "makes one)");
+    TRY(farm_key_load(key, named, err));
+    if (!key->is_farm)
+        TRY(error_set(err, STATUS_ERR_REFUSED, "%s: holds the %s; the coordinator needs the farm's own key", named,
+                      key_identity_words(&key->id, words)));
+    return STATUS_OK;
 }
 
 /* A size, or a share of the disk. */
@@ -76,8 +76,7 @@ static status retention_options(const char *keep, const char *keep_failed, const
 }
 
 /* "off" is 0. */
-static status parse_length(const char *option, const char *text, double usual_s, double *out_s,
-                           struct error *err)
+static status parse_length(const char *option, const char *text, double usual_s, double *out_s, struct error *err)
 {
     int64_t seconds = 0;
     status s = STATUS_OK;
@@ -113,20 +112,27 @@ static int copy_store(const char *command, const char *dir, const char *folder)
     s = restores ? store_restore(dir, folder, &sum, &err) : store_backup(folder, dir, &sum, &err);
     if (s != STATUS_OK)
         return fail(&err);
-    printf("%s: %llu files, %s\n", restores ? folder : dir, (unsigned long long)sum.files,
-           bytes_text(text, sum.bytes));
+    printf("%s: %llu files, %s\n", restores ? folder : dir, (unsigned long long)sum.files, bytes_text(text, sum.bytes));
     return 0;
 }
 
-/* What is said of the page on the command line. */
-struct page {
-    const char *address, *name, *cert, *key, *client; /* NULL: not given */
-    int off;
-};
+static void say_line(const char *line) { printf("%s\n", line); }
+
+/* --check, with or without --repair. */
+static int check_store(const char *folder, int repair)
+{
+    struct error err = {0};
+    struct rot rot;
+    status s = store_rot_check(folder, repair, say_line, &rot, &err);
+
+    if (s != STATUS_OK)
+        return fail(&err);
+    printf("%s: %llu files, %llu fault%s\n", folder, (unsigned long long)rot.files, (unsigned long long)rot.faults,
+           rot.faults == 1 ? "" : "s");
+    return rot.faults > 0 && !repair ? status_exit_code(STATUS_ERR_CORRUPT) : 0;
+}
 
 #ifdef AZULEJO_WEB
-
-enum { PAGE_CONNECTIONS = HTTP_CONNECTIONS_MAX };
 
 static int names_port(const char *address)
 {
@@ -135,67 +141,55 @@ static int names_port(const char *address)
     return colon && !strchr(colon + 1, ':');
 }
 
-static int is_child(int argc, char **argv, int *exit_status)
-{
-    return web_child_launch(argc, argv, exit_status);
-}
-
 /* The page's options: what --web says, or the port above the farm's. `host` holds the address's text. */
-static status page_options(const struct page *page, const char *folder, uint16_t farm_port, char *host,
-                           size_t host_size, struct web_options *out, struct error *err)
+static status page_prepare(struct page_options *page, const char *address, uint16_t farm_port, char *host,
+                           size_t host_size, struct error *err)
 {
-    const char *address = page->address ? page->address : "127.0.0.1";
-    const int has_port = names_port(address);
+    const char *named = address ? address : "127.0.0.1";
+    const int has_port = names_port(named);
     status s;
 
-    *out = (struct web_options){.host = host, .was_asked_for = page->address != NULL, .name = page->name,
-                                .cert = page->cert, .key = page->key, .store = folder, .client = page->client};
-    s = address_parse(address, "", 0, host, host_size, &out->port, err);
+    page->host = host;
+    page->was_asked_for = address != NULL;
+    s = address_parse(named, "", 0, host, host_size, &page->port, err);
     if (s == STATUS_OK && !has_port)
-        out->port = farm_port && farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
+        page->port = farm_port && farm_port < UINT16_MAX ? (uint16_t)(farm_port + 1) : 0;
     if (s == STATUS_OK && !page->cert != !page->key)
         s = error_set(err, STATUS_ERR_USAGE, "--web-cert and --web-key belong together: name both files");
     return s;
 }
 
-/* Run the farm with its page. */
-static status run(struct server_options *options, const struct page *page, const char *folder, struct error *err)
+static uint32_t page_connections(int off) { return off ? 0 : PAGE_CONNECTIONS_MAX; }
+
+/* Run the farm, with its page unless `off`. */
+static status run(struct server_options *options, struct page_options *page, const char *address, int off,
+                  struct error *err)
 {
-    struct web_options web_options;
     char host[ADDRESS_HOST_MAX];
-    struct web *web = NULL;
+    struct page *parts = NULL;
     status s = STATUS_OK;
 
-    if (!page->off)
-        s = page_options(page, folder, options->port, host, sizeof host, &web_options, err);
-    if (s == STATUS_OK && !page->off) {
-        web_options.connections_max = options->descriptors.guests_max;
-        web_options.address_max = descriptors_of_address(options->descriptors.guests_max, options->descriptors.address_max);
-        s = web_new(&web, &web_options, err);
-        options->guest = web_guest(web);
+    if (!off)
+        s = page_prepare(page, address, options->port, host, sizeof host, err);
+    if (s == STATUS_OK && !off) {
+        page->connections_max = options->descriptors.guests_max;
+        page->address_max = descriptors_of_address(page->connections_max, options->descriptors.address_max);
+        s = page_new(&parts, page, err);
+        options->guest = page_guest(parts);
     }
-    if (s == STATUS_OK)
-        s = server_run(options, err);
-    web_free(web);
+    THEN(s, server_run(options, err));
+    page_free(parts);
     return s;
 }
 
 #else
 
-enum { PAGE_CONNECTIONS = 0 };
+static uint32_t page_connections(int off UNUSED) { return 0; }
 
-static int is_child(int argc, char **argv, int *exit_status)
+static status run(struct server_options *options, const struct page_options *page, const char *address, int off UNUSED,
+                  struct error *err)
 {
-    (void)argc;
-    (void)argv;
-    *exit_status = 0;
-    return 0;
-}
-
-static status run(struct server_options *options, const struct page *page, const char *folder, struct error *err)
-{
-    (void)folder;
-    if (page->address || page->name || page->cert || page->key || page->client)
+    if (address || page->name || page->cert || page->key || page->client || page->is_apart)
         return error_set(err, STATUS_ERR_USAGE,
                          "this build has no page: build it with libwebsockets-dev installed and without WEB=0");
     return server_run(options, err);
@@ -203,17 +197,33 @@ static status run(struct server_options *options, const struct page *page, const
 
 #endif
 
+static void on_second_signal(uv_signal_t *handle UNUSED, int number UNUSED) {}
+
+/* The server takes the first signal. These handles, in a loop that never runs, keep libuv's handler when the server's
+ * are closed, so that another signal does not cut off the end: the store is closed and perhaps removed then. A parent
+ * of several threads that is killed makes the kernel send two. */
+static void outlast_signals(void)
+{
+    static uv_signal_t handles[2];
+    static const int numbers[2] = {SIGTERM, SIGINT};
+
+    for (int i = 0; i < 2; i++)
+        if (uv_signal_init(uv_default_loop(), &handles[i]) == 0)
+            (void)!uv_signal_start(&handles[i], on_second_signal, numbers[i]);
+}
+
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
     const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *store_limit = NULL;
     const char *level = "info", *log_format = NULL, *completion = NULL, *ready_file = NULL, *precision = "float";
-    struct server_options options = {.policy = RETENTION_POLICY_DEFAULT};
+    struct server_options options = {.policy = RETENTION_POLICY_DEFAULT, .scrub_rate = SCRUB_RATE_DEFAULT};
     const char *half_life = NULL, *longest_wait = NULL;
     double lease_seconds = 60, unit_seconds = HANG_LEAST_S;
     int64_t per_address = 0;
-    struct page page = {0};
-    int remove_store = 0, version = 0, help = 0, child_status;
+    const char *web = NULL;
+    struct page_options page = {0};
+    int remove_store = 0, check = 0, repair = 0, no_web = 0, version = 0, help = 0;
     const struct option table[] = {
         {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
          "address to listen on (127.0.0.1:7420); port 0 takes any free one", 0, 0, NULL},
@@ -234,19 +244,29 @@ int main(int argc, char **argv)
          0, 0, NULL},
         {"owner-limit", 0, OPTION_SIZE, &options.policy.owner_limit, "SIZE",
          "the same for the films and pictures of each owner's jobs (default: no limit)", 0, 0, NULL},
+        {"submit-blobs", 0, OPTION_SIZE, &options.submit_blobs, "SIZE",
+         "so much may a token of the role submit send that no job needs (16G)", 0, 0, NULL},
         {"unit-seconds", 0, OPTION_REAL, &unit_seconds, "S",
          "a work unit hangs when it is rendered for this long, and 20 times what the slowest of its size took (60)",
          0.01, 86400, NULL},
+        {"scrub-rate", 0, OPTION_SIZE, &options.scrub_rate, "SIZE",
+         "bytes a second that are read to find damage in the store while nothing is rendered (16M); 0: none", 0, 0, NULL},
+        {"no-audits", 0, OPTION_FLAG, &options.no_audits, NULL,
+         "do not render a share of the results again on other workers to find those that are wrong", 0, 0, NULL},
+        {"no-shared-keys", 0, OPTION_FLAG, &options.no_shared_keys, NULL,
+         "take keys of names only (azulejo key), not those that all of a role share (azulejo keygen --role)", 0, 0, NULL},
         {"half-life", 0, OPTION_STRING, &half_life, "TIME",
          "an owner's core-seconds count half after this time, as in 8h, when owners of equal priority share the "
          "farm; off: first come, first served (8h)", 0, 0, NULL},
         {"longest-wait", 0, OPTION_STRING, &longest_wait, "TIME",
          "an owner whose jobs were lent nothing for this long gets a turn before others of its priority; off: "
          "never (1h)", 0, 0, NULL},
-        {"web", 0, OPTION_STRING, &page.address, "HOST:PORT",
+        {"web", 0, OPTION_STRING, &web, "HOST:PORT",
          "address of the page and its API (127.0.0.1 and the port after that of --listen); beyond this machine only "
          "over TLS", 0, 0, NULL},
-        {"no-web", 0, OPTION_FLAG, &page.off, NULL, "no page and no API", 0, 0, NULL},
+        {"no-web", 0, OPTION_FLAG, &no_web, NULL, "no page and no API", 0, 0, NULL},
+        {"web-apart", 0, OPTION_FLAG, &page.is_apart, NULL,
+         "do not start the page's program: one that was started by hand connects (azulejo-web)", 0, 0, NULL},
         {"web-name", 0, OPTION_STRING, &page.name, "NAME",
          "one more name by which browsers reach the page", 0, 0, NULL},
         {"web-cert", 0, OPTION_STRING, &page.cert, "FILE",
@@ -259,6 +279,10 @@ int main(int argc, char **argv)
          1, SESSIONS_MAX, NULL},
         {"ready-file", 0, OPTION_STRING, &ready_file, "FILE",
          "write the port there, atomically, once connections are accepted", 0, 0, NULL},
+        {"check", 0, OPTION_FLAG, &check, NULL,
+         "look through the --store, which no coordinator may use, for what is damaged: a line each, with the remedy; then end",
+         0, 0, NULL},
+        {"repair", 0, OPTION_FLAG, &repair, NULL, "with --check: mend it, so that a coordinator starts", 0, 0, NULL},
         {"remove-store-at-end", 0, OPTION_FLAG, &remove_store, NULL,
          "a temporary store: on SIGTERM or SIGINT, remove its folder and everything in it", 0, 0,
          NULL},
@@ -280,16 +304,14 @@ int main(int argc, char **argv)
     char host[ADDRESS_HOST_MAX];
     status s;
 
-    if (is_child(argc, argv, &child_status))
-        return child_status;
     file_hold_standard();
     log_setup("azulejo-coordinator", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);
-    if (s == STATUS_OK)
-        s = log_set_format(log_format, &err);
+    THEN(s, log_set_format(log_format, &err));
     if (s == STATUS_OK && help) {
         options_print_help("azulejo-coordinator --key FILE [options]\n"
-                           "       azulejo-coordinator backup|restore DIR --store DIR",
+                           "       azulejo-coordinator backup|restore DIR --store DIR\n"
+                           "       azulejo-coordinator --check [--repair] --store DIR",
                            "Own the queue of a render farm: lend work to workers, merge what they "
                            "send, write the pictures. With backup, copy a store to a new folder, also while its "
                            "coordinator runs; with restore, make a store of such a copy.",
@@ -303,6 +325,12 @@ int main(int argc, char **argv)
     if (s == STATUS_OK && rest.count == 2 &&
         (strcmp(rest.items[0], "backup") == 0 || strcmp(rest.items[0], "restore") == 0))
         return copy_store(rest.items[0], rest.items[1], folder);
+    if (s == STATUS_OK && repair && !check)
+        s = error_set(&err, STATUS_ERR_USAGE, "--repair belongs to --check");
+    if (s == STATUS_OK && check) {
+        log_setup("azulejo-coordinator", LOG_LEVEL_ERROR);
+        return check_store(folder, repair);
+    }
     if (s == STATUS_OK && completion) {
         s = completion_print("azulejo-coordinator", completion, "azulejo-coordinator --key FILE [options]", table, &err);
         return s == STATUS_OK && fflush(stdout) == 0 ? 0 : status_exit_code(STATUS_ERR_IO);
@@ -310,23 +338,20 @@ int main(int argc, char **argv)
     if (s == STATUS_OK && rest.count > 0)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s': only 'backup DIR' and 'restore DIR' are known",
                       rest.items[0]);
-    if (s == STATUS_OK)
-        s = address_parse(listen, "", 0, host, sizeof host, &options.port, &err);
-    if (s == STATUS_OK)
-        s = retention_options(keep, keep_failed, keep_blobs, store_limit, &options.policy, &err);
-    if (s == STATUS_OK)
-        s = parse_length("--half-life", half_life, ORDER_HALF_LIFE_S, &options.order.half_life_s, &err);
-    if (s == STATUS_OK)
-        s = parse_length("--longest-wait", longest_wait, ORDER_LONGEST_WAIT_S, &options.order.longest_wait_s, &err);
-    if (s == STATUS_OK)
-        s = load_key(key_path, &key, &err);
+    THEN(s, address_parse(listen, "", 0, host, sizeof host, &options.port, &err));
+    THEN(s, retention_options(keep, keep_failed, keep_blobs, store_limit, &options.policy, &err));
+    THEN(s, parse_length("--half-life", half_life, ORDER_HALF_LIFE_S, &options.order.half_life_s, &err));
+    THEN(s, parse_length("--longest-wait", longest_wait, ORDER_LONGEST_WAIT_S, &options.order.longest_wait_s, &err));
+    THEN(s, load_key(key_path, &key, &err));
     if (s != STATUS_OK)
         return fail(&err);
+    if (remove_store)
+        file_forgo_syncs();
     log_setup("azulejo-coordinator", (enum log_level)log_level_parse(level));
     signal(SIGPIPE, SIG_IGN);
+    task_threads();
     s = store_open(&store, folder, &err);
-    if (s == STATUS_OK)
-        s = descriptors_plan(&options.descriptors, page.off ? 0 : PAGE_CONNECTIONS, &err);
+    THEN(s, descriptors_plan(&options.descriptors, page_connections(no_web), &err));
     options.descriptors.address_max = (uint32_t)per_address;
     if (s == STATUS_OK) {
         blobs_clean(folder);
@@ -338,7 +363,10 @@ int main(int argc, char **argv)
         options.ready_file = ready_file;
         options.discards_films = remove_store;
         options.precision = precision;
-        s = run(&options, &page, folder, &err);
+        page.store = folder;
+        page.log_level = level;
+        outlast_signals();
+        s = run(&options, &page, web, no_web, &err);
     }
     store_close(store);
     explicit_bzero(&key, sizeof key);

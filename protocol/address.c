@@ -5,8 +5,8 @@
 
 #include "protocol/channel.h"
 
-status address_parse(const char *text, const char *host_preset, unsigned port_min, char *host,
-                     size_t host_size, uint16_t *port, struct error *err)
+status address_parse(const char *text, const char *host_preset, unsigned port_min, char *host, size_t host_size,
+                     uint16_t *port, struct error *err)
 {
     const char *name = text, *colon = strchr(text, ':');
     size_t length = strlen(text);
@@ -29,8 +29,7 @@ status address_parse(const char *text, const char *host_preset, unsigned port_mi
         char *end;
         unsigned long number = strtoul(colon + 1, &end, 10);
         if (colon[1] < '0' || colon[1] > '9' || *end || number < port_min || number > 65535)
-            return error_set(err, STATUS_ERR_USAGE, "'%s': the port must be %u..65535", text,
-                             port_min);
+            return error_set(err, STATUS_ERR_USAGE, "'%s': the port must be %u..65535", text, port_min);
         *port = (uint16_t)number;
     }
     if (length == 0 && colon == text) {
@@ -40,12 +39,10 @@ status address_parse(const char *text, const char *host_preset, unsigned port_mi
         goto malformed;
     }
     if (length >= host_size)
-        return error_set(err, STATUS_ERR_USAGE, "'%s': the host's name is longer than %zu bytes",
-                         text, host_size - 1);
+        return error_set(err, STATUS_ERR_USAGE, "'%s': the host's name is longer than %zu bytes", text, host_size - 1);
     memcpy(host, name, length);
     host[length] = 0;
     return STATUS_OK;
 malformed:
-    return error_set(err, STATUS_ERR_USAGE,
-                     "'%s' is not an address: write HOST, HOST:PORT or [IPV6]:PORT", text);
+    return error_set(err, STATUS_ERR_USAGE, "'%s' is not an address: write HOST, HOST:PORT or [IPV6]:PORT", text);
 }

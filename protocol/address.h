@@ -1,6 +1,5 @@
 /* address: "HOST:PORT" as people write it, for all three programs. */
-#ifndef AZULEJO_PROTOCOL_ADDRESS_H
-#define AZULEJO_PROTOCOL_ADDRESS_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -9,11 +8,8 @@
 
 enum { ADDRESS_HOST_MAX = 256 };
 
-/* "HOST", "HOST:PORT", "[IPV6]", "[IPV6]:PORT", or ":PORT" for `host_preset` (which may be
- * ""); a bare address with several colons is IPv6 without a port. The port defaults to
- * PROTOCOL_PORT_DEFAULT and must be port_min..65535. `host` takes at most host_size - 1
- * bytes. ERR_USAGE in words that quote the text. */
-status address_parse(const char *text, const char *host_preset, unsigned port_min, char *host,
-                     size_t host_size, uint16_t *port, struct error *err) MUST_CHECK;
-
-#endif
+/* "HOST", "HOST:PORT", "[IPV6]", "[IPV6]:PORT", or ":PORT" for `host_preset` (which may be ""); a bare address with
+ * several colons is IPv6 without a port. The port defaults to PROTOCOL_PORT_DEFAULT and must be port_min..65535. `host`
+ * takes at most host_size - 1 bytes. ERR_USAGE in words that quote the text. */
+status address_parse(const char *text, const char *host_preset, unsigned port_min, char *host, size_t host_size,
+                     uint16_t *port, struct error *err) MUST_CHECK;

@@ -3,9 +3,8 @@
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
-#include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
@@ -24,6 +23,7 @@ static _Thread_local uint64_t turn_number;
 static uint32_t fault_limit_ms; /* 0: the limits are unchanged */
 
 static void close_gently(struct channel *c);
+static void go_on(struct channel *c);
 static void process_input(struct channel *c);
 
 /* ---- the end --------------------------------------------------------------------------- */
@@ -44,15 +44,10 @@ void channel_hold_drop(struct channel *c)
     if (--c->holds > 0)
         return;
     c->callbacks.on_close(c, &c->why, c->user);
-    if (c->sink)
-        c->sink->on_closed(c->sink_user, &c->why);
     channel_free(c);
 }
 
-static void on_handle_closed(uv_handle_t *handle)
-{
-    channel_hold_drop(handle->data);
-}
+static void on_handle_closed(uv_handle_t *handle) { channel_hold_drop(handle->data); }
 
 /* Release everything at once; on_close follows when libuv has released it, too. */
 static void finish(struct channel *c)
@@ -61,16 +56,14 @@ static void finish(struct channel *c)
         return;
     c->state = DEAD;
     uv_close((uv_handle_t *)&c->timer, on_handle_closed);
-    if (c->sink)
-        return;
     if (!uv_is_closing((uv_handle_t *)&c->tcp))
         uv_close((uv_handle_t *)&c->tcp, on_handle_closed);
     uv_cancel((uv_req_t *)&c->resolve); /* refused if it is not waiting, which is fine */
 }
 
 /* Remember the reason, with the peer's name; the first reason is kept. */
-__attribute__((format(printf, 3, 0)))
-static void set_why(struct channel *c, status code, const char *format, va_list args)
+__attribute__((format(printf, 3, 0))) static void set_why(struct channel *c, status code, const char *format,
+                                                          va_list args)
 {
     char text[sizeof c->why.text];
 
@@ -90,10 +83,8 @@ void channel_end_now(struct channel *c, status code, const char *format, ...)
     finish(c);
 }
 
-/* End, but first send the peer what is queued and the reason: the TLS alert of a failed handshake,
- * or a Failure. */
-__attribute__((format(printf, 3, 4)))
-static void end_telling(struct channel *c, status code, const char *format, ...)
+/* End, but first send the peer what is queued and the reason: the TLS alert of a failed handshake, or a Failure. */
+__attribute__((format(printf, 3, 4))) static void end_telling(struct channel *c, status code, const char *format, ...)
 {
     va_list args;
 
@@ -113,14 +104,17 @@ static void lost(struct channel *c, int uv_error)
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "closed the connection %s the TLS handshake",
                         c->state == HANDSHAKE ? "during" : "before");
     else if (uv_error == UV_EOF)
-        channel_end_now(c, STATUS_ERR_UNREACHABLE,
-                        "the connection was lost%s (it ended without a goodbye)",
+        channel_end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s (it ended without a goodbye)",
                         framing_reader_waiting(&c->frames) ? " in the middle of a message" : "");
     else
         channel_end_now(c, STATUS_ERR_UNREACHABLE, "the connection was lost%s: %s",
-                        framing_reader_waiting(&c->frames) ? " in the middle of a message" : "",
-                        uv_strerror(uv_error));
+                        framing_reader_waiting(&c->frames) ? " in the middle of a message" : "", uv_strerror(uv_error));
 }
+
+static void begin_limit(struct channel *c);
+
+/* The loop was held up (the process was stopped, or its machine): what the peer sent may lie unread. */
+static int fires_late(const struct channel *c) { return uv_now(c->timer.loop) > c->limit_end_ms + c->limit_ms / 4; }
 
 static void on_timer(uv_timer_t *timer)
 {
@@ -129,33 +123,39 @@ static void on_timer(uv_timer_t *timer)
     switch (c->state) {
     case ARRIVED:
     case HANDSHAKE:
-        channel_end_now(c, c->is_server ? STATUS_ERR_TIMEOUT : STATUS_ERR_UNREACHABLE,
-                        "no TLS handshake within %.1f s", c->limit_ms / 1000.0);
+        if (c->is_server && fires_late(c)) {
+            begin_limit(c);
+            break;
+        }
+        channel_end_now(c, c->is_server ? STATUS_ERR_TIMEOUT : STATUS_ERR_UNREACHABLE, "no TLS handshake within %.1f s",
+                        c->limit_ms / 1000.0);
         break;
     case CLOSING:
         if (!c->shutdown_done)
-            channel_end_now(c, STATUS_ERR_UNREACHABLE,
-                            "%zu bytes were not read by the time of closing", c->queued_bytes);
+            channel_end_now(c, STATUS_ERR_UNREACHABLE, "%zu bytes were not read by the time of closing",
+                            c->queued_bytes);
         else
             finish(c);
         break;
+    case OPEN: go_on(c); break;
     case CONNECTING: /* has its own: on_attempt_timeout */
     case READY:
-    case OPEN:
-    case DEAD:
-        break;
+    case DEAD: break;
     }
 }
 
-uint32_t channel_limit_ms(uint32_t limit_ms)
+uint32_t channel_limit_ms(uint32_t limit_ms) { return fault_limit_ms ? fault_limit_ms : limit_ms; }
+
+static void begin_limit(struct channel *c)
 {
-    return fault_limit_ms ? fault_limit_ms : limit_ms;
+    c->limit_end_ms = uv_now(c->timer.loop) + c->limit_ms;
+    uv_timer_start(&c->timer, on_timer, c->limit_ms, 0);
 }
 
 void channel_limit(struct channel *c, uint32_t limit_ms)
 {
     c->limit_ms = channel_limit_ms(limit_ms);
-    uv_timer_start(&c->timer, on_timer, c->limit_ms, 0);
+    begin_limit(c);
 }
 
 /* ---- writing --------------------------------------------------------------------------- */
@@ -175,20 +175,31 @@ static void on_written(uv_write_t *request, int result)
     }
     if (c->state == CLOSING && !c->shutdown_done)
         uv_timer_start(&c->timer, on_timer, CHANNEL_FLUSH_MS, 0);
-    if (c->state == OPEN && c->was_high && c->queued_bytes <= CHANNEL_QUEUE_LOW) {
+    if (c->state == OPEN && c->was_high && c->queued_bytes <= c->queue_high / (CHANNEL_QUEUE_HIGH / CHANNEL_QUEUE_LOW)) {
         c->was_high = 0;
         if (c->callbacks.on_drain)
             c->callbacks.on_drain(c, c->user);
     }
 }
 
-/* Give libuv all the output of TLS, in one write. */
+/* Give TLS what is packed, and libuv all the output of TLS, in one write. */
 static status flush_output(struct channel *c)
 {
-    size_t size = tls_output_bytes(c->tls);
+    struct error err = {0};
     struct write_request *w;
     uv_buf_t bytes;
+    status s;
+    size_t size;
 
+    if (c->state == OPEN && c->outgoing.size > 0) {
+        s = tls_write(c->tls, c->outgoing.data, c->outgoing.size, &err);
+        buffer_clear(&c->outgoing);
+        if (s != STATUS_OK) {
+            channel_end_now(c, s, "%s", err.text);
+            return s;
+        }
+    }
+    size = tls_output_bytes(c->tls);
     if (size == 0 || c->state == DEAD || c->state < HANDSHAKE)
         return STATUS_OK;
     w = mem_alloc(sizeof *w + size);
@@ -200,7 +211,7 @@ static status flush_output(struct channel *c)
     w->size_bytes = tls_output_take(c->tls, w->bytes, size);
     bytes = uv_buf_init(w->bytes, (unsigned)w->size_bytes);
     c->queued_bytes += w->size_bytes;
-    if (c->queued_bytes > CHANNEL_QUEUE_HIGH)
+    if (channel_is_full(c))
         c->was_high = 1;
     int result = uv_write(&w->request, (uv_stream_t *)&c->tcp, &bytes, 1, on_written);
     if (result < 0) {
@@ -212,23 +223,8 @@ static status flush_output(struct channel *c)
     return STATUS_OK;
 }
 
-/* A channel without a socket (channel_local.h). */
-static status give_sink(struct channel *c, const Azulejo__Wire__Envelope *message)
-{
-    size_t queued;
-
-    c->sink->on_send(c->sink_user, message);
-    queued = c->sink->queued_bytes(c->sink_user);
-    if (c->state != OPEN || queued <= CHANNEL_QUEUE_MAX)
-        return STATUS_OK;
-    channel_end_now(c, STATUS_ERR_LIMIT, "it does not read: %zu bytes wait to be sent (limit %d)", queued,
-                    CHANNEL_QUEUE_MAX);
-    return STATUS_ERR_LIMIT;
-}
-
 status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
 {
-    struct error err = {0};
     size_t size;
     uint8_t *space;
     status s;
@@ -238,28 +234,29 @@ status channel_send(struct channel *c, const Azulejo__Wire__Envelope *message)
     size = azulejo__wire__envelope__get_packed_size(message);
     if (size == 0 || size > CHANNEL_FRAME_MAX)
         return STATUS_ERR_LIMIT;
-    if (c->sink)
-        return give_sink(c, message);
-    buffer_clear(&c->outgoing);
     space = buffer_append_space(&c->outgoing, FRAME_HEADER_BYTES + size);
     if (!space)
         return STATUS_ERR_NO_MEMORY;
     framing_header_write(space, (uint32_t)size);
     azulejo__wire__envelope__pack(message, space + FRAME_HEADER_BYTES);
-    s = tls_write(c->tls, c->outgoing.data, c->outgoing.size, &err);
-    if (s != STATUS_OK) {
-        channel_end_now(c, s, "%s", err.text);
-        return s;
-    }
     c->last_sent_ns = clock_monotonic_ns();
+    if (c->is_corked && c->outgoing.size < CHANNEL_CORK_BYTES)
+        return STATUS_OK;
     s = flush_output(c);
     if (s == STATUS_OK && c->queued_bytes > CHANNEL_QUEUE_MAX) {
-        channel_end_now(c, STATUS_ERR_LIMIT,
-                        "it does not read: %zu bytes wait to be sent (limit %d)", c->queued_bytes,
+        channel_end_now(c, STATUS_ERR_LIMIT, "it does not read: %zu bytes wait to be sent (limit %d)", c->queued_bytes,
                         CHANNEL_QUEUE_MAX);
         return STATUS_ERR_LIMIT;
     }
     return s;
+}
+
+void channel_cork(struct channel *c) { c->is_corked = 1; }
+
+void channel_uncork(struct channel *c)
+{
+    c->is_corked = 0;
+    (void)!flush_output(c); /* if it fails the channel ends */
 }
 
 /* ---- reading --------------------------------------------------------------------------- */
@@ -284,11 +281,10 @@ static size_t turn_allowance(struct channel *c)
 
 /* One buffer for all channels of a thread: libuv fills it and calls on_read at once, and on_read
  * passes the bytes on before it calls anything that could read again. */
-static void on_allocate(uv_handle_t *handle, size_t suggested, uv_buf_t *out)
+static void on_allocate(uv_handle_t *handle, size_t suggested UNUSED, uv_buf_t *out)
 {
     static _Thread_local char bytes[READ_BYTES];
 
-    (void)suggested;
     /* If it is 0, on_read gets UV_ENOBUFS, and libuv polls the socket again. */
     *out = uv_buf_init(bytes, (unsigned)turn_allowance(handle->data));
 }
@@ -335,17 +331,17 @@ static int handshake_step(struct channel *c)
     if (flush_output(c) != STATUS_OK || tls_state_of(c->tls) != TLS_OPEN)
         return 0;
     uv_timer_stop(&c->timer);
-    c->role = tls_role(c->tls);
+    c->identity = tls_identity(c->tls);
     c->state = OPEN;
     if (c->callbacks.on_open)
         c->callbacks.on_open(c, c->user);
     return c->state == OPEN;
 }
 
-/* Deliver the complete frames. 0: the channel left OPEN. */
+/* Deliver the complete frames. 0: the channel left OPEN, or pauses. */
 static int deliver(struct channel *c)
 {
-    while (c->state == OPEN) {
+    while (c->state == OPEN && !c->is_paused) {
         Azulejo__Wire__Envelope *message;
         struct error err = {0};
         const uint8_t *payload;
@@ -353,8 +349,7 @@ static int deliver(struct channel *c)
         status s = framing_reader_next(&c->frames, &payload, &size, &err);
         if (s == STATUS_OK && !payload)
             return 1;
-        if (s == STATUS_OK)
-            s = message_unpack(&message, payload, size, &err);
+        THEN(s, message_unpack(&message, payload, size, &err));
         if (s != STATUS_OK) {
             end_telling(c, s, "%s", err.text);
             return 0;
@@ -362,15 +357,14 @@ static int deliver(struct channel *c)
         c->callbacks.on_message(c, message, c->user);
         message_free(message);
     }
-    return c->state == OPEN;
+    return 0;
 }
 
 /* The peer sent its close_notify; it no longer reads what we would send. */
 static void peer_said_goodbye(struct channel *c)
 {
     if (framing_reader_waiting(&c->frames)) {
-        channel_end_now(c, STATUS_ERR_PROTOCOL,
-                        "ended the conversation in the middle of a message");
+        channel_end_now(c, STATUS_ERR_PROTOCOL, "ended the conversation in the middle of a message");
         return;
     }
     tls_end(c->tls);
@@ -417,8 +411,7 @@ static void ignore_sigpipe(void)
     }
 }
 
-struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks,
-                            void *user)
+struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks, void *user)
 {
     struct channel *c = mem_calloc(1, sizeof *c);
 
@@ -428,6 +421,7 @@ struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *cal
     c->loop = loop;
     c->callbacks = *callbacks;
     c->user = user;
+    c->queue_high = CHANNEL_QUEUE_HIGH;
     c->last_heard_ns = c->last_sent_ns = clock_monotonic_ns();
     framing_reader_init(&c->frames, CHANNEL_FRAME_MAX);
     return c;
@@ -478,10 +472,12 @@ static void close_gently(struct channel *c)
 
     if (c->state == CLOSING || c->state == DEAD)
         return;
-    if (c->state < HANDSHAKE || c->sink) {
+    if (c->state < HANDSHAKE) {
         finish(c);
         return;
     }
+    if (flush_output(c) != STATUS_OK)
+        return;
     tls_end(c->tls);
     if (flush_output(c) != STATUS_OK)
         return;
@@ -501,10 +497,7 @@ static void close_gently(struct channel *c)
     uv_read_start((uv_stream_t *)&c->tcp, on_allocate, on_read);
 }
 
-void channel_close(struct channel *c)
-{
-    close_gently(c);
-}
+void channel_close(struct channel *c) { close_gently(c); }
 
 void channel_abort(struct channel *c, status code, const char *format, ...)
 {
@@ -518,30 +511,48 @@ void channel_abort(struct channel *c, status code, const char *format, ...)
 
 /* ---- queries by the owner --------------------------------------------------------------- */
 
-size_t channel_queued_bytes(const struct channel *c)
+/* What waited while it was paused comes before what is read from now on. */
+static void go_on(struct channel *c)
 {
-    return c->sink ? c->sink->queued_bytes(c->sink_user) : c->queued_bytes;
+    process_input(c);
+    if (c->state == OPEN && !c->is_paused)
+        (void)uv_read_start((uv_stream_t *)&c->tcp, on_allocate, on_read);
 }
 
-enum farm_role channel_role(const struct channel *c)
+void channel_pause(struct channel *c, int paused)
 {
-    return c->role;
+    if (c->state != OPEN || c->is_paused == paused)
+        return;
+    c->is_paused = paused;
+    c->last_heard_ns = clock_monotonic_ns();
+    if (paused) {
+        uv_timer_stop(&c->timer);
+        (void)uv_read_stop((uv_stream_t *)&c->tcp);
+        return;
+    }
+    uv_timer_start(&c->timer, on_timer, 0, 0); /* go_on, not in this call */
 }
 
-const char *channel_peer(const struct channel *c)
-{
-    return c->peer;
-}
+int channel_is_full(const struct channel *c) { return c->queued_bytes >= c->queue_high; }
+
+int channel_is_overfull(const struct channel *c) { return c->queued_bytes / 2 >= c->queue_high; }
+
+void channel_set_high(struct channel *c, size_t bytes) { c->queue_high = bytes; }
+
+size_t channel_queued_bytes(const struct channel *c) { return c->queued_bytes; }
+
+enum farm_role channel_role(const struct channel *c) { return c->identity.role; }
+
+const struct key_identity *channel_identity(const struct channel *c) { return &c->identity; }
+
+const char *channel_peer(const struct channel *c) { return c->peer; }
 
 uint64_t channel_last_heard_ns(const struct channel *c)
 {
-    return c->sink ? clock_monotonic_ns() : c->last_heard_ns;
+    return c->is_paused ? clock_monotonic_ns() : c->last_heard_ns;
 }
 
-uint64_t channel_last_sent_ns(const struct channel *c)
-{
-    return c->sink ? clock_monotonic_ns() : c->last_sent_ns;
-}
+uint64_t channel_last_sent_ns(const struct channel *c) { return c->last_sent_ns; }
 
 void channel_adopt(struct channel *c, const struct channel_callbacks *callbacks, void *user)
 {
@@ -549,7 +560,4 @@ void channel_adopt(struct channel *c, const struct channel_callbacks *callbacks,
     c->user = user;
 }
 
-void channel_fault_handshake_ms(uint32_t limit_ms)
-{
-    fault_limit_ms = limit_ms;
-}
+void channel_fault_handshake_ms(uint32_t limit_ms) { fault_limit_ms = limit_ms; }

@@ -33,8 +33,8 @@ void channel_take_first(struct channel *c, const void *data, size_t size_bytes)
     if (c->first.size >= TLS_RECORD_HEADER_BYTES)
         record += (size_t)p[3] << 8 | p[4];
     if (record > CHANNEL_FIRST_MAX || c->first.size > CHANNEL_FIRST_MAX) {
-        channel_end_now(c, STATUS_ERR_PROTOCOL,
-                        "it sent more than %d bytes before the TLS handshake", CHANNEL_FIRST_MAX);
+        channel_end_now(c, STATUS_ERR_PROTOCOL, "it sent more than %d bytes before the TLS handshake",
+                        CHANNEL_FIRST_MAX);
         return;
     }
     if (c->state == READY || c->first.size < record)
@@ -55,8 +55,7 @@ void channel_handshake(struct channel *c)
     if (c->state != READY)
         return;
     s = tls_new_server(&c->tls, c->key, &err);
-    if (s == STATUS_OK)
-        s = tls_feed(c->tls, c->first.data, c->first.size, &err);
+    THEN(s, tls_feed(c->tls, c->first.data, c->first.size, &err));
     buffer_release(&c->first);
     if (s != STATUS_OK) {
         channel_end_now(c, s, "%s", err.text);
@@ -111,10 +110,7 @@ void channel_address(const struct channel *c, uint8_t out[CHANNEL_ADDRESS_BYTES]
     }
 }
 
-static void on_rejected(uv_handle_t *handle)
-{
-    mem_free(handle);
-}
+static void on_rejected(uv_handle_t *handle) { mem_free(handle); }
 
 void channel_reject(uv_stream_t *listener)
 {
@@ -128,8 +124,8 @@ void channel_reject(uv_stream_t *listener)
 }
 
 status channel_accept(struct channel **out, uv_stream_t *listener, const struct farm_key *key,
-                      const struct channel_callbacks *callbacks, const struct channel_gate *gate,
-                      void *user, struct error *err)
+                      const struct channel_callbacks *callbacks, const struct channel_gate *gate, void *user,
+                      struct error *err)
 {
     struct channel *c = channel_new(listener->loop, callbacks, user);
     int result;

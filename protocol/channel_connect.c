@@ -1,7 +1,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "protocol/channel_parts.h"
 
 static void connect_next(struct channel *c);
@@ -47,10 +47,7 @@ static void on_connected(uv_connect_t *request, int result)
         channel_begin_handshake(c);
 }
 
-static void on_attempt_timeout(uv_timer_t *timer)
-{
-    attempt_failed(timer->data, UV_ETIMEDOUT);
-}
+static void on_attempt_timeout(uv_timer_t *timer) { attempt_failed(timer->data, UV_ETIMEDOUT); }
 
 static void connect_next(struct channel *c)
 {
@@ -87,8 +84,8 @@ static void on_resolved(uv_getaddrinfo_t *request, int result, struct addrinfo *
 }
 
 status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, uint16_t port,
-                       const struct farm_key *key, enum farm_role role,
-                       const struct channel_callbacks *callbacks, void *user, struct error *err)
+                       const struct farm_key *key, enum farm_role role, const struct channel_callbacks *callbacks,
+                       void *user, struct error *err)
 {
     const struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_protocol = IPPROTO_TCP};
     struct channel *c = channel_new(loop, callbacks, user);
@@ -97,8 +94,7 @@ status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, 
     int result;
 
     *out = NULL;
-    if (!c)
-        return error_no_memory(err, "a connection");
+    NEED(c, err, "a connection");
     s = tls_new_client(&c->tls, key, role, err);
     if (s != STATUS_OK) {
         channel_free(c);
@@ -107,8 +103,7 @@ status channel_connect(struct channel **out, uv_loop_t *loop, const char *host, 
     snprintf(c->peer, sizeof c->peer, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
     snprintf(service, sizeof service, "%u", port);
     channel_start_handles(c);
-    c->connect_deadline_ns =
-        clock_monotonic_ns() + channel_limit_ms(CHANNEL_CONNECT_MS) * NS_PER_MS;
+    c->connect_deadline_ns = clock_monotonic_ns() + channel_limit_ms(CHANNEL_CONNECT_MS) * NS_PER_MS;
     c->resolve.data = c;
     result = uv_getaddrinfo(loop, &c->resolve, on_resolved, host, service, &hints);
     if (result < 0)

@@ -1,9 +1,8 @@
 /* The internals of a channel, for channel*.c only. */
-#ifndef AZULEJO_PROTOCOL_CHANNEL_PARTS_H
-#define AZULEJO_PROTOCOL_CHANNEL_PARTS_H
+#pragma once
 
 #include "common/base/buffer.h"
-#include "protocol/channel_local.h"
+#include "protocol/channel.h"
 #include "protocol/framing.h"
 #include "protocol/tls.h"
 
@@ -15,32 +14,32 @@ enum channel_state { CONNECTING, ARRIVED, READY, HANDSHAKE, OPEN, CLOSING, DEAD 
 struct channel {
     uv_loop_t *loop;
     uv_tcp_t tcp;
-    uv_timer_t timer;      /* first record, handshake, then flushing and lingering */
+    uv_timer_t timer; /* first record, handshake, then flushing and lingering */
     uv_getaddrinfo_t resolve;
     uv_connect_t connect;
     uv_shutdown_t shutdown;
-    int holds;             /* handles and requests whose callbacks are still to come */
+    int holds; /* handles and requests whose callbacks are still to come */
     struct addrinfo *addresses, *next_address;
     uint64_t connect_deadline_ns;
 
     enum channel_state state;
-    uint32_t limit_ms;      /* what the running timer was set to, before OPEN */
-    const struct farm_key *key;       /* server, until HANDSHAKE: owned by the owner */
-    const struct channel_gate *gate;  /* server; NULL: none */
-    struct buffer first;    /* server, until HANDSHAKE: the first record as received so far */
+    uint32_t limit_ms;               /* what the running timer was set to, before OPEN */
+    uint64_t limit_end_ms;           /* when it fires, by uv_now */
+    const struct farm_key *key;      /* server, until HANDSHAKE: owned by the owner */
+    const struct channel_gate *gate; /* server; NULL: none */
+    struct buffer first;             /* server, until HANDSHAKE: the first record as received so far */
     struct tls *tls;
     struct framing_reader frames;
-    struct buffer outgoing; /* scratch of channel_send */
-    size_t queued_bytes;
-    uint64_t turn;          /* in which it read last, */
-    size_t turn_bytes;      /* and what it may still read in it */
-    int was_high;           /* above CHANNEL_QUEUE_HIGH since the last on_drain */
-    int is_server, shutdown_done, peer_ended;
-    enum farm_role role;
+    struct buffer outgoing; /* packed by channel_send, not yet given to TLS */
+    int is_corked;
+    size_t queued_bytes, queue_high;
+    uint64_t turn;     /* in which it read last, */
+    size_t turn_bytes; /* and what it may still read in it */
+    int was_high;      /* above queue_high since the last on_drain */
+    int is_server, shutdown_done, peer_ended, is_paused;
+    struct key_identity identity; /* that was proved */
     uint64_t last_heard_ns, last_sent_ns;
     struct error why;
-    const struct channel_sink *sink;  /* channel_local.c; NULL: it has a socket */
-    void *sink_user;
     struct channel_callbacks callbacks;
     void *user;
     char peer[PEER_NAME_MAX];
@@ -48,8 +47,7 @@ struct channel {
 
 /* NULL: out of memory. Nothing is registered with the loop before channel_start_handles, so until
  * then channel_free releases it. */
-struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks,
-                            void *user);
+struct channel *channel_new(uv_loop_t *loop, const struct channel_callbacks *callbacks, void *user);
 void channel_free(struct channel *c);
 void channel_start_handles(struct channel *c);
 void channel_hold_drop(struct channel *c);
@@ -61,10 +59,7 @@ uint32_t channel_limit_ms(uint32_t limit_ms);
 void channel_read_start(struct channel *c);
 /* For a connected socket and a TLS object: start the handshake. */
 void channel_begin_handshake(struct channel *c);
-void channel_end_now(struct channel *c, status code, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
+void channel_end_now(struct channel *c, status code, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
 /* channel_accept.c: bytes that arrived before the handshake. */
 void channel_take_first(struct channel *c, const void *data, size_t size_bytes);
-
-#endif

@@ -6,8 +6,8 @@
 
 const ProtobufCMessage *message_body(const Azulejo__Wire__Envelope *envelope)
 {
-    const ProtobufCFieldDescriptor *field = protobuf_c_message_descriptor_get_field(
-        &azulejo__wire__envelope__descriptor, (unsigned)envelope->body_case);
+    const ProtobufCFieldDescriptor *field =
+        protobuf_c_message_descriptor_get_field(&azulejo__wire__envelope__descriptor, (unsigned)envelope->body_case);
 
     return field && field->type == PROTOBUF_C_TYPE_MESSAGE
                ? *(const ProtobufCMessage *const *)((const char *)envelope + field->offset)
@@ -71,21 +71,16 @@ uint64_t message_job(const ProtobufCMessage *message)
 size_t field_bytes(const ProtobufCFieldDescriptor *field)
 {
     switch (field->type) {
-    case PROTOBUF_C_TYPE_BOOL:
-        return sizeof(protobuf_c_boolean);
-    case PROTOBUF_C_TYPE_BYTES:
-        return sizeof(ProtobufCBinaryData);
+    case PROTOBUF_C_TYPE_BOOL: return sizeof(protobuf_c_boolean);
+    case PROTOBUF_C_TYPE_BYTES: return sizeof(ProtobufCBinaryData);
     case PROTOBUF_C_TYPE_STRING:
-    case PROTOBUF_C_TYPE_MESSAGE:
-        return sizeof(void *);
+    case PROTOBUF_C_TYPE_MESSAGE: return sizeof(void *);
     case PROTOBUF_C_TYPE_UINT64:
     case PROTOBUF_C_TYPE_FIXED64:
     case PROTOBUF_C_TYPE_INT64:
     case PROTOBUF_C_TYPE_SINT64:
     case PROTOBUF_C_TYPE_SFIXED64:
-    case PROTOBUF_C_TYPE_DOUBLE:
-        return 8;
-    default:
-        return 4;
+    case PROTOBUF_C_TYPE_DOUBLE: return 8;
+    default: return 4;
     }
 }

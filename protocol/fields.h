@@ -1,6 +1,5 @@
 /* fields: messages by the names of their fields, for what treats all alike. */
-#ifndef AZULEJO_PROTOCOL_FIELDS_H
-#define AZULEJO_PROTOCOL_FIELDS_H
+#pragma once
 
 #include <stddef.h>
 
@@ -19,5 +18,3 @@ int message_is_set(const ProtobufCMessage *message, const char *name);
 uint64_t message_job(const ProtobufCMessage *message);
 /* Bytes that a value takes in the C structure. */
 size_t field_bytes(const ProtobufCFieldDescriptor *field);
-
-#endif

@@ -15,21 +15,18 @@ void framing_reader_release(struct framing_reader *r)
     r->taken = 0;
 }
 
-status framing_reader_push(struct framing_reader *r, const void *data, size_t size_bytes,
-                         struct error *err)
+status framing_reader_push(struct framing_reader *r, const void *data, size_t size_bytes, struct error *err)
 {
     if (r->taken) {
         buffer_consume(&r->bytes, r->taken);
         r->taken = 0;
     }
     buffer_append(&r->bytes, data, size_bytes);
-    if (!buffer_ok(&r->bytes))
-        return error_no_memory(err, "a message being received");
+    NEED(buffer_ok(&r->bytes), err, "a message being received");
     return STATUS_OK;
 }
 
-status framing_reader_next(struct framing_reader *r, const uint8_t **payload, size_t *size_bytes,
-                         struct error *err)
+status framing_reader_next(struct framing_reader *r, const uint8_t **payload, size_t *size_bytes, struct error *err)
 {
     size_t waiting = framing_reader_waiting(r);
     const uint8_t *p;
@@ -42,8 +39,7 @@ status framing_reader_next(struct framing_reader *r, const uint8_t **payload, si
     p = r->bytes.data + r->taken;
     length = bytes_get32(p);
     if (length == 0 || length > r->limit_bytes)
-        return error_set(err, STATUS_ERR_PROTOCOL, "a message of %u bytes (1..%u are allowed)",
-                         length, r->limit_bytes);
+        return error_set(err, STATUS_ERR_PROTOCOL, "a message of %u bytes (1..%u are allowed)", length, r->limit_bytes);
     if (waiting - FRAME_HEADER_BYTES < length)
         return STATUS_OK;
     *payload = p + FRAME_HEADER_BYTES;
@@ -52,10 +48,7 @@ status framing_reader_next(struct framing_reader *r, const uint8_t **payload, si
     return STATUS_OK;
 }
 
-size_t framing_reader_waiting(const struct framing_reader *r)
-{
-    return r->bytes.size - r->taken;
-}
+size_t framing_reader_waiting(const struct framing_reader *r) { return r->bytes.size - r->taken; }
 
 void framing_header_write(uint8_t header[FRAME_HEADER_BYTES], uint32_t size_bytes)
 {

@@ -1,6 +1,5 @@
 #include "protocol/message.h"
 
-#include <stdio.h>
 #include <inttypes.h>
 #include <string.h>
 #include <zstd.h>
@@ -12,8 +11,7 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
 
 /* ---- envelopes ------------------------------------------------------------------------- */
 
-/* Two bytes of wire can make a hundred bytes of structs, so the memory of one unpacking is
- * counted against a limit. */
+/* Two bytes of wire can make a hundred bytes of structs, so the memory of one unpacking is counted against a limit. */
 struct budget {
     size_t left_bytes;
     int exceeded, exhausted;
@@ -35,14 +33,9 @@ static void *budget_alloc(void *user, size_t size)
     return block;
 }
 
-static void budget_free(void *user, void *block)
-{
-    (void)user;
-    mem_free(block);
-}
+static void budget_free(void *user UNUSED, void *block) { mem_free(block); }
 
-status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t size_bytes,
-                      struct error *err)
+status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t size_bytes, struct error *err)
 {
     struct budget budget = {MESSAGE_UNPACKED_MAX, 0, 0};
     ProtobufCAllocator allocator = {budget_alloc, budget_free, &budget};
@@ -53,11 +46,9 @@ status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t si
     if (budget.exhausted)
         return error_no_memory(err, "a message being received");
     if (budget.exceeded)
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "a message of %zu bytes that unpacks to more than %d", size_bytes,
+        return error_set(err, STATUS_ERR_LIMIT, "a message of %zu bytes that unpacks to more than %d", size_bytes,
                          MESSAGE_UNPACKED_MAX);
-    return error_set(err, STATUS_ERR_PROTOCOL, "a message of %zu bytes that is no Envelope",
-                     size_bytes);
+    return error_set(err, STATUS_ERR_PROTOCOL, "a message of %zu bytes that is no Envelope", size_bytes);
 }
 
 void message_free(Azulejo__Wire__Envelope *message)
@@ -73,8 +64,8 @@ const char *message_name(const Azulejo__Wire__Envelope *message)
     const ProtobufCFieldDescriptor *field = NULL;
 
     if (message->body_case != AZULEJO__WIRE__ENVELOPE__BODY__NOT_SET)
-        field = protobuf_c_message_descriptor_get_field(&azulejo__wire__envelope__descriptor,
-                                                        (unsigned)message->body_case);
+        field =
+            protobuf_c_message_descriptor_get_field(&azulejo__wire__envelope__descriptor, (unsigned)message->body_case);
     return field ? field->name : "none";
 }
 
@@ -98,6 +89,18 @@ static size_t utf8_length(const unsigned char *s)
     return 0;
 }
 
+/* C0, DEL, C1 (U+0080 to U+009F); what turns the direction of the text after it (U+200E, U+200F, U+202A to U+202E,
+ * U+2066 to U+2069), so that one name can look like another; and U+2028, U+2029, which end a line. */
+static int is_control(const unsigned char *s)
+{
+    if (s[0] < 0x20 || s[0] == 0x7f || (s[0] == 0xc2 && s[1] < 0xa0))
+        return 1;
+    if (s[0] != 0xe2)
+        return 0;
+    return (s[1] == 0x80 && ((s[2] & 0xfe) == 0x8e || (s[2] >= 0xa8 && s[2] <= 0xae))) ||
+           (s[1] == 0x81 && s[2] >= 0xa6 && s[2] <= 0xa9);
+}
+
 const char *message_text(char *out, size_t size, const char *text)
 {
     const unsigned char *s = (const unsigned char *)text;
@@ -107,11 +110,9 @@ const char *message_text(char *out, size_t size, const char *text)
         return "";
     while (*s) {
         size_t length = utf8_length(s);
-        /* C0 and DEL, and the C1 controls U+0080..U+009F */
-        int control = s[0] < 0x20 || s[0] == 0x7f || (s[0] == 0xc2 && s[1] < 0xa0);
         if (used + (length ? length : 1) >= size)
             break;
-        if (length == 0 || control) {
+        if (length == 0 || is_control(s)) {
             out[used++] = '?';
             s += length ? length : 1;
         } else {
@@ -165,8 +166,7 @@ status hello_check(const Azulejo__Wire__Hello *hello, enum farm_role key_role, s
         return error_set(err, STATUS_ERR_UNSUPPORTED,
                          "protocol version %u (%s); this coordinator speaks version %d: install "
                          "the same release everywhere",
-                         hello->protocol_version,
-                         message_text(software, sizeof software, hello->software),
+                         hello->protocol_version, message_text(software, sizeof software, hello->software),
                          PROTOCOL_VERSION);
     if ((int)hello->role != (int)key_role)
         return error_set(err, STATUS_ERR_REFUSED, "connected with the %s key but claims role %d",
@@ -185,8 +185,7 @@ status welcome_check(const Azulejo__Wire__Welcome *welcome, struct error *err)
                          welcome->protocol_version, PROTOCOL_VERSION);
     if (welcome->heartbeat_ms < least_ms || welcome->heartbeat_ms > most_ms ||
         welcome->silence_limit_ms < welcome->heartbeat_ms || welcome->silence_limit_ms > most_ms)
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "a Welcome with heartbeat %u ms and silence limit %u ms",
+        return error_set(err, STATUS_ERR_PROTOCOL, "a Welcome with heartbeat %u ms and silence limit %u ms",
                          welcome->heartbeat_ms, welcome->silence_limit_ms);
     return STATUS_OK;
 }
@@ -199,112 +198,88 @@ void wire_digest_set(ProtobufCBinaryData *out, const struct digest *digest)
     out->len = DIGEST_BYTES;
 }
 
-status wire_digest_get(struct digest *out, const ProtobufCBinaryData *in, const char *what,
-                       struct error *err)
+status wire_digest_get(struct digest *out, const ProtobufCBinaryData *in, const char *what, struct error *err)
 {
     memset(out, 0, sizeof *out);
     if (in->len != DIGEST_BYTES)
-        return error_set(err, STATUS_ERR_PROTOCOL, "%s: a digest of %zu bytes (%d are needed)",
-                         what, in->len, DIGEST_BYTES);
+        return error_set(err, STATUS_ERR_PROTOCOL, "%s: a digest of %zu bytes (%d are needed)", what, in->len,
+                         DIGEST_BYTES);
     memcpy(out->bytes, in->data, DIGEST_BYTES);
     return STATUS_OK;
 }
 
+/* Of each row of a table, from one to the other: members and fields have the same names. */
+#define COPY(o, KIND, type, name, ...) out->name = (type)in->name;
+#define COPY_OWN(...)
+
 void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_settings *in)
 {
     azulejo__wire__render_settings__init(out);
-    out->width = in->width;
-    out->height = in->height;
-    out->spp = in->spp;
-    out->max_depth = in->max_depth;
-    out->seed = in->seed;
-    out->camera = in->camera;
-    out->env_rotate_deg = in->env_rotate_deg;
-    out->env_strength = in->env_strength;
-    out->env_sampling = in->env_sampling;
-    out->isa = in->isa;
-    out->fps = in->fps;
-    out->shutter = in->shutter;
+    RENDER_SETTINGS(COPY, COPY, )
     out->lens_radius = in->lens_radius > 0 ? in->lens_radius : 0;
     out->pinhole = in->lens_radius == 0;
-    out->focus_distance = in->focus_distance;
-    out->without = in->without;
-    out->aovs = in->aovs;
-    out->sampler = in->sampler;
-    out->light_choice = in->light_choice;
-    out->texture_filter = in->texture_filter;
-    out->bvh_quality = in->bvh_quality;
-    out->not_robust = in->not_robust != 0;
-    out->no_roulette = in->no_roulette != 0;
-    out->clamp = in->clamp;
-    out->whole_width = in->whole_width;
-    out->whole_height = in->whole_height;
-    out->region_x = in->region_x;
-    out->region_y = in->region_y;
 }
 
-status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
-                         uint32_t camera_count, struct error *err)
+status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in, uint32_t camera_count,
+                         struct error *err)
 {
     status s;
 
     memset(out, 0, sizeof *out);
     if (!in)
         return error_set(err, STATUS_ERR_INPUT, "render settings are missing");
-    if (in->env_sampling >= ENV_SAMPLING_COUNT || in->isa >= ISA_COUNT)
-        return error_set(err, STATUS_ERR_INPUT,
-                         "unknown environment sampling %u or instruction set %u", in->env_sampling,
-                         in->isa);
-    out->width = in->width;
-    out->height = in->height;
-    out->spp = in->spp;
-    out->max_depth = in->max_depth;
-    out->seed = in->seed;
-    out->camera = in->camera;
-    out->env_rotate_deg = in->env_rotate_deg;
-    out->env_strength = in->env_strength;
-    out->env_sampling = (enum env_sampling)in->env_sampling;
-    out->isa = (enum isa)in->isa;
-    out->fps = in->fps;
-    if (in->fps == 0) {
-        struct render_settings defaults;
-        render_settings_default(&defaults);
-        out->fps = defaults.fps;
-    }
-    out->shutter = in->shutter;
-    out->lens_radius = in->pinhole ? 0 : in->lens_radius != 0 ? in->lens_radius : -1;
-    out->focus_distance = in->focus_distance;
-    out->without = in->without;
-    out->aovs = in->aovs;
-    out->sampler = (enum sampler_kind)in->sampler;
-    out->light_choice = (enum light_choice)in->light_choice;
-    out->texture_filter = (enum texture_filter)in->texture_filter;
-    out->bvh_quality = (enum bvh_quality)in->bvh_quality;
-    out->not_robust = in->not_robust;
-    out->no_roulette = in->no_roulette;
-    out->clamp = in->clamp;
-    out->whole_width = in->whole_width;
-    out->whole_height = in->whole_height;
-    out->region_x = in->region_x;
-    out->region_y = in->region_y;
-    if (in->lens_radius < 0 || (in->pinhole && in->lens_radius != 0)) {
-        memset(out, 0, sizeof *out);
+    if (in->lens_radius < 0 || (in->pinhole && in->lens_radius != 0))
         return error_set(err, STATUS_ERR_INPUT, "a lens radius below 0, or a pinhole with a lens");
-    }
+    RENDER_SETTINGS(COPY, COPY, )
+    for (int i = 0; i < SETTING_COUNT; i++)
+        setting_default_absent(&render_settings_rows[i], out);
+    out->lens_radius = in->pinhole ? 0 : in->lens_radius != 0 ? in->lens_radius : -1;
     s = render_settings_validate(out, camera_count, err);
     if (s != STATUS_OK)
         memset(out, 0, sizeof *out);
     return s;
 }
 
+void wire_needs_set(Azulejo__Wire__JobSubmit *out, const struct job_needs *in)
+{
+    out->n_after = in->after_count;
+    out->after = (uint64_t *)in->after;
+    out->not_before = in->not_before;
+    out->require = (char *)in->require;
+    out->memory = in->memory;
+    out->memory_said = in->memory_said;
+    JOB_NEEDS(COPY_OWN, COPY, )
+}
+
+status wire_needs_get(struct job_needs *out, const Azulejo__Wire__JobSubmit *in, struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    if (in->n_after > JOB_AFTER_MAX)
+        return error_set(err, STATUS_ERR_LIMIT, "a job can wait for at most %d others", JOB_AFTER_MAX);
+    for (size_t i = 0; i < in->n_after; i++)
+        out->after[out->after_count++] = in->after[i];
+    if (in->not_before < 0)
+        return error_set(err, STATUS_ERR_INPUT, "a job cannot wait for a moment before 1970");
+    out->not_before = in->not_before;
+    out->memory = in->memory;
+    out->memory_said = in->memory_said;
+    JOB_NEEDS(COPY_OWN, COPY, )
+    for (int i = 0; i < NEED_COUNT; i++)
+        if (setting_check(&job_needs_rows[i], out, err) != STATUS_OK)
+            return STATUS_ERR_INPUT;
+    if (!in->require[0] || tags_parse(in->require, out->require, err) == STATUS_OK)
+        return STATUS_OK;
+    if (err)
+        err->code = STATUS_ERR_INPUT;
+    return STATUS_ERR_INPUT;
+}
+
 void wire_stop_set(Azulejo__Wire__StopRules *out, const struct stop_rules *in)
 {
     azulejo__wire__stop_rules__init(out);
-    out->spp_min = in->spp_min;
+    STOP_RULES(COPY_OWN, COPY, )
     out->measure = in->has_target ? (uint32_t)in->target.measure + 1 : 0;
     out->target = in->has_target ? in->target.value : 0;
-    out->time_limit_ms = in->time_limit_ms;
-    out->core_limit_ms = in->core_limit_ms;
     out->adaptive = in->adaptive;
 }
 
@@ -316,14 +291,11 @@ status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in,
     if (!in)
         return STATUS_OK;
     if (in->measure > ALLOCATION_RMSE + 1)
-        return error_set(err, STATUS_ERR_INPUT, "a target error of an unknown measure %u",
-                         in->measure);
-    out->spp_min = in->spp_min;
+        return error_set(err, STATUS_ERR_INPUT, "a target error of an unknown measure %u", in->measure);
+    STOP_RULES(COPY_OWN, COPY, )
     out->has_target = in->measure > 0;
     out->target.measure = (enum allocation_measure)(in->measure > 0 ? in->measure - 1 : 0);
     out->target.value = in->measure > 0 ? in->target : 0;
-    out->time_limit_ms = in->time_limit_ms;
-    out->core_limit_ms = in->core_limit_ms;
     out->adaptive = in->adaptive != 0;
     s = stop_rules_validate(out, err);
     if (s != STATUS_OK)
@@ -331,30 +303,30 @@ status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in,
     return s;
 }
 
-status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,
-                       const struct render_settings *settings, struct error *err)
+#undef COPY
+#undef COPY_OWN
+
+status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass, const struct render_settings *settings,
+                       struct error *err)
 {
     if (tile >= tile_count(settings->width, settings->height))
-        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u: a frame of %ux%u has %u", tile,
-                         settings->width, settings->height,
-                         tile_count(settings->width, settings->height));
+        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u: a frame of %ux%u has %u", tile, settings->width,
+                         settings->height, tile_count(settings->width, settings->height));
     if (group >= GROUPS)
         return error_set(err, STATUS_ERR_PROTOCOL, "group %u: there are %d", group, GROUPS);
     if (pass >= pass_count(settings->spp, group))
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "pass %u: %u samples a pixel have %u passes of group %u", pass,
+        return error_set(err, STATUS_ERR_PROTOCOL, "pass %u: %u samples a pixel have %u passes of group %u", pass,
                          settings->spp, pass_count(settings->spp, group), group);
     return STATUS_OK;
 }
 
-static status pixel_check(const Azulejo__Wire__PixelSamples *p, const struct render_settings *s,
-                          struct error *err)
+static status pixel_check(const Azulejo__Wire__PixelSamples *p, const struct render_settings *s, struct error *err)
 {
     uint32_t most = p->path ? 1 : PIXEL_SAMPLES_MAX;
 
     if (!settings_have_pixel(s, p->x, p->y))
-        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u at %u,%u",
-                         p->x, p->y, s->width, s->height, s->region_x, s->region_y);
+        return error_set(err, STATUS_ERR_INPUT, "pixel %u,%u is outside the picture of %ux%u at %u,%u", p->x, p->y,
+                         s->width, s->height, s->region_x, s->region_y);
     if (p->count < 1 || p->count > most)
         return error_set(err, STATUS_ERR_LIMIT, "%u samples at once: must be 1..%u%s", p->count, most,
                          p->path ? " with its path" : "");
@@ -364,8 +336,8 @@ static status pixel_check(const Azulejo__Wire__PixelSamples *p, const struct ren
     return STATUS_OK;
 }
 
-status wire_piece_check(const Azulejo__Wire__RenderRequest *request,
-                        const struct render_settings *settings, struct error *err)
+status wire_piece_check(const Azulejo__Wire__RenderRequest *request, const struct render_settings *settings,
+                        struct error *err)
 {
     const Azulejo__Wire__WorkUnit *unit = request->unit;
 
@@ -375,17 +347,12 @@ status wire_piece_check(const Azulejo__Wire__RenderRequest *request,
                 : pixel_check(request->pixel, settings, err);
 }
 
-size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group,
-                       uint32_t pass)
+size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group, uint32_t pass)
 {
-    return tile_floats(settings->width, settings->height, tile,
-                       unit_aovs(settings->aovs, group, pass));
+    return tile_floats(settings->width, settings->height, tile, unit_aovs(settings->aovs, group, pass));
 }
 
-void wire_sums_set(uint8_t *out, const float *sums, size_t count)
-{
-    memcpy(out, sums, count * sizeof *sums);
-}
+void wire_sums_set(uint8_t *out, const float *sums, size_t count) { memcpy(out, sums, count * sizeof *sums); }
 
 _Static_assert(sizeof(struct tail_entry) == WIRE_TAIL_ENTRY_BYTES, "entries are copied as they are");
 
@@ -399,9 +366,8 @@ status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct err
 {
     memset(out, 0, sizeof *out);
     if (in->len % WIRE_TAIL_ENTRY_BYTES || in->len > WIRE_TAIL_BYTES_MAX)
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "largest contributions of %zu bytes: at most %d entries of %d", in->len,
-                         TAIL_MAX, WIRE_TAIL_ENTRY_BYTES);
+        return error_set(err, STATUS_ERR_PROTOCOL, "largest contributions of %zu bytes: at most %d entries of %d",
+                         in->len, TAIL_MAX, WIRE_TAIL_ENTRY_BYTES);
     out->count = (uint32_t)(in->len / WIRE_TAIL_ENTRY_BYTES);
     if (in->len)
         memcpy(out->entries, in->data, in->len);
@@ -433,6 +399,7 @@ Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work
     out->message.samples = in->samples;
     out->message.rays = in->rays;
     out->message.vertices = in->vertices;
+    out->message.subject_samples = in->subject_samples;
     out->message.leaked_rays = in->leaked_rays;
     out->message.clamped_samples = in->clamped_samples;
     out->message.clamped_luminance = in->clamped_luminance;
@@ -454,8 +421,8 @@ static status health_get(struct health *out, const Azulejo__Wire__Work *in, stru
         if (row->kind < least || row->kind >= HEALTH_KINDS || row->count == 0 ||
             (row->first != 0 && !health_place_of(row->first, &place)))
             return error_set(err, STATUS_ERR_PROTOCOL,
-                             "counter %zu of what went wrong: kind %u, count %" PRIu64
-                             ", first %" PRIu64 "; kinds ascend to %d, and there is something to count",
+                             "counter %zu of what went wrong: kind %u, count %" PRIu64 ", first %" PRIu64
+                             "; kinds ascend to %d, and there is something to count",
                              i, row->kind, row->count, row->first, HEALTH_KINDS - 1);
         least = row->kind + 1;
         out->count[row->kind] = row->count;
@@ -473,13 +440,13 @@ status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in, struc
     out->samples = in->samples;
     out->rays = in->rays;
     out->vertices = in->vertices;
+    out->subject_samples = in->subject_samples;
     out->leaked_rays = in->leaked_rays;
     out->clamped_samples = in->clamped_samples;
     out->clamped_luminance = in->clamped_luminance;
     out->kept_luminance = in->kept_luminance;
     if (in->n_depth != 0 && in->n_depth != DEPTH_SUMS)
-        return error_set(err, STATUS_ERR_PROTOCOL, "%zu sums of light by depth instead of %d", in->n_depth,
-                         DEPTH_SUMS);
+        return error_set(err, STATUS_ERR_PROTOCOL, "%zu sums of light by depth instead of %d", in->n_depth, DEPTH_SUMS);
     for (size_t i = 0; i < in->n_depth; i++)
         out->depth.sum[i] = in->depth[i];
     return health_get(&out->health, in, err);
@@ -487,28 +454,22 @@ status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in, struc
 
 /* ---- blobs ----------------------------------------------------------------------------- */
 
-static status piece_check(struct blob_piece *p, const ProtobufCBinaryData *digest,
-                          struct error *err)
+static status piece_check(struct blob_piece *p, const ProtobufCBinaryData *digest, struct error *err)
 {
     status s = wire_digest_get(&p->digest, digest, "blob", err);
 
     if (s == STATUS_OK &&
-        (p->total_bytes > BLOB_BYTES_MAX || p->raw_bytes > BLOB_PIECE_BYTES ||
-         p->offset > p->total_bytes || p->raw_bytes > p->total_bytes - p->offset ||
-         (p->raw_bytes == 0 && p->total_bytes != 0) ||
-         (!p->zstd && p->data.len != p->raw_bytes) ||
-         (p->zstd && p->data.len > ZSTD_COMPRESSBOUND(BLOB_PIECE_BYTES))))
-        s = error_set(err, STATUS_ERR_PROTOCOL,
-                      "a blob piece of %u bytes (%zu sent) at %llu of %llu does not fit",
-                      p->raw_bytes, p->data.len, (unsigned long long)p->offset,
-                      (unsigned long long)p->total_bytes);
+        (p->total_bytes > BLOB_BYTES_MAX || p->raw_bytes > BLOB_PIECE_BYTES || p->offset > p->total_bytes ||
+         p->raw_bytes > p->total_bytes - p->offset || (p->raw_bytes == 0 && p->total_bytes != 0) ||
+         (!p->zstd && p->data.len != p->raw_bytes) || (p->zstd && p->data.len > ZSTD_COMPRESSBOUND(BLOB_PIECE_BYTES))))
+        s = error_set(err, STATUS_ERR_PROTOCOL, "a blob piece of %u bytes (%zu sent) at %llu of %llu does not fit",
+                      p->raw_bytes, p->data.len, (unsigned long long)p->offset, (unsigned long long)p->total_bytes);
     if (s != STATUS_OK)
         memset(p, 0, sizeof *p);
     return s;
 }
 
-status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *put,
-                         struct error *err)
+status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *put, struct error *err)
 {
     memset(out, 0, sizeof *out);
     out->total_bytes = put->total_bytes;
@@ -519,8 +480,7 @@ status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *p
     return piece_check(out, &put->digest, err);
 }
 
-status blob_piece_of_data(struct blob_piece *out, const Azulejo__Wire__BlobData *data,
-                          struct error *err)
+status blob_piece_of_data(struct blob_piece *out, const Azulejo__Wire__BlobData *data, struct error *err)
 {
     memset(out, 0, sizeof *out);
     out->total_bytes = data->total_bytes;
@@ -542,17 +502,15 @@ status blob_piece_unpack(const struct blob_piece *piece, uint8_t *out, struct er
     }
     got = ZSTD_decompress(out, piece->raw_bytes, piece->data.data, piece->data.len);
     if (ZSTD_isError(got))
-        return error_set(err, STATUS_ERR_PROTOCOL, "a blob piece is damaged: %s",
-                         ZSTD_getErrorName(got));
+        return error_set(err, STATUS_ERR_PROTOCOL, "a blob piece is damaged: %s", ZSTD_getErrorName(got));
     if (got != piece->raw_bytes)
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "a blob piece decompresses to %zu bytes instead of %u", got,
+        return error_set(err, STATUS_ERR_PROTOCOL, "a blob piece decompresses to %zu bytes instead of %u", got,
                          piece->raw_bytes);
     return STATUS_OK;
 }
 
-status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch,
-                       ProtobufCBinaryData *packed, protobuf_c_boolean *zstd, struct error *err)
+status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch, ProtobufCBinaryData *packed,
+                       protobuf_c_boolean *zstd, struct error *err)
 {
     size_t bound = ZSTD_compressBound(raw_bytes), got;
     uint8_t *space;
@@ -561,12 +519,11 @@ status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch
     packed->len = raw_bytes;
     *zstd = 0;
     if (raw_bytes > BLOB_PIECE_BYTES)
-        return error_set(err, STATUS_ERR_INTERNAL, "a blob piece of %zu bytes (at most %d)",
-                         raw_bytes, BLOB_PIECE_BYTES);
+        return error_set(err, STATUS_ERR_INTERNAL, "a blob piece of %zu bytes (at most %d)", raw_bytes,
+                         BLOB_PIECE_BYTES);
     buffer_clear(scratch);
     space = buffer_append_space(scratch, bound);
-    if (!space)
-        return error_no_memory(err, "compressing a blob");
+    NEED(space, err, "compressing a blob");
     got = ZSTD_compress(space, bound, raw, raw_bytes, 1);
     if (!ZSTD_isError(got) && got + raw_bytes / 16 < raw_bytes) {
         packed->data = space;

@@ -4,8 +4,7 @@
  * Outputs are zeroed when a function fails. Envelopes under construction point into the caller's
  * memory; channel_send copies, so they may live on the stack.
  */
-#ifndef AZULEJO_PROTOCOL_MESSAGE_H
-#define AZULEJO_PROTOCOL_MESSAGE_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -16,6 +15,7 @@
 #include "common/base/status.h"
 #include "common/film/unit.h"
 #include "common/scene/settings.h"
+#include "common/schema/job_needs.h"
 #include "protocol/azulejo.pb-c.h"
 #include "protocol/channel.h"
 
@@ -38,27 +38,24 @@ enum {
 
 /* Unpack an envelope. ERR_PROTOCOL: it is not one; ERR_LIMIT: it would take more than
  * MESSAGE_UNPACKED_MAX; ERR_NO_MEMORY. Free with message_free. */
-status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t size_bytes,
-                      struct error *err) MUST_CHECK;
+status message_unpack(Azulejo__Wire__Envelope **out, const void *data, size_t size_bytes, struct error *err) MUST_CHECK;
 void message_free(Azulejo__Wire__Envelope *message);
 
 /* "lease_grant"; "none" for an envelope whose body this version does not know. */
 const char *message_name(const Azulejo__Wire__Envelope *message);
 
-/* Copy text from the wire for logs and terminals: control characters and invalid UTF-8 become '?',
- * at most `size` - 1 bytes. Returns `out`. */
+/* Copy text from the wire for logs and terminals: control characters, those that turn the direction of
+ * text, and invalid UTF-8 become '?', at most `size` - 1 bytes. Returns `out`. */
 const char *message_text(char *out, size_t size, const char *text);
 
 /* Send a Failure that answers `request` (0: none), or a Heartbeat. */
-status message_send_failure(struct channel *c, uint64_t request, const struct error *why)
-    MUST_CHECK;
+status message_send_failure(struct channel *c, uint64_t request, const struct error *why) MUST_CHECK;
 status message_send_heartbeat(struct channel *c) MUST_CHECK;
 /* A Failure as an error: an unknown or OK code becomes ERR_PROTOCOL. Returns err->code. */
 status message_failure_get(const Azulejo__Wire__Failure *failure, struct error *err) MUST_CHECK;
 
 /* The coordinator checks a Hello: version, and the role against the key's. */
-status hello_check(const Azulejo__Wire__Hello *hello, enum farm_role key_role,
-                   struct error *err) MUST_CHECK;
+status hello_check(const Azulejo__Wire__Hello *hello, enum farm_role key_role, struct error *err) MUST_CHECK;
 /* The peer checks a Welcome: version, and sane times (100 ms .. 1 h). */
 status welcome_check(const Azulejo__Wire__Welcome *welcome, struct error *err) MUST_CHECK;
 
@@ -69,26 +66,29 @@ status wire_digest_get(struct digest *out, const ProtobufCBinaryData *in, const 
 
 void wire_settings_set(Azulejo__Wire__RenderSettings *out, const struct render_settings *in);
 /* Validates; ERR_INPUT. `camera_count`: of the scene, UINT32_MAX when not known yet. */
-status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in,
-                         uint32_t camera_count, struct error *err) MUST_CHECK;
+status wire_settings_get(struct render_settings *out, const Azulejo__Wire__RenderSettings *in, uint32_t camera_count,
+                         struct error *err) MUST_CHECK;
+
+/* *out points at *in afterwards. */
+void wire_needs_set(Azulejo__Wire__JobSubmit *out, const struct job_needs *in);
+/* ERR_INPUT, ERR_LIMIT. */
+status wire_needs_get(struct job_needs *out, const Azulejo__Wire__JobSubmit *in, struct error *err) MUST_CHECK;
 
 void wire_stop_set(Azulejo__Wire__StopRules *out, const struct stop_rules *in);
 /* NULL: no rule except the cap. Validates; ERR_INPUT. */
-status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in,
-                     struct error *err) MUST_CHECK;
+status wire_stop_get(struct stop_rules *out, const Azulejo__Wire__StopRules *in, struct error *err) MUST_CHECK;
 
 /* Does a RenderRequest name one piece, a unit or samples of a pixel, that a frame of these settings has?
  * ERR_PROTOCOL: both or none, or the unit does not exist; ERR_INPUT: the pixel or a sample does not
  * exist; ERR_LIMIT: more than PIXEL_SAMPLES_MAX samples, or more than one with its path. */
-status wire_piece_check(const Azulejo__Wire__RenderRequest *request,
-                        const struct render_settings *settings, struct error *err) MUST_CHECK;
+status wire_piece_check(const Azulejo__Wire__RenderRequest *request, const struct render_settings *settings,
+                        struct error *err) MUST_CHECK;
 /* ERR_PROTOCOL unless the unit exists in a frame of these settings. */
-status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass,
-                       const struct render_settings *settings, struct error *err) MUST_CHECK;
+status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass, const struct render_settings *settings,
+                       struct error *err) MUST_CHECK;
 
 /* Sums are float32 little-endian, 4 * count bytes; as many floats as the unit has. */
-size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group,
-                       uint32_t pass);
+size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group, uint32_t pass);
 void wire_sums_set(uint8_t *out, const float *sums, size_t count);
 
 enum { WIRE_TAIL_ENTRY_BYTES = 8, WIRE_TAIL_BYTES_MAX = TAIL_MAX * WIRE_TAIL_ENTRY_BYTES };
@@ -107,8 +107,7 @@ struct wire_work {
 /* Fills *out, which must then stay where it is; returns its message. */
 Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work *in);
 /* NULL: all 0. ERR_PROTOCOL: counters that there are not, or that are 0 or repeated. */
-status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in,
-                     struct error *err) MUST_CHECK;
+status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in, struct error *err) MUST_CHECK;
 
 /* SHA-256 over the unit's sums, tail and work, each as a TileResult has them (unit_digest.c): two results are
  * equal, byte for byte, where it is. */
@@ -125,19 +124,15 @@ struct blob_piece {
     int zstd;
     ProtobufCBinaryData data; /* points into the message */
 };
-status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *put,
-                         struct error *err) MUST_CHECK;
-status blob_piece_of_data(struct blob_piece *out, const Azulejo__Wire__BlobData *data,
-                          struct error *err) MUST_CHECK;
+status blob_piece_of_put(struct blob_piece *out, const Azulejo__Wire__BlobPut *put, struct error *err) MUST_CHECK;
+status blob_piece_of_data(struct blob_piece *out, const Azulejo__Wire__BlobData *data, struct error *err) MUST_CHECK;
 /* Write the piece's bytes to out[raw_bytes]. ERR_PROTOCOL: damaged or not of that length. */
-status blob_piece_unpack(const struct blob_piece *piece, uint8_t *out, struct error *err)
-    MUST_CHECK;
+status blob_piece_unpack(const struct blob_piece *piece, uint8_t *out, struct error *err) MUST_CHECK;
 
 /* Compress a piece of a blob with zstd into `scratch` if that saves a sixteenth or more. *packed
  * then points into scratch, otherwise to `raw` itself; *zstd says which. */
-status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch,
-                       ProtobufCBinaryData *packed, protobuf_c_boolean *zstd,
-                       struct error *err) MUST_CHECK;
+status blob_piece_pack(const void *raw, size_t raw_bytes, struct buffer *scratch, ProtobufCBinaryData *packed,
+                       protobuf_c_boolean *zstd, struct error *err) MUST_CHECK;
 
 /* The length of the piece at `offset`: the rest, at most BLOB_PIECE_BYTES. */
 static inline uint32_t blob_piece_size(uint64_t total_bytes, uint64_t offset)
@@ -145,5 +140,3 @@ static inline uint32_t blob_piece_size(uint64_t total_bytes, uint64_t offset)
     uint64_t rest = total_bytes - offset;
     return rest < BLOB_PIECE_BYTES ? (uint32_t)rest : (uint32_t)BLOB_PIECE_BYTES;
 }
-
-#endif

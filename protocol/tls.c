@@ -11,23 +11,20 @@
 
 #include "common/base/memory.h"
 
-#define IDENTITY_PREFIX "azulejo-1 "
 #define CIPHER_SUITE "TLS_AES_128_GCM_SHA256"
 
 /* The suite's code point. A PSK belongs to one hash; both ends name this one, SHA-256. */
 static const unsigned char cipher_id[2] = {0x13, 0x01};
 
-enum { IDENTITY_MAX = 32 };
-
 struct tls {
     SSL *ssl;
     BIO *in, *out; /* owned by ssl */
     struct farm_key key;
-    enum farm_role role;
+    struct key_identity id;
     enum tls_state state;
     int is_server;
-    int key_unknown; /* server: the client named no role, or one that our key cannot check */
-    char identity[IDENTITY_MAX]; /* client */
+    int key_unknown;                  /* server: the client gave no name, or one whose key ours cannot check */
+    char identity[KEY_IDENTITY_SIZE]; /* client: the text of `id` */
 };
 
 /* ---- the pre-shared key ---------------------------------------------------------------- */
@@ -38,16 +35,14 @@ static SSL_SESSION *session_new(SSL *ssl, const uint8_t secret[FARM_KEY_BYTES])
     SSL_SESSION *session = SSL_SESSION_new();
 
     if (!session || !cipher || !SSL_SESSION_set1_master_key(session, secret, FARM_KEY_BYTES) ||
-        !SSL_SESSION_set_cipher(session, cipher) ||
-        !SSL_SESSION_set_protocol_version(session, TLS1_3_VERSION)) {
+        !SSL_SESSION_set_cipher(session, cipher) || !SSL_SESSION_set_protocol_version(session, TLS1_3_VERSION)) {
         SSL_SESSION_free(session);
         return NULL;
     }
     return session;
 }
 
-static int client_psk(SSL *ssl, const EVP_MD *md, const unsigned char **id, size_t *id_size,
-                      SSL_SESSION **session)
+static int client_psk(SSL *ssl, const EVP_MD *md, const unsigned char **id, size_t *id_size, SSL_SESSION **session)
 {
     struct tls *t = SSL_get_app_data(ssl);
     uint8_t secret[FARM_KEY_BYTES];
@@ -57,7 +52,7 @@ static int client_psk(SSL *ssl, const EVP_MD *md, const unsigned char **id, size
     *id_size = 0;
     if (md && EVP_MD_get_type(md) != NID_sha256)
         return 1; /* a server that chose another hash cannot use our key */
-    if (farm_key_for_role(&t->key, t->role, secret, NULL) != STATUS_OK)
+    if (farm_key_secret(&t->key, &t->id, secret, NULL) != STATUS_OK)
         return 0;
     *session = session_new(ssl, secret);
     OPENSSL_cleanse(secret, sizeof secret);
@@ -74,20 +69,14 @@ static int server_psk(SSL *ssl, const unsigned char *id, size_t id_size, SSL_SES
     uint8_t secret[FARM_KEY_BYTES];
 
     *session = NULL;
-    for (int r = FARM_ROLE_WORKER; r < FARM_ROLE_COUNT; r++) {
-        char identity[IDENTITY_MAX];
-        snprintf(identity, sizeof identity, IDENTITY_PREFIX "%s", farm_role_name(r));
-        if (strlen(identity) != id_size || memcmp(identity, id, id_size) != 0)
-            continue;
-        if (farm_key_for_role(&t->key, r, secret, NULL) != STATUS_OK)
-            break;
-        t->role = r;
-        *session = session_new(ssl, secret);
-        OPENSSL_cleanse(secret, sizeof secret);
-        return *session != NULL;
+    if (!key_identity_parse(&t->id, id, id_size) || farm_key_secret(&t->key, &t->id, secret, NULL) != STATUS_OK) {
+        memset(&t->id, 0, sizeof t->id);
+        t->key_unknown = 1;
+        return 1; /* no session: the handshake then fails for lack of a certificate */
     }
-    t->key_unknown = 1;
-    return 1; /* no session: the handshake then fails for lack of a certificate */
+    *session = session_new(ssl, secret);
+    OPENSSL_cleanse(secret, sizeof secret);
+    return *session != NULL;
 }
 
 /* ---- life ------------------------------------------------------------------------------ */
@@ -97,8 +86,7 @@ static SSL_CTX *context_new(int is_server)
     SSL_CTX *ctx = SSL_CTX_new(is_server ? TLS_server_method() : TLS_client_method());
 
     if (!ctx || !SSL_CTX_set_min_proto_version(ctx, TLS1_3_VERSION) ||
-        !SSL_CTX_set_max_proto_version(ctx, TLS1_3_VERSION) ||
-        !SSL_CTX_set_ciphersuites(ctx, CIPHER_SUITE) ||
+        !SSL_CTX_set_max_proto_version(ctx, TLS1_3_VERSION) || !SSL_CTX_set_ciphersuites(ctx, CIPHER_SUITE) ||
         (is_server && !SSL_CTX_set_num_tickets(ctx, 0))) {
         SSL_CTX_free(ctx);
         return NULL;
@@ -109,8 +97,7 @@ static SSL_CTX *context_new(int is_server)
     if (is_server) {
         SSL_CTX_set_psk_find_session_callback(ctx, server_psk);
     } else {
-        /* No certificate is trusted, so a server that presents one instead of proving the key is
-         * refused. */
+        /* No certificate is trusted, so a server that presents one instead of proving the key is refused. */
         SSL_CTX_set_verify(ctx, SSL_VERIFY_PEER, NULL);
         SSL_CTX_set_psk_use_session_callback(ctx, client_psk);
     }
@@ -134,25 +121,24 @@ static SSL_CTX *context_of(int is_server)
     return ctx;
 }
 
-static status tls_new(struct tls **out, const struct farm_key *key, int is_server,
-                      enum farm_role role, struct error *err)
+static status tls_new(struct tls **out, const struct farm_key *key, int is_server, const struct key_identity *id,
+                      struct error *err)
 {
     struct tls *t = mem_calloc(1, sizeof *t);
     SSL_CTX *ctx;
 
     *out = NULL;
-    if (!t)
-        return error_no_memory(err, "a TLS connection");
+    NEED(t, err, "a TLS connection");
     t->key = *key;
-    t->role = role;
+    t->id = *id;
     t->is_server = is_server;
-    snprintf(t->identity, sizeof t->identity, IDENTITY_PREFIX "%s", farm_role_name(role));
+    (void)key_identity_print(id, t->identity);
     ERR_clear_error();
     ctx = context_of(is_server);
     t->ssl = ctx ? SSL_new(ctx) : NULL;
     t->in = BIO_new(BIO_s_mem());
     t->out = BIO_new(BIO_s_mem());
-    if (!t->ssl || !t->in || !t->out) {
+    if (!t->ssl || !t->in || !t->out || !SSL_set_app_data(t->ssl, t)) {
         BIO_free(t->in);
         BIO_free(t->out);
         tls_free(t);
@@ -164,7 +150,6 @@ static status tls_new(struct tls **out, const struct farm_key *key, int is_serve
     BIO_set_mem_eof_return(t->in, -1);
     BIO_set_mem_eof_return(t->out, -1);
     SSL_set_bio(t->ssl, t->in, t->out);
-    SSL_set_app_data(t->ssl, t);
     if (is_server)
         SSL_set_accept_state(t->ssl);
     else
@@ -173,20 +158,20 @@ static status tls_new(struct tls **out, const struct farm_key *key, int is_serve
     return STATUS_OK;
 }
 
-status tls_new_client(struct tls **out, const struct farm_key *key, enum farm_role role,
-                      struct error *err)
+status tls_new_client(struct tls **out, const struct farm_key *key, enum farm_role role, struct error *err)
 {
-    uint8_t secret[FARM_KEY_BYTES];
-    status s = farm_key_for_role(key, role, secret, err);
+    struct key_identity id;
+    status s = farm_key_identity(key, role, &id, err);
 
     *out = NULL;
-    OPENSSL_cleanse(secret, sizeof secret);
-    return s == STATUS_OK ? tls_new(out, key, 0, role, err) : s;
+    return s == STATUS_OK ? tls_new(out, key, 0, &id, err) : s;
 }
 
 status tls_new_server(struct tls **out, const struct farm_key *key, struct error *err)
 {
-    return tls_new(out, key, 1, FARM_ROLE_NONE, err);
+    const struct key_identity none = {0};
+
+    return tls_new(out, key, 1, &none, err);
 }
 
 void tls_free(struct tls *t)
@@ -206,20 +191,17 @@ static status handshake_failed(struct tls *t, struct error *err)
 {
     unsigned long code = ERR_peek_error();
     int reason = ERR_GET_REASON(code);
-    char words[160];
+    char words[160], key[KEY_WORDS_SIZE];
 
     t->state = TLS_FAILED;
+    (void)key_identity_words(&t->id, key);
     ERR_error_string_n(code, words, sizeof words);
     ERR_clear_error();
     if (t->is_server) {
-        if (reason == SSL_R_BINDER_DOES_NOT_VERIFY || reason == SSL_R_BAD_PSK ||
-            reason == SSL_R_DIGEST_CHECK_FAILED)
-            return error_set(err, STATUS_ERR_REFUSED,
-                             "its %s key is not of this farm (the key files differ)",
-                             farm_role_name(t->role));
+        if (reason == SSL_R_BINDER_DOES_NOT_VERIFY || reason == SSL_R_BAD_PSK || reason == SSL_R_DIGEST_CHECK_FAILED)
+            return error_set(err, STATUS_ERR_REFUSED, "its %s is not of this farm (the key files differ)", key);
         if (t->key_unknown)
-            return error_set(err, STATUS_ERR_REFUSED,
-                             "it named no role whose key this end holds");
+            return error_set(err, STATUS_ERR_REFUSED, "it named no role, or a name whose key this end does not hold");
         if (reason == SSL_R_NO_SHARED_CIPHER || reason == SSL_R_NO_SUITABLE_SIGNATURE_ALGORITHM ||
             reason == SSL_R_MISSING_SIGALGS_EXTENSION || reason == SSL_R_NO_SUITABLE_KEY_SHARE)
             return error_set(err, STATUS_ERR_REFUSED, "it offered no farm key");
@@ -229,19 +211,17 @@ static status handshake_failed(struct tls *t, struct error *err)
         case SSL_R_SSLV3_ALERT_HANDSHAKE_FAILURE:
         case SSL_R_TLSV1_ALERT_DECRYPT_ERROR:
         case SSL_R_TLSV1_ALERT_ACCESS_DENIED:
-        case SSL_R_TLSV1_ALERT_UNKNOWN_PSK_IDENTITY:
+        case SSL_AD_REASON_OFFSET + SSL_AD_UNKNOWN_PSK_IDENTITY: /* the name is not in OpenSSL 3.0.13 */
         case SSL_R_TLSV13_ALERT_CERTIFICATE_REQUIRED:
             return error_set(err, STATUS_ERR_REFUSED,
-                             "the %s key was not taken: it belongs to another farm (use a copy of "
-                             "the coordinator's key file)",
-                             farm_role_name(t->role));
+                             "the %s was not taken: it belongs to another farm (use a copy of "
+                             "the coordinator's key file, or a key derived from it)",
+                             key);
         case SSL_R_CERTIFICATE_VERIFY_FAILED:
         case SSL_R_DIGEST_CHECK_FAILED:
         case SSL_R_BAD_DIGEST_LENGTH:
-            return error_set(err, STATUS_ERR_REFUSED,
-                             "the other end could not prove that it holds the farm key");
-        default:
-            break;
+            return error_set(err, STATUS_ERR_REFUSED, "the other end could not prove that it holds the farm key");
+        default: break;
         }
     }
     return error_set(err, STATUS_ERR_PROTOCOL, "it does not speak Azulejo's TLS 1.3 (%s)", words);
@@ -274,7 +254,7 @@ status tls_step(struct tls *t, struct error *err)
     result = SSL_do_handshake(t->ssl);
     if (result == 1) {
         /* As a second safeguard, only a handshake that used the pre-shared key counts. */
-        if (!SSL_session_reused(t->ssl) || t->role == FARM_ROLE_NONE) {
+        if (!SSL_session_reused(t->ssl) || t->id.role == FARM_ROLE_NONE) {
             t->state = TLS_FAILED;
             return error_set(err, STATUS_ERR_REFUSED, "it did not prove a farm key");
         }
@@ -296,8 +276,7 @@ status tls_read(struct tls *t, void *out, size_t capacity, size_t *got, struct e
     if (t->state == TLS_ENDED)
         return STATUS_OK;
     if (t->state != TLS_OPEN)
-        return error_set(err, STATUS_ERR_INTERNAL,
-                         "reading from a TLS connection that is not open");
+        return error_set(err, STATUS_ERR_INTERNAL, "reading from a TLS connection that is not open");
     ERR_clear_error();
     if (SSL_read_ex(t->ssl, out, capacity, got) == 1)
         return STATUS_OK;
@@ -338,10 +317,7 @@ void tls_end(struct tls *t)
         ERR_clear_error(); /* the peer then sees the stream end without a close_notify */
 }
 
-size_t tls_output_bytes(const struct tls *t)
-{
-    return BIO_ctrl_pending(t->out);
-}
+size_t tls_output_bytes(const struct tls *t) { return BIO_ctrl_pending(t->out); }
 
 size_t tls_output_take(struct tls *t, void *out, size_t capacity)
 {
@@ -350,12 +326,13 @@ size_t tls_output_take(struct tls *t, void *out, size_t capacity)
     return got > 0 ? (size_t)got : 0;
 }
 
-enum tls_state tls_state_of(const struct tls *t)
+enum tls_state tls_state_of(const struct tls *t) { return t->state; }
+
+struct key_identity tls_identity(const struct tls *t)
 {
-    return t->state;
+    const struct key_identity none = {0};
+
+    return t->state == TLS_OPEN || t->state == TLS_ENDED ? t->id : none;
 }
 
-enum farm_role tls_role(const struct tls *t)
-{
-    return t->state == TLS_OPEN || t->state == TLS_ENDED ? t->role : FARM_ROLE_NONE;
-}
+enum farm_role tls_role(const struct tls *t) { return tls_identity(t).role; }

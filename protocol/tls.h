@@ -1,20 +1,17 @@
 /* tls: one end of a TLS 1.3 connection, in memory.
  *
- * Both ends prove that they hold the secret of one role (an external PSK with an ephemeral
- * Diffie-Hellman exchange, so that a key that leaks later does not decrypt recorded traffic). There
- * are no certificates, no tickets, no early data. No I/O happens here: bytes from the wire go in
- * through tls_feed, bytes for the wire come out through tls_output_*; the owner of the socket does
- * the I/O. The OpenSSL contexts for all connections of one side are made once per process, by the
- * first thread that needs them. A struct tls belongs to one thread at a time.
+ * Both ends prove that they hold the secret of one identity (an external PSK with an ephemeral Diffie-Hellman exchange, so
+ * that a key that leaks later does not decrypt recorded traffic). There are no certificates, no tickets, no early data.
+ * No I/O happens here: bytes from the wire go in through tls_feed, bytes for the wire come out through tls_output_*;
+ * the owner of the socket does the I/O. The OpenSSL contexts for all connections of one side are made once per process,
+ * by the first thread that needs them. A struct tls belongs to one thread at a time.
  *
  *   HANDSHAKE --tls_step--> OPEN --peer's close_notify--> ENDED
  *       \----------------------\--any error--> FAILED
  *
- * Take the output after every call: a failed handshake leaves an alert there that tells the peer
- * why.
+ * Take the output after every call: a failed handshake leaves an alert there that tells the peer why.
  */
-#ifndef AZULEJO_PROTOCOL_TLS_H
-#define AZULEJO_PROTOCOL_TLS_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -27,9 +24,8 @@ enum tls_state { TLS_HANDSHAKE, TLS_OPEN, TLS_ENDED, TLS_FAILED };
 struct tls;
 
 /* The key is copied. The client acts in `role`; ERR_REFUSED if the key is another role's. */
-status tls_new_client(struct tls **out, const struct farm_key *key, enum farm_role role,
-                      struct error *err) MUST_CHECK;
-/* The server accepts every role that its key can derive. */
+status tls_new_client(struct tls **out, const struct farm_key *key, enum farm_role role, struct error *err) MUST_CHECK;
+/* The server accepts every identity that its key can derive. */
 status tls_new_server(struct tls **out, const struct farm_key *key, struct error *err) MUST_CHECK;
 void tls_free(struct tls *t);
 
@@ -42,8 +38,7 @@ status tls_step(struct tls *t, struct error *err) MUST_CHECK;
 
 /* Decrypt up to `capacity` bytes into `out`; *got is 0 if more input is needed or the peer ended
  * the connection (see tls_state_of). ERR_PROTOCOL: damaged records. */
-status tls_read(struct tls *t, void *out, size_t capacity, size_t *got,
-                struct error *err) MUST_CHECK;
+status tls_read(struct tls *t, void *out, size_t capacity, size_t *got, struct error *err) MUST_CHECK;
 
 /* Encrypt all of it into the output. Only when OPEN. */
 status tls_write(struct tls *t, const void *data, size_t size_bytes, struct error *err) MUST_CHECK;
@@ -56,7 +51,6 @@ size_t tls_output_bytes(const struct tls *t);
 size_t tls_output_take(struct tls *t, void *out, size_t capacity);
 
 enum tls_state tls_state_of(const struct tls *t);
-/* The role whose secret both ends proved; NONE unless OPEN or ENDED. */
+/* Whose secret both ends proved; of role NONE unless OPEN or ENDED. */
+struct key_identity tls_identity(const struct tls *t);
 enum farm_role tls_role(const struct tls *t);
-
-#endif

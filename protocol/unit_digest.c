@@ -2,14 +2,13 @@
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
-static status add_parts(struct digest_stream *stream, const struct unit_result *unit,
-                        const uint8_t *work, size_t work_bytes)
+static status add_parts(struct digest_stream *stream, const struct unit_result *unit, const uint8_t *work,
+                        size_t work_bytes)
 {
     uint8_t tail[WIRE_TAIL_BYTES_MAX];
     status s = digest_stream_add(stream, unit->sums, unit->count * sizeof *unit->sums);
 
-    if (s == STATUS_OK)
-        s = digest_stream_add(stream, tail, wire_tail_set(tail, &unit->tail));
+    THEN(s, digest_stream_add(stream, tail, wire_tail_set(tail, &unit->tail)));
     return s == STATUS_OK ? digest_stream_add(stream, work, work_bytes) : s;
 }
 

@@ -8,6 +8,5 @@ int worker_name_is_valid(const char *name)
     size_t length = strlen(name);
 
     /* Not an option, for who types it. */
-    return length > 0 && length <= WORKER_NAME_BYTES_MAX && name[0] != '-' &&
-           strspn(name, allowed) == length;
+    return length > 0 && length <= WORKER_NAME_BYTES_MAX && name[0] != '-' && strspn(name, allowed) == length;
 }

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 
 enum { FLOAT = 5126, UNSIGNED_SHORT = 5123, VERTICES = 34962, INDICES = 34963 };
@@ -44,10 +44,7 @@ void shape_add_quad(struct shape *shape, const double corners[4][3])
 
 /* ---- the writer --------------------------------------------------------------------------- */
 
-void gltf_writer_init(struct gltf_writer *w)
-{
-    memset(w, 0, sizeof *w);
-}
+void gltf_writer_init(struct gltf_writer *w) { memset(w, 0, sizeof *w); }
 
 void gltf_writer_release(struct gltf_writer *w)
 {
@@ -81,20 +78,17 @@ unsigned gltf_writer_add_material(struct gltf_writer *w, const char *json)
 unsigned gltf_writer_add_image(struct gltf_writer *w, const char *uri)
 {
     buffer_printf(&w->images, "%s{\"uri\": \"%s\"}", separator(w->image_count), uri);
-    buffer_printf(&w->textures, "%s{\"sampler\": 0, \"source\": %u}", separator(w->image_count),
-                  w->image_count);
+    buffer_printf(&w->textures, "%s{\"sampler\": 0, \"source\": %u}", separator(w->image_count), w->image_count);
     return w->image_count++;
 }
 
 /* Values little-endian, which every machine that this is built for is. */
-static unsigned add_accessor(struct gltf_writer *w, const void *data, unsigned count,
-                             unsigned components, int type, const char *type_name, int target,
-                             const char *bounds)
+static unsigned add_accessor(struct gltf_writer *w, const void *data, unsigned count, unsigned components, int type,
+                             const char *type_name, int target, const char *bounds)
 {
     size_t size = (size_t)count * components * (type == FLOAT ? 4 : 2);
 
-    buffer_printf(&w->views,
-                  "%s{\"buffer\": 0, \"byteOffset\": %zu, \"byteLength\": %zu, \"target\": %d}",
+    buffer_printf(&w->views, "%s{\"buffer\": 0, \"byteOffset\": %zu, \"byteLength\": %zu, \"target\": %d}",
                   separator(w->view_count), w->bin.size, size, target);
     buffer_append(&w->bin, data, size);
     while (w->bin.size % 4 != 0 && buffer_ok(&w->bin))
@@ -106,8 +100,7 @@ static unsigned add_accessor(struct gltf_writer *w, const void *data, unsigned c
     return w->accessor_count++;
 }
 
-void gltf_writer_add_shape(struct gltf_writer *w, const struct shape *shape,
-                           struct buffer *primitive)
+void gltf_writer_add_shape(struct gltf_writer *w, const struct shape *shape, struct buffer *primitive)
 {
     float low[3], high[3];
     struct buffer bounds = BUFFER_INIT;
@@ -120,12 +113,10 @@ void gltf_writer_add_shape(struct gltf_writer *w, const struct shape *shape,
             high[c] = fmaxf(high[c], shape->positions[i][c]);
         }
     }
-    buffer_printf(&bounds, ", \"min\": [%.9g, %.9g, %.9g], \"max\": [%.9g, %.9g, %.9g]",
-                  (double)low[0], (double)low[1], (double)low[2], (double)high[0],
-                  (double)high[1], (double)high[2]);
+    buffer_printf(&bounds, ", \"min\": [%.9g, %.9g, %.9g], \"max\": [%.9g, %.9g, %.9g]", (double)low[0], (double)low[1],
+                  (double)low[2], (double)high[0], (double)high[1], (double)high[2]);
     buffer_printf(primitive, "\"attributes\": {\"POSITION\": %u",
-                  add_accessor(w, shape->positions, n, 3, FLOAT, "VEC3", VERTICES,
-                               buffer_text(&bounds)));
+                  add_accessor(w, shape->positions, n, 3, FLOAT, "VEC3", VERTICES, buffer_text(&bounds)));
     if (shape->has_normals)
         buffer_printf(primitive, ", \"NORMAL\": %u",
                       add_accessor(w, shape->normals, n, 3, FLOAT, "VEC3", VERTICES, ""));
@@ -136,26 +127,23 @@ void gltf_writer_add_shape(struct gltf_writer *w, const struct shape *shape,
         buffer_printf(primitive, ", \"TEXCOORD_0\": %u",
                       add_accessor(w, shape->uvs, n, 2, FLOAT, "VEC2", VERTICES, ""));
     buffer_printf(primitive, "}, \"indices\": %u",
-                  add_accessor(w, shape->triangles, shape->triangle_count * 3, 1, UNSIGNED_SHORT,
-                               "SCALAR", INDICES, ""));
+                  add_accessor(w, shape->triangles, shape->triangle_count * 3, 1, UNSIGNED_SHORT, "SCALAR", INDICES,
+                               ""));
     if (!buffer_ok(&bounds))
         primitive->failed = 1;
     buffer_release(&bounds);
 }
 
-unsigned gltf_writer_add_mesh(struct gltf_writer *w, const char *name, const char *primitive,
-                              unsigned material)
+unsigned gltf_writer_add_mesh(struct gltf_writer *w, const char *name, const char *primitive, unsigned material)
 {
     buffer_printf(&w->meshes, "%s{\"name\": \"%s\", \"primitives\": [{%s, \"material\": %u}]}",
                   separator(w->mesh_count), name, primitive, material);
     return w->mesh_count++;
 }
 
-void gltf_writer_add_node(struct gltf_writer *w, const char *name, unsigned mesh, double x,
-                          double y, double z)
+void gltf_writer_add_node(struct gltf_writer *w, const char *name, unsigned mesh, double x, double y, double z)
 {
-    buffer_printf(&w->nodes, "%s{\"name\": \"%s\", \"mesh\": %u", separator(w->node_count), name,
-                  mesh);
+    buffer_printf(&w->nodes, "%s{\"name\": \"%s\", \"mesh\": %u", separator(w->node_count), name, mesh);
     if (x != 0 || y != 0 || z != 0)
         buffer_printf(&w->nodes, ", \"translation\": [%.9g, %.9g, %.9g]", x, y, z);
     buffer_puts(&w->nodes, "}");
@@ -163,8 +151,7 @@ void gltf_writer_add_node(struct gltf_writer *w, const char *name, unsigned mesh
 }
 
 /* First a turn about +Y, then one about the camera's own +X: enough for a level horizon. */
-void gltf_writer_add_camera(struct gltf_writer *w, double yfov_rad, const double eye[3],
-                            const double target[3])
+void gltf_writer_add_camera(struct gltf_writer *w, double yfov_rad, const double eye[3], const double target[3])
 {
     double dx = target[0] - eye[0], dy = target[1] - eye[1], dz = target[2] - eye[2];
     double yaw = atan2(-dx, -dz), pitch = atan2(dy, sqrt(dx * dx + dz * dz));
@@ -172,12 +159,10 @@ void gltf_writer_add_camera(struct gltf_writer *w, double yfov_rad, const double
 
     w->cameras = 1;
     w->camera_yfov_rad = yfov_rad;
-    buffer_printf(&w->nodes,
-                  "%s{\"name\": \"camera\", \"camera\": 0, \"translation\": [%.9g, %.9g, %.9g]",
+    buffer_printf(&w->nodes, "%s{\"name\": \"camera\", \"camera\": 0, \"translation\": [%.9g, %.9g, %.9g]",
                   separator(w->node_count), eye[0], eye[1], eye[2]);
     if (yaw != 0 || pitch != 0)
-        buffer_printf(&w->nodes, ", \"rotation\": [%.9g, %.9g, %.9g, %.9g]", cy * sx, sy * cx,
-                      -sy * sx, cy * cx);
+        buffer_printf(&w->nodes, ", \"rotation\": [%.9g, %.9g, %.9g, %.9g]", cy * sx, sy * cx, -sy * sx, cy * cx);
     buffer_puts(&w->nodes, "}");
     w->node_count++;
 }
@@ -250,8 +235,7 @@ static void append_document(struct gltf_writer *w, const char *bin_name, struct 
         out->failed = 1;
 }
 
-static status write_file(const char *folder, const char *name, const struct buffer *data,
-                         struct error *err)
+static status write_file(const char *folder, const char *name, const struct buffer *data, struct error *err)
 {
     char *path = file_join(folder, name);
     status st;
@@ -263,8 +247,8 @@ static status write_file(const char *folder, const char *name, const struct buff
     return st;
 }
 
-status gltf_writer_save(struct gltf_writer *w, const char *folder, const char *name,
-                        const char *bin_name, struct error *err)
+status gltf_writer_save(struct gltf_writer *w, const char *folder, const char *name, const char *bin_name,
+                        struct error *err)
 {
     struct buffer text = BUFFER_INIT, file_name = BUFFER_INIT;
     status st;

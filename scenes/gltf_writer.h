@@ -2,8 +2,7 @@
  * nodes are given as JSON text by the caller; the writer owns buffers, accessors and meshes.
  * Running out of memory shows at gltf_writer_save().
  */
-#ifndef AZULEJO_SCENES_GLTF_WRITER_H
-#define AZULEJO_SCENES_GLTF_WRITER_H
+#pragma once
 
 #include "common/base/buffer.h"
 #include "common/base/status.h"
@@ -46,19 +45,13 @@ unsigned gltf_writer_add_material(struct gltf_writer *w, const char *json);
 unsigned gltf_writer_add_image(struct gltf_writer *w, const char *uri);
 /* What a shape's attributes are called in a primitive; returns text for
  * gltf_writer_add_mesh, so that several meshes may share one shape. */
-void gltf_writer_add_shape(struct gltf_writer *w, const struct shape *shape,
-                           struct buffer *primitive);
-unsigned gltf_writer_add_mesh(struct gltf_writer *w, const char *name, const char *primitive,
-                              unsigned material);
-void gltf_writer_add_node(struct gltf_writer *w, const char *name, unsigned mesh,
-                          double x, double y, double z);
+void gltf_writer_add_shape(struct gltf_writer *w, const struct shape *shape, struct buffer *primitive);
+unsigned gltf_writer_add_mesh(struct gltf_writer *w, const char *name, const char *primitive, unsigned material);
+void gltf_writer_add_node(struct gltf_writer *w, const char *name, unsigned mesh, double x, double y, double z);
 /* One perspective camera of square aspect at `eye` that looks at `target`, +Y up. */
-void gltf_writer_add_camera(struct gltf_writer *w, double yfov_rad, const double eye[3],
-                            const double target[3]);
+void gltf_writer_add_camera(struct gltf_writer *w, double yfov_rad, const double eye[3], const double target[3]);
 
 /* Write FOLDER/NAME.gltf; the binary part goes into it as a data URI, or with `bin_name` into
  * FOLDER/bin_name. */
-status gltf_writer_save(struct gltf_writer *w, const char *folder, const char *name,
-                        const char *bin_name, struct error *err) MUST_CHECK;
-
-#endif
+status gltf_writer_save(struct gltf_writer *w, const char *folder, const char *name, const char *bin_name,
+                        struct error *err) MUST_CHECK;

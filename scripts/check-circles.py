@@ -12,8 +12,7 @@ import subprocess
 import sys
 
 CIRCLE_MAX = 3
-ROOMS = ("common", "protocol", "coordinator", "worker", "client")
-GENERATED = "worker/render/path/kernels/"  # the same sources once more, one file a variant
+ROOMS = ("common", "protocol", "coordinator", "web", "worker", "client")
 
 
 def objects(build):
@@ -22,8 +21,7 @@ def objects(build):
         for name in names:
             path = os.path.join(folder, name)
             source = os.path.relpath(path, root)[:-2] + ".c"
-            if name.endswith(".o") and source.startswith(ROOMS) and not source.startswith(GENERATED) \
-                    and os.path.exists(source):
+            if name.endswith(".o") and source.startswith(ROOMS) and os.path.exists(source):
                 yield path, source
 
 

@@ -32,7 +32,7 @@ OTHERS = set("""apt-get awk bash blender cat cd chmod cmp cp curl cut diff do do
     if in install journalctl kill kubectl ls mkdir mpirun mv nice podman printf read rm sbatch scp sed set sh sha256sum sleep sort srun ssh
     sudo systemctl systemd-analyze tail tar tee test then timeout trap true until valgrind wait wc while xdg-open zstd [ [[ : . { }""".split())
 PREFIXES = set("do else exec if nice nohup sudo then time until while { !".split())
-REPOSITORY_PATH = re.compile(r"^(?:\.{1,2}/)*(?:client|common|coordinator|deploy|docs|protocol|scenes|scripts|tests|worker)/[\w./-]+$")
+REPOSITORY_PATH = re.compile(r"^(?:\.{1,2}/)*(?:client|common|coordinator|deploy|docs|protocol|scenes|scripts|tests|web|worker)/[\w./-]+$")
 
 
 # ---- what the programs know ---------------------------------------------------------------------
@@ -50,7 +50,7 @@ class Tables:
         self.commands = {}
         self.helps = {}
         self._read("azulejo")
-        for name in ("azulejo-coordinator", "azulejo-worker"):
+        for name in ("azulejo-coordinator", "azulejo-web", "azulejo-worker"):
             self._read(name)
         for (program, command), entry in self.commands.items():
             # Sub-commands of a sub-command stand in its usage alone: `token create|list`.
@@ -244,7 +244,7 @@ class Checker:
         self.counts["commands"] += 1
         if name == "?":
             self.fault(document, line, "this is no shell: %s" % words[1])
-        elif program in ("azulejo", "azulejo-coordinator", "azulejo-worker"):
+        elif program in ("azulejo", "azulejo-coordinator", "azulejo-web", "azulejo-worker"):
             self.azulejo(document, line, program, words[1:], what)
         elif program == "make":
             self.make(document, line, words[1:], what)
@@ -352,7 +352,7 @@ class Checker:
 
     def spans(self, document):
         for line, text in document.spans():
-            words = re.match(r"^(azulejo(?:-coordinator|-worker)?|make|scripts/\S+|tests/\S+)(?: |$)", text)
+            words = re.match(r"^(azulejo(?:-coordinator|-web|-worker)?|make|scripts/\S+|tests/\S+)(?: |$)", text)
             if REPOSITORY_PATH.match(text):
                 self.path(document, line, text, "`%s`" % text)
             elif words and re.search(r"[\[\]|*<>…]|\.\.\.", text) is None and " " in text:

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Prove the dependency rule: common <- protocol <- {coordinator, worker, client};
+# Prove the dependency rule: common <- protocol <- {coordinator, web, worker, client};
 # worker/render sees only common; uv.h, sqlite3.h, embree and jansson.h only where they belong.
 set -u
 cd "$(dirname "$0")/.."
@@ -14,15 +14,16 @@ forbid() {
         bad=1
     fi
 }
-forbid common '(protocol|coordinator|worker|client|tests)/'
+forbid common '(protocol|coordinator|web|worker|client|tests)/'
 forbid common 'uv\.h|sqlite3\.h|embree'
-forbid protocol '(coordinator|worker|client|tests)/'
-forbid protocol 'sqlite3\.h|embree|jansson'
+forbid protocol '(coordinator|web|worker|client|tests)/'
+forbid protocol 'sqlite3\.h|embree'
 forbid worker/render '(protocol|coordinator|client|tests)/|uv\.h|sqlite3\.h|openssl/|pthread\.h|stdio\.h.*socket'
 forbid worker/render 'worker/[a-z_]+\.h'
-forbid coordinator '(worker|client|tests)/|embree'
-forbid worker '(coordinator|client|tests)/|sqlite3\.h'
-forbid client '(coordinator|worker|tests)/|sqlite3\.h|embree'
+forbid coordinator '(web|worker|client|tests)/|embree|jansson|curl/'
+forbid web '(coordinator|worker|client|tests)/|sqlite3\.h|embree'
+forbid worker '(coordinator|web|client|tests)/|sqlite3\.h'
+forbid client '(coordinator|web|worker|tests)/|sqlite3\.h|embree'
 forbid scenes '(protocol|coordinator|worker|client|tests)/'
 
 # Only the store speaks SQL; only accel*.c speak Embree.
@@ -30,17 +31,19 @@ hits=$(grep -rln 'sqlite3\.h' --include='*.[ch]' coordinator 2>/dev/null | grep 
 [ -z "$hits" ] || { echo "only coordinator/store/store*.c may include sqlite3.h: $hits"; bad=1; }
 hits=$(grep -rlnE 'embree[34]/' --include='*.[ch]' worker 2>/dev/null | grep -vE '^worker/render/accel/accel(_[a-z]+)?\.[ch]$')
 [ -z "$hits" ] || { echo "only worker/render/accel/accel*.c may include Embree: $hits"; bad=1; }
-# Only coordinator/web/http*.c speak libwebsockets, and the server knows the page only as its guest.
-hits=$(grep -rln 'libwebsockets\.h' --include='*.[ch]' common protocol coordinator worker client 2>/dev/null | grep -vE '^coordinator/web/http[a-z_]*\.[ch]$')
-[ -z "$hits" ] || { echo "only coordinator/web/http* may include libwebsockets.h: $hits"; bad=1; }
-for folder in farm job film store net; do
-    forbid "coordinator/$folder" 'coordinator/web/'
+hits=$(grep -rln 'jansson\.h' --include='*.[ch]' protocol 2>/dev/null | grep -v '^protocol/json/json_wire_read\.c$')
+[ -z "$hits" ] || { echo "in protocol, only json_wire_read.c may include jansson: $hits"; bad=1; }
+# Only web/http speaks libwebsockets, and the server knows what serves the page only as its guest.
+hits=$(grep -rln 'libwebsockets\.h' --include='*.[ch]' common protocol coordinator web worker client 2>/dev/null | grep -v '^web/http/')
+[ -z "$hits" ] || { echo "only web/http may include libwebsockets.h: $hits"; bad=1; }
+for folder in farm frame job film store net pictures steering; do
+    forbid "coordinator/$folder" 'coordinator/page/'
 done
 # Logic takes time and output as arguments: no uv.h.
-for folder in coordinator/farm coordinator/job coordinator/film coordinator/store; do
+for folder in coordinator/farm coordinator/pictures coordinator/steering coordinator/frame coordinator/job coordinator/film coordinator/store; do
     forbid "$folder" 'uv\.h'
 done
-for file in coordinator/net/admission coordinator/net/descriptors coordinator/web/guard coordinator/web/http_queue; do
+for file in coordinator/net/admission coordinator/net/descriptors web/http/guard web/http/http_queue; do
     for source in "$file".[ch] "${file}"_*.[ch]; do
         [ -f "$source" ] && forbid "$source" 'uv\.h'
     done

@@ -8,7 +8,7 @@ import re
 import sys
 
 DOCUMENT = "docs/ARCHITECTURE.md"
-ROOMS = ("client", "common", "coordinator", "protocol", "scenes", "tests", "worker")
+ROOMS = ("client", "common", "coordinator", "protocol", "scenes", "tests", "web", "worker")
 
 
 def rows():

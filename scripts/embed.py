@@ -16,9 +16,10 @@ TYPES = {".html": "text/html; charset=utf-8", ".css": "text/css; charset=utf-8",
 
 
 def main(out, folder, *more):
-    files = sorted(p for p in pathlib.Path(folder).iterdir() if p.is_file() and not p.name.startswith("."))
+    files = sorted(p for p in pathlib.Path(folder).rglob("*") if p.is_file() and not p.name.startswith("."))
+    names = [p.relative_to(folder).as_posix() for p in files] + [pathlib.Path(p).name for p in more]
     files += [pathlib.Path(p) for p in more]
-    lines = ["/* Made by scripts/embed.py. */", '#include "coordinator/web/assets.h"', ""]
+    lines = ["/* Made by scripts/embed.py. */", '#include "web/api/assets.h"', ""]
     rows = []
     for number, path in enumerate(files):
         if path.suffix not in TYPES:
@@ -31,7 +32,7 @@ def main(out, folder, *more):
             for at in range(0, len(content), 32):
                 lines.append("    " + "".join(f"{byte}," for byte in content[at:at + 32]))
             lines.append("    0};")
-        rows.append(f'    {{"{path.name}", "{TYPES[path.suffix]}", "{etag}", file_{number}, {len(data)}, '
+        rows.append(f'    {{"{names[number]}", "{TYPES[path.suffix]}", "{etag}", file_{number}, {len(data)}, '
                     f'packed_{number}, {len(packed)}}},')
     lines += ["const struct web_asset_file web_asset_files[] = {", *rows, "    {0, 0, 0, 0, 0, 0, 0}};",
               f"const size_t web_asset_file_count = {len(rows)};", ""]

@@ -23,7 +23,7 @@ fi
 instrument=address,undefined,fuzzer-no-link
 tree=build/${instrument//,/-}-clang
 libraries=()
-for library in client coordinator worker render protocol support common; do
+for library in client web coordinator worker render protocol support common; do
     libraries+=("$tree/lib/lib$library.a")
 done
 objects=()
@@ -32,7 +32,7 @@ for source in "$@"; do
 done
 # Warnings are the ordinary build's business.
 make -s CC="$FUZZ_CC" SANITIZE="$instrument" WARNINGS=-w "${libraries[@]}" "${objects[@]}"
-others=$(pkg-config --libs libuv openssl sqlite3 jansson libpng zlib libjpeg libwebp libzstd libprotobuf-c OpenEXR)
+others=$(pkg-config --libs libuv openssl sqlite3 jansson libwebsockets libcurl libpng zlib libdeflate libjpeg libwebp libzstd libprotobuf-c OpenEXR draco)
 embree=-lembree3
 [ -e /usr/include/embree4/rtcore.h ] && embree=-lembree4
 mkdir -p build/fuzz/corpus
@@ -45,7 +45,7 @@ for source in "$@"; do
     mkdir -p "$corpus"
     # shellcheck disable=SC2086
     "$FUZZ_CC" -fsanitize=fuzzer,address,undefined -pthread -o "build/fuzz/$target" \
-        "$tree/obj/${source%.c}.o" "${libraries[@]}" $others $embree -lm
+        "$tree/obj/${source%.c}.o" "${libraries[@]}" $others $embree -lstdc++ -lm
     echo "== $target for $FUZZ_SECONDS s"
     seeds=()
     [ -d "tests/fuzz/corpus/$name" ] && seeds=("tests/fuzz/corpus/$name")

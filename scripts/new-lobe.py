@@ -18,10 +18,8 @@ LOBE = '''/* lobe_@x@: TODO what it is, and whose model (author, year, title, eq
  *
  * Reciprocal; with the cosine it sends out at most its weight. It lies over the base and leaves
  * 1 - weight of what lies below. Sampled by its power of wo.wi, which is a density around wo. */
-#ifndef AZULEJO_RENDER_LOBE_@X@_H
-#define AZULEJO_RENDER_LOBE_@X@_H
+#pragma once
 
-#include "common/math/elementary.h"
 #include "worker/render/bsdf/lobe.h"
 #include "worker/render/bsdf/warp.h"
 
@@ -33,9 +31,9 @@ static inline void @x@_init(struct bsdf *b, const struct bsdf_params *p, struct 
     b->@x@.weight = clamp_to(p->@x@, 0, 1);
 }
 
-static inline float @x@_share(const struct bsdf *b, float *rest)
+static inline real @x@_share(const struct bsdf *b, real *rest)
 {
-    float above = *rest;
+    real above = *rest;
 
     *rest *= 1.0f - b->@x@.weight;
     return b->@x@.weight * b->cos_o * above;
@@ -49,38 +47,36 @@ static inline void @x@_cover(const struct bsdf *b, struct vec3 wi, int near, int
     cover->diffuse *= 1.0f - b->@x@.weight;
 }
 
-static inline float @x@_density(struct vec3 wo, struct vec3 wi)
+static inline real @x@_density(struct vec3 wo, struct vec3 wi)
 {
-    float power = float_min(float_max(vec3_dot(wo, wi), 0), 1);
+    real power = real_min(real_max(vec3_dot(wo, wi), 0), 1);
 
     for (int n = 1; n < @X@_POWER; n *= 2)
         power *= power;
-    return (@X@_POWER + 1) * INV_2PI_F * power;
+    return (@X@_POWER + 1) * REAL_INV_2PI * power;
 }
 
 static inline struct vec3 @x@_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                       const struct cover *cover, float *pdf)
+                                       const struct cover *cover, real *pdf)
 {
-    float density = @x@_density(wo, wi);
+    real density = @x@_density(wo, wi);
 
     *pdf = b->lobe_pdf[BSDF_LOBE_@X@] * density;
     return vec3_splat(b->@x@.weight * density * wi.z * cover->@x@);
 }
 
-static inline enum lobe_result @x@_sample(const struct bsdf *b, struct vec3 wo, float w, float u,
-                                          float v, struct bsdf_sample *out)
+static inline enum lobe_result @x@_sample(const struct bsdf *b, struct vec3 wo, real w, real u,
+                                          real v, struct bsdf_sample *out)
 {
     struct basis around = basis_from_normal(wo);
-    float z = det_pow(1.0f - u, 1.0f / (@X@_POWER + 1)), radius, sine, cosine;
+    real z = real_pow(1.0f - u, 1 / (real)(@X@_POWER + 1)), radius, sine, cosine;
 
     (void)b, (void)w;
-    radius = sqrtf(float_max((1.0f - z) * (1.0f + z), 0));
+    radius = real_sqrt(real_max((1.0f - z) * (1.0f + z), 0));
     sincos_turn(v, &sine, &cosine);
     out->wi = basis_to_world(&around, (struct vec3){radius * cosine, radius * sine, z});
     return out->wi.z > 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
 }
-
-#endif
 '''
 
 
@@ -192,7 +188,7 @@ def add_lobe(edits, name):
     path = "worker/render/bsdf/bsdf.h"
     edits.add_row(path, "BSDF_FACTOR_MAP", "X(@X@, FORM(@x@)) /* weight of the lobe, 0..1 */")
     edits.add_row(path, "BSDF_LAYER_MAP", "X(@X@, @x@, ABOVE, EFFECT_@X@, PROFILE_ACCOUNT(@X@))")
-    edits.before(path, "/* Fields below `material`", "/* lobe_@x@.h */\nstruct bsdf_@x@ {\n    float weight;\n};\n\n")
+    edits.before(path, "/* Fields below `material`", "/* lobe_@x@.h */\nstruct bsdf_@x@ {\n    real weight;\n};\n\n")
     edits.before(path, "};\n\nenum bsdf_flags", "    struct bsdf_@x@ @x@;\n")
     path = "worker/render/bsdf/layering.h"
     edits.replace(path, r'(?:#include "worker/render/bsdf/[^\n]*\n)+', lambda match: "".join(
@@ -214,7 +210,7 @@ def add_to_makers(edits):
 
 def add_tests(edits):
     add_to_makers(edits)
-    edits.before("tests/statistics/test_bsdf_lobes.c", "    case BSDF_LOBES:\n",
+    edits.before("tests/statistics/test_bsdf_lobes.c", "    case BSDF_LOBES: fail();\n",
                  "    case BSDF_LOBE_@X@:\n        p.@x@ = 1;\n        break;\n")
     path = "tests/unit/render/test_kernels.c"
     edits.before(path, "static const struct {\n    const char *name, *kernel;",
@@ -238,7 +234,7 @@ def add_manual(edits):
     path = "docs/EFFECTS.md"
     edits.before(path, "\n\nThe effects without an entry in the last column",
                  "\n| @shown@ | TODO: what it is, and whose model | weight > 0 | TODO: what the picture loses |")
-    edits.replace(path, r"\| general \| and ", lambda match: match.group() + edits.fill("@shown@, "))
+    edits.replace(path, r"\| general \| everything: also ", lambda match: match.group() + edits.fill("@shown@, "))
 
 
 def main():

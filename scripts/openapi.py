@@ -1,146 +1,91 @@
 #!/usr/bin/env python3
-"""Write docs/openapi.yaml, the description of the API: from the table of routes (coordinator/web/routes.c) and the
-messages of protocol/azulejo.proto, whose JSON form is coordinator/web/json_wire.h's.
+"""Write openapi.yaml, the description of the API, to standard output: from the routes that scripts/openapi_routes.c
+prints, on standard input, and the messages of protocol/azulejo.proto, whose JSON form is protocol/json/json_wire.h's.
 
-    scripts/openapi.py            write it
-    scripts/openapi.py --check    fail if it is not what would be written
+    openapi_routes | scripts/openapi.py DESCRIPTORS
+
+DESCRIPTORS is what protoc-c --descriptor_set_out --include_source_info makes of the schema.
 """
 import json
 import os
 import re
 import sys
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-ROUTES = os.path.join(ROOT, "coordinator/web/routes.c")
-PROBLEMS = os.path.join(ROOT, "coordinator/web/problem.h")
-VERBS = os.path.join(ROOT, "common/schema/verbs.h")
-PROTO = os.path.join(ROOT, "protocol/azulejo.proto")
-OUT = os.path.join(ROOT, "docs/openapi.yaml")
-
-
-# ---- the table of routes ----------------------------------------------------------------------------------------
-
-def split_arguments(text):
-    """Split at commas outside of brackets and strings."""
-    parts, depth, start, quoted = [], 0, 0, False
-    for at, c in enumerate(text):
-        if c == '"' and text[at - 1] != "\\":
-            quoted = not quoted
-        elif quoted:
-            continue
-        elif c in "({[":
-            depth += 1
-        elif c in ")}]":
-            depth -= 1
-        elif c == "," and depth == 0:
-            parts.append(text[start:at].strip())
-            start = at + 1
-    return [p for p in parts + [text[start:].strip()] if p]
-
-
-def closing(text, at):
-    """The place of the bracket that closes the one at `at`."""
-    depth, quoted = 0, False
-    while True:
-        c = text[at]
-        if c == '"' and text[at - 1] != "\\":
-            quoted = not quoted
-        elif not quoted:
-            depth += (c in "({") - (c in ")}")
-            if depth == 0:
-                return at
-        at += 1
-
-
-def expand(text, macros):
-    """The text with the macros' calls replaced, as the C preprocessor does."""
-    pattern = re.compile(r"\b(%s)\(" % "|".join(macros))
-    while True:
-        call = pattern.search(text)
-        if not call:
-            return text
-        names, body = macros[call.group(1)]
-        end = closing(text, call.end() - 1)
-        for name, value in zip(names, split_arguments(text[call.end():end])):
-            body = re.sub(r"\b%s\b(?=(?:[^\"]*\"[^\"]*\")*[^\"]*$)" % name, lambda m: value, body)
-        text = text[:call.start()] + body + text[end + 1:]
-
-
-def text_of(literal):
-    return "".join(re.findall(r'"((?:[^"\\]|\\.)*)"', literal)).replace('\\"', '"')
-
-
-def read_verbs():
-    """The arguments of each VERB of verbs.h, as text."""
-    source = open(VERBS).read().replace("\\\n", " ")
-    source = source[source.index("#define JOB_VERBS"):]
-    return [source[m.end():closing(source, m.end() - 1)] for m in re.finditer(r"\bVERB\(", source[:source.index("\nenum")])]
-
-
-def read_routes():
-    source = open(ROUTES).read().replace("\\\n", " ")
-    macros = {m[1]: ([a.strip() for a in m[2].split(",") if a.strip() != "..."], m[3])
-              for m in re.finditer(r"^#define (\w+)\(([^)]*)\)(.*)$", source, re.M)}
-    table = re.search(r"struct web_route routes\[\] = \{(.*?)\n\};", source, re.S)[1]
-    table = re.sub(r"/\*.*?\*/", "", table, flags=re.S)
-    table = table.replace("JOB_VERBS(VERB, VARIANT)", "".join("VERB(%s)" % row for row in read_verbs()))
-    routes = []
-    table = expand(table, {k: v for k, v in macros.items() if k != "BODY"}).replace("##", "")
-    for row in split_arguments(re.sub(r"#(\w+)", r'"\1"', table)):
-        cells = split_arguments(row.strip()[1:-1])
-        named = dict((c.split("=", 1)[0].strip().lstrip("."), c.split("=", 1)[1].strip()) for c in cells[3:])
-        body = lambda key: re.search(r"BODY\((\w+)\)", named[key])[1].lower() if key in named else None
-        routes.append({
-            "method": cells[0].replace("WEB_", "").lower(), "path": text_of(cells[1]),
-            "role": cells[2].replace("WEB_ROLE_", "").lower(), "own": "own_jobs_suffice" in named,
-            "message": body("message"), "answer": body("answer"), "run": "run" in named, "open": "open" in named,
-            "streams": "streams_body" in named, "query": text_of(named.get("query", "")).split(),
-            "fixed": [f.split("=")[0] for f in text_of(named.get("fixed", "")).split()],
-            "summary": text_of(named["summary"])})
-    return routes
-
-
-def read_problems():
-    """(HTTP status, code, title) of problem.h."""
-    rows = re.findall(r'X\(\w+, "([a-z-]+)", (\d+), "([^"]*)"', open(PROBLEMS).read())
-    return [(int(status), code, title) for code, status, title in rows]
-
 
 # ---- the messages -----------------------------------------------------------------------------------------------
 
-def read_proto():
-    """{message: [(name, type, repeated, comment)]}, {enum: [words]}, {envelope's field: message}"""
-    messages, enums, envelope, name, comments = {}, {}, {}, None, []
-    source = open(PROTO).read()
-    # One-line messages in lines of their own.
-    source = re.sub(r"message (\w+) \{ ?(.*?) ?\}", lambda m: "message %s {\n  %s\n}" % (m[1], re.sub(r"; (?=\w)", ";\n  ", m[2])), source)
-    for line in source.splitlines():
-        begin = re.match(r"(message|enum) (\w+) \{", line)
-        if begin:
-            kind, name, comments = begin[1], begin[2], []
-            (messages if kind == "message" else enums)[name] = []
-            continue
-        if re.match(r"\}", line):
-            name, comments = None, []
-            continue
-        alone = re.match(r"\s+// ?(.*)", line)
-        if alone:
-            comments.append(alone[1])
-            continue
-        field = re.match(r"\s+(repeated )?(map<string, \w+>|\w+) (\w+) = (\d+);\s*(?://\s*(.*))?", line)
-        if name and field and kind == "message":
-            if name == "Envelope":
-                envelope[field[3]] = field[2]
-            messages[name].append((field[3], field[2], bool(field[1]), " ".join(comments + [field[5] or ""]).strip()))
-        value = re.match(r"\s+(\w+) = (\d+);", line)
-        if name and value and kind == "enum":
-            enums[name].append(value[1])
-        comments = []
-    for enum, words in enums.items():
+def values(data):
+    """{field's number: [its values]} of an encoded message: numbers, and bytes."""
+    found, at = {}, 0
+
+    def varint():
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte = data[at]
+            at += 1
+            value |= (byte & 127) << shift
+            shift += 7
+            if byte < 128:
+                return value
+    while at < len(data):
+        key = varint()
+        if key & 7 == 0:
+            value = varint()
+        else:
+            size = varint() if key & 7 == 2 else 8 if key & 7 == 1 else 4
+            value = data[at:at + size]
+            at += size
+        found.setdefault(key >> 3, []).append(value)
+    return found
+
+
+# Of google/protobuf/descriptor.proto: the numbers of fields, and of types.
+FILE_MESSAGE, FILE_ENUM, FILE_SOURCE, NAME, FIELD, NESTED, LABEL, TYPE, TYPE_NAME, PATH, LEADING, TRAILING = 4, 5, 9, 1, 2, 3, 4, 5, 6, 1, 3, 4
+REPEATED, MESSAGE, ENUM = 3, 11, 14
+TYPES = ("", "double", "float", "int64", "uint64", "int32", "fixed64", "fixed32", "bool", "string", "", "", "bytes", "uint32", "",
+         "sfixed32", "sfixed64", "sint32", "sint64")
+
+
+def text(message, field):
+    return message[field][0].decode() if field in message else ""
+
+
+def read_proto(path):
+    """{message: [(name, type, repeated, comment)]}, {enum: [words]}; a map is (name, "map<its values' type>", False, comment)"""
+    with open(path, "rb") as file:
+        schema = values(values(file.read())[1][0])
+    comments = {}
+    for location in map(values, values(schema[FILE_SOURCE][0])[1]):
+        words = text(location, LEADING) + text(location, TRAILING)
+        comments[location.get(PATH, [b""])[0]] = " ".join(words.split())
+
+    def kind(field):
+        return text(field, TYPE_NAME).rpartition(".")[2] if field[TYPE][0] in (MESSAGE, ENUM) else TYPES[field[TYPE][0]]
+    messages, enums = {}, {}
+    for number, message in enumerate(map(values, schema[FILE_MESSAGE])):
+        maps = {text(entry, NAME): "map<%s>" % kind(values(entry[FIELD][1])) for entry in map(values, message.get(NESTED, []))}
+        rows = messages[text(message, NAME)] = []
+        for place, field in enumerate(map(values, message.get(FIELD, []))):
+            found = maps.get(kind(field), kind(field))
+            rows.append((text(field, NAME), found, field[LABEL][0] == REPEATED and found == kind(field),
+                         comments.get(path_of(FILE_MESSAGE, number, FIELD, place), "")))
+    for enum in map(values, schema[FILE_ENUM]):
+        words = [text(values(value), NAME) for value in enum[2]]
         prefix = os.path.commonprefix(words)
-        prefix = prefix[:prefix.rfind("_") + 1]
-        enums[enum] = [w[len(prefix):].lower() for w in words]
-    return messages, enums, envelope
+        enums[text(enum, NAME)] = [w[prefix.rfind("_") + 1:].lower() for w in words]
+    return messages, enums
+
+
+def path_of(*numbers):
+    """As SourceCodeInfo.Location.path is encoded."""
+    out = b""
+    for n in numbers:
+        while n > 127:
+            out += bytes([n & 127 | 128])
+            n >>= 7
+        out += bytes([n])
+    return out
 
 
 NUMBERS = {"uint32": (0, 2**32 - 1), "fixed32": (0, 2**32 - 1), "int32": (-2**31, 2**31 - 1), "sint32": (-2**31, 2**31 - 1)}
@@ -151,12 +96,12 @@ def ref(name):
 
 
 class Schemas:
-    def __init__(self):
-        self.messages, self.enums, self.envelope = read_proto()
+    def __init__(self, messages, enums, choices):
+        self.messages, self.enums = messages, enums
+        # {(message, field): (words, is it a set?)}
+        self.choices = {(c["message"], c["field"]): ([w.replace(" ", "-") for w in c["words"]], c["set"]) for c in choices}
         self.made = {}
         self.asked = set()
-        for name in ("Hello",):
-            assert name in self.messages
 
     def reach(self, name, into):
         """All messages in this one."""
@@ -181,20 +126,21 @@ class Schemas:
         if kind == "bytes":
             return ref("Bytes")
         if kind.startswith("map<"):
-            return {"type": "object", "additionalProperties": self.kind(kind[4:-1].split(", ")[1])}
+            return {"type": "object", "additionalProperties": ref("Parameter")}
         if kind in self.enums:
             return {"type": "string", "enum": self.enums[kind]}
         return self.message(kind)
 
-    def property(self, kind, repeated, comment):
-        schema = self.kind(kind)
-        if repeated:
+    def property(self, message, field, kind, repeated, comment):
+        words, is_set = self.choices.get((message, field), (None, False))
+        schema = {"type": "string", "enum": words} if words else self.kind(kind)
+        if repeated or is_set:
             schema = {"type": "array", "items": schema}
         return {"allOf": [schema], "description": comment} if comment and "$ref" in schema else \
             dict(schema, description=comment) if comment else schema
 
     def fields(self, name, without=()):
-        return {field: self.property(kind, repeated, comment)
+        return {field: self.property(name, field, kind, repeated, comment)
                 for field, kind, repeated, comment in self.messages[name] if field not in without}
 
     def message(self, name):
@@ -234,27 +180,23 @@ WORDS = array(TEXT)
 VERB = obj("name path role says label done question button takes field single states accepted front", single=BOOL,
            states=WORDS, accepted=WORDS, front=WORDS,
            takes={"enum": ["nothing", "flag", "number", "text", "frames", "form"]})
-NAMES = "effects stages aovs isas samplers light_choices texture_filters bvh_qualities"
+NAMES = "effects stages aovs isas env_samplings samplers light_choices texture_filters bvh_qualities stop_measures"
 SESSION = obj("role who", "token software farm name address port login_required", role={
     "enum": ["none", "view", "submit", "operate", "admin"]}, token=WHOLE)
 SESSION["additionalProperties"] = True
 # Method and path: what is answered (content type, schema), and the body that is taken.
 FORMS = {
-    "get /": ("text/html", TEXT), "get /assets/{file}": ("*/*", {}), "get /docs/errors": ("text/plain", TEXT),
+    "get /": ("text/html", TEXT), "get /assets/{file}": ("*/*", {}), "get /assets/{folder}/{file}": ("*/*", {}),
+    "get /docs/errors": ("text/plain", TEXT),
     "get /healthz": ("text/plain", TEXT), "get /readyz": ("text/plain", TEXT), "get /metrics": ("text/plain", TEXT),
     "get /api/v1/openapi.yaml": ("application/yaml", TEXT),
     "post /api/v1/session": ("application/json", SESSION, obj("token")),
     "get /api/v1/session": ("application/json", SESSION),
     "delete /api/v1/session": ("application/json", {}),
-    "get /api/v1/farm": ("application/json", obj(
-        "software address protocol_version begun_at now ending states workers workers_working threads samples_per_second "
-        "conflicts store_usable store_why", protocol_version=WHOLE, begun_at=WHOLE, now=WHOLE, ending=BOOL,
-        states={"type": "object", "additionalProperties": WHOLE}, workers=WHOLE, workers_working=WHOLE, threads=WHOLE,
-        samples_per_second=REAL, conflicts=WHOLE, store_usable=BOOL)),
     "get /api/v1/operators": ("application/json", obj(
-        "operators metering exposure_max kelvin_min kelvin_max temporal_max", operators=array(OPERATOR),
-        metering=array(TEXT), exposure_max=WHOLE, kelvin_min=WHOLE, kelvin_max=WHOLE, temporal_max=WHOLE)),
-    "get /api/v1/effects": ("application/json", obj("switchable health " + NAMES, switchable=BIG, health=array(HEALTH),
+        "operators metering denoise exposure_max kelvin_min kelvin_max temporal_max", operators=array(OPERATOR),
+        metering=array(TEXT), denoise=array(TEXT), exposure_max=WHOLE, kelvin_min=WHOLE, kelvin_max=WHOLE, temporal_max=WHOLE)),
+    "get /api/v1/effects": ("application/json", obj("switchable health " + NAMES, switchable=WORDS, health=array(HEALTH),
                                                     **{n: array(TEXT) for n in NAMES.split()})),
     "get /api/v1/verbs": ("application/json", obj("verbs", verbs=array(VERB))),
     "put /api/v1/blobs/{digest}": ("application/json", obj("digest bytes", digest=ref("Bytes"), bytes=BIG)),
@@ -272,19 +214,19 @@ FILES = {"exr": "image/x-exr", "png": "image/png", "jpg": "image/jpeg", "effects
 # Values of a query that are fields of no message.
 QUERIES = {"tonemap": TEXT, "exposure": {"type": "number"}, "metering": {"enum": ["off", "key", "percentile"]},
            "metering_percentile": {"type": "number"}, "white_kelvin": {"type": "number"},
-           "no_dither": {"enum": ["0", "1"]}, "after": TEXT}
+           "denoise": {"enum": ["off", "on", "fast"]}, "no_dither": {"enum": ["0", "1"]}, "after": TEXT}
 
 
 # ---- the document -------------------------------------------------------------------------------------------------
 
 def parameters(route, schemas):
     fields = {f: (kind, comment) for f, kind, _, comment in
-              schemas.messages.get(schemas.envelope.get(route["message"]), [])}
+              schemas.messages[route["message"]["type"]]} if route["message"] else {}
     out = []
     for name in re.findall(r"\{([\w.]+)\}", route["path"]):
         schema = schemas.kind(fields[name][0]) if name in fields else TEXT
         out.append({"name": name.rstrip("."), "in": "path", "required": True, "schema": schema})
-    for name in route["query"]:
+    for name in route["query"].split():
         if name.endswith(".*"):
             out.append({"name": "parameters", "in": "query", "style": "form", "explode": True,
                         "description": "The operator's own, as %sNAME=VALUE." % name[:-1],
@@ -308,8 +250,8 @@ def body_of(route, schemas):
         return {"required": True, "content": {"application/json": {"schema": form[2]}}}
     if not route["message"]:
         return None
-    taken = set(re.findall(r"\{([\w.]+)\}", route["path"])) | set(route["fixed"])
-    fields = schemas.fields(schemas.envelope[route["message"]], taken)
+    taken = set(re.findall(r"\{([\w.]+)\}", route["path"])) | {f.split("=")[0] for f in route["fixed"].split()}
+    fields = schemas.fields(route["message"]["type"], taken)
     if not fields:
         return {"required": False, "content": {"application/json": {"schema": obj()}}}
     return {"required": False, "content": {"application/json": {"schema": {
@@ -318,12 +260,12 @@ def body_of(route, schemas):
 
 def content_of(route, schemas):
     form = FORMS.get("%s %s" % (route["method"], route["path"]))
-    if route["answer"] == "output_data":
+    if (route["answer"] or {}).get("field") == "output_data":
         kind = FILES[route["path"].rsplit("/", 1)[1]]
         schema = {} if kind == "application/json" else {"type": "string", "format": "binary"}
         return {kind: {"schema": schema}}
     if route["answer"]:
-        return {"application/json": {"schema": schemas.message(schemas.envelope[route["answer"]])}}
+        return {"application/json": {"schema": schemas.message(route["answer"]["type"])}}
     if not form:
         sys.exit("openapi.py: %s %s has no message and no form: add it to FORMS" % (route["method"], route["path"]))
     return {form[0]: {"schema": form[1]}} if form[0] else None
@@ -345,7 +287,9 @@ def operation(route, schemas):
     success = dict({"description": "Done."}, **({"content": content} if content else {}))
     out["responses"] = {"101": {"description": "The WebSocket is open."}} if route["open"] else {
         "201" if "%s %s" % (route["method"], route["path"]) in CREATES else "200": success}
-    if route["answer"] == "output_data":
+    if route["method"] != "get" and (route["answer"] or {}).get("type", "").endswith("JobList"):
+        out["responses"]["202"] = dict(success, description="Done, but not on the coordinator's disk yet (not_stored).")
+    if (route["answer"] or {}).get("field") == "output_data":
         out["responses"]["304"] = {"description": "The file is the one of If-None-Match."}
     if route["method"] in ("delete", "put") and not route["answer"]:
         out["responses"]["204"] = {"description": "Done."}
@@ -353,30 +297,31 @@ def operation(route, schemas):
     return out
 
 
-def document():
-    schemas = Schemas()
-    routes = read_routes()
+def document(table, messages, enums):
+    schemas, routes = Schemas(messages, enums, table["choices"]), table["routes"]
     for route in routes:
         if route["message"] and route["method"] not in ("get", "delete"):
-            schemas.reach(schemas.envelope[route["message"]], schemas.asked)
+            schemas.reach(route["message"]["type"], schemas.asked)
     paths = {}
     for route in routes:
         path = route["path"].replace("...}", "}")
         paths.setdefault(path, {})[route["method"]] = operation(route, schemas)
-    problems = read_problems()
+    problems = table["problems"]
     schemas.made["Integer64"] = {"description": "A whole number; above 2^53 as text of its digits.", "oneOf": [
         {"type": "integer"}, {"type": "string", "pattern": "^-?[0-9]{16,20}$"}]}
+    schemas.made["Parameter"] = {"description": "An operator's; a word where it is a choice.",
+                                 "oneOf": [{"type": "number"}, {"type": "string"}]}
     schemas.made["Real"] = {"description": "null: not known.", "oneOf": [
         {"type": "number"}, {"type": "null"}, {"type": "string", "enum": ["inf", "-inf"]}]}
     schemas.made["Bytes"] = {"description": "Two lower-case hexadecimal digits a byte.", "type": "string",
                              "pattern": "^([0-9a-f]{2})*$"}
     schemas.made["Problem"] = dict(obj("type title status code detail instance", status=WHOLE,
-                                       code={"enum": [code for _, code, _ in problems]}),
-                                   description="; ".join("%s (%d): %s" % (c, s, t) for s, c, t in problems))
+                                       code={"enum": [p["code"] for p in problems]}),
+                                   description="; ".join("%(code)s (%(status)d): %(title)s" % p for p in problems))
     return {
         "openapi": "3.1.0",
         "info": {"title": "Azulejo", "version": "1",
-                 "description": "The coordinator's API. docs/API.md introduces it. Made by scripts/openapi.py: do not edit."},
+                 "description": "The coordinator's API. docs/API.md introduces it."},
         "servers": [{"url": "http://127.0.0.1:7421"}],
         "security": [{"token": []}, {"cookie": []}],
         "paths": paths,
@@ -434,15 +379,5 @@ def emit(value, indent, out):
     return out
 
 
-def main():
-    text = "\n".join(emit(document(), 0, [])) + "\n"
-    if "--check" in sys.argv[1:]:
-        if not os.path.exists(OUT) or open(OUT).read() != text:
-            sys.exit("docs/openapi.yaml is not current: run scripts/openapi.py")
-        return
-    with open(OUT, "w") as file:
-        file.write(text)
-
-
 if __name__ == "__main__":
-    main()
+    print("\n".join(emit(document(json.load(sys.stdin), *read_proto(sys.argv[1])), 0, [])))

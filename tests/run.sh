@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
-# Run every test and end with "N passed, N failed". A test is a program or script that
-# prints TAP lines ("ok N - name", "not ok N - name"); one that prints none, dies or runs
-# past its limit counts as one failure. BUILD names the build tree.
+# Run every test and end with "N passed, N failed". A test is a program or script that prints TAP lines ("ok N - name",
+# "not ok N - name"); one that prints none, dies or runs past its limit counts as one failure. BUILD names the build tree.
 # tests/run.sh PATTERN runs only the tests whose path matches.
+#
+# Programs compute, in one lane a core and with less priority; farms and pages mostly wait, in lanes of their own beside
+# them. Nothing is run again. The slowest begin first: as in the last run in this tree, else in tests/slowest.txt.
 set -u
 cd "$(dirname "$0")/.."
 export BUILD=${BUILD:-build/release}
@@ -13,67 +15,110 @@ export TSAN_OPTIONS=${TSAN_OPTIONS:-suppressions=$PWD/tests/support/tsan.supp:ha
 export LSAN_OPTIONS=${LSAN_OPTIONS:-suppressions=$PWD/tests/support/lsan.supp}
 pattern=${1:-.}
 limit_s=${TEST_LIMIT_S:-900}
-lanes=${TEST_LANES:-$(nproc)}
+# Farms share the cores with one another and with programs: each deadline is three times as long.
+[[ $BUILD =~ address|thread|undefined|debug ]] || export FARM_PATIENCE=${FARM_PATIENCE:-3}
+compute_lanes=${TEST_LANES:-$(nproc)}
+farm_lanes=${TEST_FARM_LANES:-$(nproc)}
 logs=$BUILD/test-logs
 counts=$logs/counts
+times=$logs/times
+# Not by a wrapper that looks for it each time, as pyenv's does.
+python=$(python3 -c 'import sys; print(sys.executable)')
 mkdir -p "$logs"
+cat tests/slowest.txt "$times" >"$logs/times-before" 2>/dev/null
 : >"$counts"
+: >"$times"
 
 # A build without the page (make WEB=0) skips its tests, by name.
 skip_web() {
     [ "${WEB:-1}" = 0 ] || return 1
-    [[ $1 =~ ^tests/web/|test_web_[a-z_]*\.py$ ]] || { [[ $1 =~ \.c$ ]] && grep -q '"coordinator/web/' "$1"; } || return 1
+    [[ $1 =~ ^tests/web/|test_web_[a-z_]*\.py$ ]] || { [[ $1 =~ \.c$ ]] && grep -qE '"(web|coordinator/page)/' "$1"; } || return 1
     echo "skip $1 (this build has no page: WEB=0)"
     echo "0 0 1" >>"$counts"
 }
 
+# Lines go out in one write each, so that tests side by side do not mix theirs.
 run_one() {
-    local name=$1 log ok bad skip rc began=$SECONDS
+    local name=$1 log ok bad skip rc began=$EPOCHREALTIME
     shift
     log=$logs/$(echo "$name" | tr '/' '_').log
     timeout "$limit_s" "$@" >"$log" 2>&1 </dev/null
     rc=$?
+    # Wall seconds, then the CPU seconds of what this lane waited for.
+    times >"$log.times"
+    awk -v from="$began" -v to="$EPOCHREALTIME" -v name="$name" '
+        NR == 2 { split($1, u, /[ms]/); split($2, s, /[ms]/)
+                  printf "%.1f %.1f %s\n", to - from, 60 * (u[1] + s[1]) + u[2] + s[2], name }' "$log.times" >>"$times"
+    rm "$log.times"
     # A skipped test is "ok N # SKIP" in TAP, and "not ok N # SKIP" in cmocka's.
     skip=$(grep -cE '^[[:space:]]*(not )?ok [0-9].*# ?[sS][kK][iI][pP]' "$log")
     ok=$(grep -E '^[[:space:]]*ok [0-9]' "$log" | grep -cvE '# ?[sS][kK][iI][pP]')
     bad=$(grep -E '^[[:space:]]*not ok [0-9]' "$log" | grep -cvE '# ?[sS][kK][iI][pP]')
     if [ "$bad" -eq 0 ] && { [ "$rc" -ne 0 ] || [ $((ok + skip)) -eq 0 ]; }; then bad=1; fi
-    # One write each, so that tests side by side do not mix their lines.
     echo "$ok $bad $skip" >>"$counts"
     if [ "$bad" -gt 0 ]; then
-        printf '%s\n' "FAIL $name ($ok ok, $bad failed, exit $rc, $((SECONDS - began)) s)
-$(grep -vE '^[[:space:]]*ok ' "$log" | tail -n 60 | sed 's/^/    /')"
+        printf '%s\n' "FAIL $name ($ok ok, $bad failed, exit $rc)
+$(grep -vE '^[[:space:]]*ok |^# [|]' "$log" | tail -n 60 | sed 's/^/    /')"
     else
-        echo "ok   $name ($ok, $((SECONDS - began)) s)"
+        echo "ok   $name ($ok)"
     fi
 }
 
-# Programs that use one core run side by side; farms, which use all of them, one after the other.
-in_lane() {
-    while [ "$(jobs -rp | wc -l)" -ge "$lanes" ]; do wait -n; done
-    run_one "$@" &
+# Commands from standard input, a line each, in so many lanes.
+run_lanes() {
+    local lanes=$1 line
+    while read -r line; do
+        while [ "$(jobs -rp | wc -l)" -ge "$lanes" ]; do wait -n; done
+        # shellcheck disable=SC2086  # the words of a command
+        run_one $line &
+    done
+    wait
 }
 
-for test in $(find tests/unit tests/statistics tests/numerics -name 'test_*.c' 2>/dev/null | sort); do
-    [[ $test =~ $pattern ]] || continue
-    skip_web "$test" && continue
-    in_lane "${test%.c}" "$BUILD/${test%.c}"
-done
-for target in $(find tests/fuzz -name 'fuzz_*.c' 2>/dev/null | sort); do
-    [[ $target =~ $pattern ]] || continue
-    skip_web "$target" && continue
-    base=$(basename "$target" .c)
-    in_lane "tests/fuzz/$base" "$BUILD/tests/fuzz/${base}_replay" "tests/fuzz/corpus/${base#fuzz_}"
-done
+# Names and commands from standard input, those that took longest first.
+slowest_first() {
+    awk -v before="$logs/times-before" '
+        BEGIN { while ((getline < before) > 0) took[$3] = $1 }
+        { print ($1 in took ? took[$1] : 1) "\t" $0 }' |
+        sort -srn | cut -f 2-
+}
+
+list_programs() {
+    local test base
+    for test in $(find tests/unit tests/statistics tests/numerics -name 'test_*.c' 2>/dev/null | sort); do
+        [[ $test =~ $pattern ]] || continue
+        skip_web "$test" >&2 && continue
+        echo "${test%.c} nice $BUILD/${test%.c}"
+    done
+    for test in $(find tests/fuzz -name 'fuzz_*.c' 2>/dev/null | sort); do
+        [[ $test =~ $pattern ]] || continue
+        skip_web "$test" >&2 && continue
+        base=$(basename "$test" .c)
+        echo "tests/fuzz/$base nice $BUILD/tests/fuzz/${base}_replay tests/fuzz/corpus/${base#fuzz_}"
+    done
+}
+
+list_farms() {
+    local test
+    for test in $(find tests/farm tests/web tests/blender -name 'test_*.py' 2>/dev/null | sort); do
+        [[ $test =~ $pattern ]] || continue
+        # The long ones about administration, unusual ways to the page and its edges: in make test-web.
+        [[ $pattern == . && $test =~ ^tests/web/test_(admin|edges|ways)\.py$ ]] && continue
+        # Two minutes of Blender: in make test-blender.
+        [[ $pattern == . && $test =~ ^tests/blender/ ]] && continue
+        skip_web "$test" >&2 && continue
+        echo "$test $python $test"
+    done
+}
+
+list_farms | slowest_first | run_lanes "$farm_lanes" &
+list_programs | slowest_first | run_lanes "$compute_lanes" &
 wait
-for test in $(find tests/farm tests/fault tests/web -name 'test_*.py' 2>/dev/null | sort); do
-    [[ $test =~ $pattern ]] || continue
-    # The long ones about administration, unusual ways to the page and its edges: in make test-web.
-    [[ $pattern == . && $test =~ ^tests/web/test_(admin|edges|ways)\.py$ ]] && continue
-    skip_web "$test" && continue
-    run_one "$test" python3 "$test"
-done
+
 echo
+echo "The slowest: seconds, of them CPU"
+sort -rn "$times" | head -n 20 | awk '{ printf "%7.1f %6.1f  %s\n", $1, $2, $3 }'
+awk '{ s += $2 } END { printf "CPU seconds in all: %.0f\n\n", s }' "$times"
 read -r passed failed skipped < <(awk '{ p += $1; f += $2; s += $3 } END { print p + 0, f + 0, s + 0 }' "$counts")
 if [ "$skipped" -gt 0 ]; then
     echo "$passed passed, $failed failed, $skipped skipped"

@@ -7,17 +7,18 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "protocol/channel.h"
 #include "protocol/message.h"
 #include "protocol/worker_name.h"
-#include "worker/blob_cache.h"
+#include "worker/cache/blob_cache.h"
 #include "worker/fetch.h"
 #include "worker/job_lines.h"
 #include "worker/leases.h"
+#include "worker/lend.h"
 #include "worker/outbox.h"
 #include "worker/pool.h"
 #include "worker/requests.h"
@@ -31,29 +32,32 @@ enum agent_state { WAITING, CONNECTING, GREETING, WORKING, DRAINING, ENDED };
 struct agent {
     struct agent_options options;
     uv_loop_t *loop;
-    uv_timer_t tick;       /* heartbeats, silence, limits */
-    uv_timer_t retry;      /* WAITING */
-    uv_async_t finished;   /* pool tasks are done */
+    uv_timer_t tick;     /* heartbeats, silence, limits */
+    uv_timer_t retry;    /* WAITING */
+    uv_async_t finished; /* pool tasks are done */
+    uv_timer_t gather;   /* more of them, since some were taken */
     enum agent_state state;
     struct error result;
 
     struct channel *channel; /* NULL: none; set until its on_close */
     uint32_t heartbeat_ms, silence_limit_ms;
-    uint64_t since_ns;       /* when the present state began */
+    uint64_t since_ns; /* when the present state began */
     uint64_t started_ns, asked_ns;
+    uint64_t moved_ns; /* when a result was last added to the outbox, or acknowledged */
     uint64_t backoff_ms;
-    int was_welcome;         /* at any time so far */
-    int last_asked;          /* units of the last LeaseRequest that were not granted yet */
-    int failed_at_work;      /* the last connection ended by a Failure: keep backing off */
-    uint32_t failures;       /* connections lost or failed since the last Welcome */
+    int was_welcome;                               /* at any time so far */
+    int last_asked;                                /* units of the last LeaseRequest that were not granted yet */
+    int is_answered;                               /* a grant followed it */
+    int failed_at_work;                            /* the last connection ended by a Failure: keep backing off */
+    uint32_t failures;                             /* connections lost or failed since the last Welcome */
     char trouble[sizeof((struct error *)0)->text]; /* the reason, as last logged */
 
     char name[WORKER_NAME_BYTES_MAX + 1]; /* as the coordinator said last; "": not yet */
-    uint64_t instance;       /* of this process */
+    uint64_t instance;                    /* of this process */
     struct duty duty;
     struct usage usage;
-    uint64_t status_ns;      /* when it was measured and told last */
-    enum duty_state paused;  /* DUTY_WORKS: it is not */
+    uint64_t status_ns;            /* when it was measured and reported last */
+    enum duty_state paused;        /* DUTY_WORKS: it is not */
     char reason[DUTY_REASON_SIZE]; /* why it is paused, or drains */
 
     struct blob_cache *blobs;
@@ -62,6 +66,7 @@ struct agent {
     struct fetcher fetcher;
     struct leases leases;
     struct requests requests;
+    struct lend lend;
     struct outbox outbox;
 };
 
@@ -95,24 +100,30 @@ static void ask_for_work(struct agent *a)
     if (channel_send(a->channel, &e) == STATUS_OK) {
         a->last_asked = (int)request.units;
         a->asked_ns = now;
+        a->is_answered = 0;
     }
 }
 
-/* Pool tasks are done: continue with scenes, send results. */
-static void on_finished(uv_async_t *handle)
-{
-    struct agent *a = handle->data;
-    struct pool_task *next;
+static void on_gathered(uv_timer_t *timer);
 
-    for (struct pool_task *task = pool_take_done(a->pool); task; task = next) {
+/* Continue with scenes, send results. While results flow, they go out together every POOL_GATHER_MS. */
+static void take_finished(struct agent *a)
+{
+    struct pool_task *next, *first = pool_take_done(a->pool);
+
+    if (first)
+        uv_timer_start(&a->gather, on_gathered, POOL_GATHER_MS, 0);
+    for (struct pool_task *task = first; task; task = next) {
         struct work_unit *unit;
         next = task->next;
-        if (scene_cache_task_done(a->scenes, task) ||
-            requests_task_done(&a->requests, task, working_channel(a)))
+        if (scene_cache_task_done(a->scenes, task) || requests_task_done(&a->requests, task, working_channel(a)) ||
+            lend_task_done(&a->lend, task, working_channel(a)))
             continue;
         unit = leases_unit_done(&a->leases, task);
-        if (unit)
-            outbox_add(&a->outbox, unit);
+        if (!unit)
+            continue;
+        outbox_add(&a->outbox, unit);
+        a->moved_ns = clock_monotonic_ns();
     }
     if (working_channel(a)) {
         outbox_pump(&a->outbox, a->channel);
@@ -120,6 +131,10 @@ static void on_finished(uv_async_t *handle)
     }
     end_if_drained(a);
 }
+
+static void on_finished(uv_async_t *handle) { take_finished(handle->data); }
+
+static void on_gathered(uv_timer_t *timer) { take_finished(timer->data); }
 
 static void notify_finished(void *user)
 {
@@ -165,24 +180,24 @@ static void on_blob_failed(void *user, const struct digest *digest, const struct
     scene_cache_blob_failed(a->scenes, digest, why);
 }
 
-/* ---- pauses, and what is told about this worker ----------------------------------------- */
+/* ---- pauses, and what is reported about this worker ------------------------------------- */
 
 static void send_status(struct agent *a)
 {
-    Azulejo__Wire__WorkerStatus told = AZULEJO__WIRE__WORKER_STATUS__INIT;
-    Azulejo__Wire__Envelope e = MESSAGE(WORKER_STATUS, worker_status, &told);
+    Azulejo__Wire__WorkerStatus report = AZULEJO__WIRE__WORKER_STATUS__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(WORKER_STATUS, worker_status, &report);
     Azulejo__Wire__LongUnit longs[LONG_UNITS_MAX], *pointers[LONG_UNITS_MAX];
     struct running_unit running[LONG_UNITS_MAX];
 
     if (!working_channel(a))
         return;
-    told.mode = a->state == DRAINING          ? AZULEJO__WIRE__WORKER_MODE__MODE_LEAVING
+    report.mode = a->state == DRAINING          ? AZULEJO__WIRE__WORKER_MODE__MODE_LEAVING
                   : a->paused != DUTY_WORKS ? AZULEJO__WIRE__WORKER_MODE__MODE_PAUSED
                                             : AZULEJO__WIRE__WORKER_MODE__MODE_WORKING;
-    told.reason = a->reason;
-    told.threads_busy = leases_running(&a->leases, clock_monotonic_ns(), LONG_UNIT_MS * NS_PER_MS,
-                                         running, LONG_UNITS_MAX, &told.n_long_units);
-    for (size_t i = 0; i < told.n_long_units; i++) {
+    report.reason = a->reason;
+    report.threads_busy = leases_running(&a->leases, clock_monotonic_ns(), LONG_UNIT_MS * NS_PER_MS, running,
+                                         LONG_UNITS_MAX, &report.n_long_units);
+    for (size_t i = 0; i < report.n_long_units; i++) {
         azulejo__wire__long_unit__init(&longs[i]);
         longs[i].job = running[i].job;
         longs[i].frame = running[i].frame;
@@ -192,13 +207,13 @@ static void send_status(struct agent *a)
         longs[i].running_ms = running[i].running_ns / NS_PER_MS;
         pointers[i] = &longs[i];
     }
-    told.long_units = pointers;
-    told.cpus = a->usage.cpus;
-    told.other_cpus = a->usage.other_cpus;
-    told.memory_bytes = a->usage.memory_bytes;
-    told.machine_memory_bytes = a->usage.machine_memory_bytes;
-    told.cache_bytes = blob_cache_bytes(a->blobs);
-    told.cache_limit_bytes = a->options.cache_limit_bytes;
+    report.long_units = pointers;
+    report.cpus = a->usage.cpus;
+    report.other_cpus = a->usage.other_cpus;
+    report.memory_bytes = a->usage.memory_bytes;
+    report.machine_memory_bytes = a->usage.machine_memory_bytes;
+    report.cache_bytes = blob_cache_bytes(a->blobs);
+    report.cache_limit_bytes = a->options.cache_limit_bytes;
     (void)!channel_send(a->channel, &e); /* fails only when the connection does */
 }
 
@@ -292,13 +307,11 @@ static void on_open(struct channel *channel, void *user)
         agent_set_state(a, GREETING);
 }
 
-/* The meaning of a refusal in the greeting. The coordinator has proved the farm's key, so it speaks
- * for the farm, and this release will not fit it at the next attempt either. Any other failure (its
- * limits, its memory) may pass. */
+/* The meaning of a refusal in the greeting. The coordinator has proved the farm's key, so it speaks for the farm, and
+ * this release will not fit it at the next attempt either. Any other failure (its limits, its memory) may pass. */
 static status greeting_refusal(status code)
 {
-    return code == STATUS_ERR_REFUSED || code == STATUS_ERR_UNSUPPORTED ? STATUS_ERR_MISMATCH
-                                                                        : code;
+    return code == STATUS_ERR_REFUSED || code == STATUS_ERR_UNSUPPORTED ? STATUS_ERR_MISMATCH : code;
 }
 
 static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
@@ -336,7 +349,9 @@ static void on_failure(struct agent *a, const Azulejo__Wire__Envelope *message)
         return;
     }
     code = message_failure_get(message->failure, &err);
-    if (a->state == GREETING) {
+    if (message->failure->key) {
+        /* Not this release, but this key: its file may get another one. */
+    } else if (a->state == GREETING) {
         code = greeting_refusal(code);
     } else {
         /* It may have refused a result (for example because its store was replaced). Sending the
@@ -351,8 +366,9 @@ static void on_failure(struct agent *a, const Azulejo__Wire__Envelope *message)
 static void on_ack(struct agent *a, const Azulejo__Wire__ResultAck *ack)
 {
     for (size_t i = 0; i < ack->n_units; i++)
-        outbox_acknowledge(&a->outbox, ack->job, ack->frame, ack->units[i]->tile,
-                           ack->units[i]->group, ack->units[i]->pass);
+        outbox_acknowledge(&a->outbox, ack->job, ack->frame, ack->units[i]->tile, ack->units[i]->group,
+                           ack->units[i]->pass);
+    a->moved_ns = clock_monotonic_ns();
     ask_for_work(a);
     end_if_drained(a);
 }
@@ -362,6 +378,9 @@ static void on_grant(struct agent *a, const Azulejo__Wire__LeaseGrant *grant)
     struct error err = {0};
 
     job_lines_of(grant->job);
+    if (!a->is_answered && a->leases.held > 0) /* without work it may have waited for a job */
+        leases_learn_trip(&a->leases, clock_monotonic_ns() - a->asked_ns);
+    a->is_answered = 1;
     a->last_asked = a->last_asked > (int)grant->n_units ? a->last_asked - (int)grant->n_units : 0;
     if (leases_grant(&a->leases, grant, a->channel, &err) != STATUS_OK)
         channel_abort(a->channel, err.code, "%s", err.text);
@@ -380,8 +399,7 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     char text[MESSAGE_TEXT_MAX];
 
     if (a->state == GREETING && m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_WELCOME &&
-        m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_FAILURE &&
-        m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_NOTICE &&
+        m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_FAILURE && m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_NOTICE &&
         m->body_case != AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT) {
         channel_abort(channel, STATUS_ERR_PROTOCOL, "sent %s before a Welcome", message_name(m));
         return;
@@ -391,19 +409,13 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
         if (a->state == GREETING)
             on_welcome(a, m->welcome);
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
-        on_failure(a, m);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT:
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE: on_failure(a, m); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT: break;
     case AZULEJO__WIRE__ENVELOPE__BODY_NOTICE:
-        log_line(m->notice->level <= LOG_LEVEL_DEBUG ? (enum log_level)m->notice->level
-                                                     : LOG_LEVEL_INFO,
+        log_line(m->notice->level <= LOG_LEVEL_DEBUG ? (enum log_level)m->notice->level : LOG_LEVEL_INFO,
                  "the coordinator says: %s", message_text(text, sizeof text, m->notice->text));
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT:
-        on_grant(a, m->lease_grant);
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT: on_grant(a, m->lease_grant); break;
     case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_REVOKE:
         leases_revoke(&a->leases, m->lease_revoke);
         outbox_drop_lease(&a->outbox, m->lease_revoke->lease);
@@ -413,18 +425,15 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
         requests_take(&a->requests, m->request, m->render_request, channel);
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK:
-        on_ack(a, m->result_ack);
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_GET: lend_take(&a->lend, m->request, m->blob_get, channel); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK: on_ack(a, m->result_ack); break;
     case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_DATA:
         if (fetcher_data(&a->fetcher, m->request, m->blob_data, &err) != STATUS_OK)
             channel_abort(channel, err.code, "%s", err.text);
         else
             fetcher_pump(&a->fetcher, channel);
         break;
-    default:
-        channel_abort(channel, STATUS_ERR_PROTOCOL, "sent %s to a worker", message_name(m));
-        break;
+    default: channel_abort(channel, STATUS_ERR_PROTOCOL, "sent %s to a worker", message_name(m)); break;
     }
 }
 
@@ -432,8 +441,10 @@ static void on_drain(struct channel *channel, void *user)
 {
     struct agent *a = user;
 
-    if (working_channel(a))
-        outbox_pump(&a->outbox, channel);
+    if (!working_channel(a))
+        return;
+    outbox_pump(&a->outbox, channel);
+    lend_pump(&a->lend, channel);
 }
 
 /* End with this status; the loop stops once the handles have closed. */
@@ -451,9 +462,8 @@ static void end_with(struct agent *a, const struct error *why)
  * Before the first Welcome the coordinator may still be starting. */
 static int disconnect_is_final(const struct agent *a, const struct error *why)
 {
-    return a->options.exit_on_disconnect &&
-           (a->was_welcome || why->code == STATUS_ERR_REFUSED ||
-            clock_monotonic_ns() - a->started_ns > FIRST_CONNECTION_MS * NS_PER_MS);
+    return a->options.exit_on_disconnect && (a->was_welcome || why->code == STATUS_ERR_REFUSED ||
+                                             clock_monotonic_ns() - a->started_ns > FIRST_CONNECTION_MS * NS_PER_MS);
 }
 
 /* Logged once for each kind of trouble, not at every attempt. */
@@ -470,12 +480,11 @@ static void report_trouble(struct agent *a, const struct error *why)
     }
 }
 
-static void on_close(struct channel *channel, const struct error *why, void *user)
+static void on_close(struct channel *channel UNUSED, const struct error *why, void *user)
 {
     struct agent *a = user;
-    struct error told = *why;
+    struct error reason = *why;
 
-    (void)channel;
     a->channel = NULL;
     if (a->state == ENDED)
         return;
@@ -483,16 +492,16 @@ static void on_close(struct channel *channel, const struct error *why, void *use
     outbox_reset(&a->outbox);
     leases_forget_unstarted(&a->leases);
     requests_forget(&a->requests);
+    lend_forget(&a->lend);
     if (a->state == DRAINING) {
         log_warn("the connection ended before %zu results were acknowledged; they will be "
                  "rendered again", a->outbox.count);
-        memset(&told, 0, sizeof told);
-        end_with(a, &told);
+        memset(&reason, 0, sizeof reason);
+        end_with(a, &reason);
         return;
     }
-    if ((a->state == GREETING && why->code == STATUS_ERR_MISMATCH) ||
-        disconnect_is_final(a, why)) {
-        end_with(a, &told);
+    if ((a->state == GREETING && why->code == STATUS_ERR_MISMATCH) || disconnect_is_final(a, why)) {
+        end_with(a, &reason);
         return;
     }
     report_trouble(a, why);
@@ -501,10 +510,7 @@ static void on_close(struct channel *channel, const struct error *why, void *use
 
 /* ---- timers and states ----------------------------------------------------------------- */
 
-static void on_retry(uv_timer_t *timer)
-{
-    agent_set_state(timer->data, CONNECTING);
-}
+static void on_retry(uv_timer_t *timer) { agent_set_state(timer->data, CONNECTING); }
 
 static void begin_connect(struct agent *a)
 {
@@ -513,16 +519,14 @@ static void begin_connect(struct agent *a)
 
     if (a->failures > 0 && key_file_refresh(a->options.key_file))
         a->backoff_ms = BACKOFF_FIRST_MS; /* the coordinator may get its new key slightly later */
-    if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port,
-                        &a->options.key_file->key, FARM_ROLE_WORKER, &callbacks, a,
-                        &err) == STATUS_OK)
+    if (channel_connect(&a->channel, a->loop, a->options.host, a->options.port, &a->options.key_file->key,
+                        FARM_ROLE_WORKER, &callbacks, a, &err) == STATUS_OK)
         return;
     report_trouble(a, &err);
     agent_set_state(a, WAITING);
 }
 
-/* Twice as long each time, times a random 0.5..1, so that a farm's workers do not all reconnect at
- * the same moment. */
+/* Twice as long each time, times a random 0.5..1, so that a farm's workers do not all reconnect at the same moment. */
 static void begin_wait(struct agent *a)
 {
     uint8_t random[2] = {0};
@@ -548,6 +552,7 @@ static void begin_end(struct agent *a)
 {
     uv_close((uv_handle_t *)&a->tick, NULL);
     uv_close((uv_handle_t *)&a->retry, NULL);
+    uv_close((uv_handle_t *)&a->gather, NULL);
     /* The threads may still notify, so the pool must end before the async handle. */
     pool_free(a->pool);
     a->pool = NULL;
@@ -562,25 +567,15 @@ static void agent_set_state(struct agent *a, enum agent_state state)
     a->state = state;
     a->since_ns = clock_monotonic_ns();
     switch (state) {
-    case WAITING:
-        begin_wait(a);
-        break;
-    case CONNECTING:
-        begin_connect(a);
-        break;
-    case GREETING:
-        say_hello(a);
-        break;
-    case WORKING:
-        begin_work(a);
-        break;
+    case WAITING: begin_wait(a); break;
+    case CONNECTING: begin_connect(a); break;
+    case GREETING: say_hello(a); break;
+    case WORKING: begin_work(a); break;
     case DRAINING:
         send_status(a);
         leases_return_unstarted(&a->leases, a->channel, "the worker is ending");
         break;
-    case ENDED:
-        begin_end(a);
-        break;
+    case ENDED: begin_end(a); break;
     }
 }
 
@@ -588,9 +583,18 @@ static void end_if_drained(struct agent *a)
 {
     struct error none = {0};
 
-    if (a->state == DRAINING && a->leases.held == 0 && a->outbox.count == 0 &&
-        a->requests.count == 0)
+    if (a->state == DRAINING && a->leases.held == 0 && a->outbox.count == 0 && a->requests.count == 0)
         end_with(a, &none);
+}
+
+/* The coordinator has all results, but acknowledges none of those left: their earlier passes may be no worker's, or
+ * its disk hangs. */
+static int waits_in_vain(const struct agent *a, uint64_t now_ns)
+{
+    uint64_t from_ns = a->moved_ns > a->since_ns ? a->moved_ns : a->since_ns;
+
+    return a->state == DRAINING && a->leases.held == 0 && a->requests.count == 0 && !a->outbox.unsent && a->channel &&
+           channel_queued_bytes(a->channel) == 0 && now_ns - from_ns > DRAIN_ACKS_MS * NS_PER_MS;
 }
 
 static void on_tick(uv_timer_t *timer)
@@ -601,13 +605,17 @@ static void on_tick(uv_timer_t *timer)
     struct error none = {0};
 
     if (a->state == GREETING && in_state_ms > GREETING_MS)
-        channel_abort(a->channel, STATUS_ERR_UNREACHABLE, "no Welcome within %d s",
-                      GREETING_MS / 1000);
+        channel_abort(a->channel, STATUS_ERR_UNREACHABLE, "no Welcome within %d s", GREETING_MS / 1000);
     if (a->state == DRAINING && in_state_ms > DRAIN_MS) {
-        log_warn("%zu units and %zu results are dropped after %d s", a->leases.held,
-                 a->outbox.count, DRAIN_MS / 1000);
+        log_warn("%zu units and %zu results are dropped after %d s", a->leases.held, a->outbox.count, DRAIN_MS / 1000);
         if (a->leases.held > 0)
             _exit(a->options.drain_status); /* a thread that still renders may never end */
+        end_with(a, &none);
+        return;
+    }
+    if (waits_in_vain(a, now)) {
+        log_info("%zu results were not acknowledged within %d s; they are rendered again only if the coordinator ends "
+                 "before they are on its disk", a->outbox.count, DRAIN_ACKS_MS / 1000);
         end_with(a, &none);
         return;
     }
@@ -618,33 +626,30 @@ static void on_tick(uv_timer_t *timer)
     if (in_state_ms > SETTLED_MS)
         a->failed_at_work = 0;
     if (now - channel_last_heard_ns(a->channel) > a->silence_limit_ms * NS_PER_MS) {
-        channel_abort(a->channel, STATUS_ERR_UNREACHABLE,
-                      "it sent nothing for %.1f s; connecting again",
+        channel_abort(a->channel, STATUS_ERR_UNREACHABLE, "it sent nothing for %.1f s; connecting again",
                       a->silence_limit_ms / 1000.0);
         return;
     }
-    if (now - channel_last_sent_ns(a->channel) + TICK_MS * NS_PER_MS >=
-        a->heartbeat_ms * NS_PER_MS)
+    if (now - channel_last_sent_ns(a->channel) + TICK_MS * NS_PER_MS >= a->heartbeat_ms * NS_PER_MS)
         (void)!message_send_heartbeat(a->channel); /* fails only when the connection does */
     job_lines_send(a->channel);
     if (a->leases.lease_count == 0)
         job_lines_of(0);
     outbox_pump(&a->outbox, a->channel);
+    lend_pump(&a->lend, a->channel);
     ask_for_work(a);
 }
 
 /* ---- life ------------------------------------------------------------------------------ */
 
-status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options *options,
-                 struct error *err)
+status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options *options, struct error *err)
 {
     struct agent *a = mem_calloc(1, sizeof *a);
     struct scene_cache_callbacks callbacks = {on_blobs_missing, on_scene_settled, a};
     status s;
 
     *out = NULL;
-    if (!a)
-        return error_no_memory(err, "the worker");
+    NEED(a, err, "the worker");
     a->options = *options;
     a->loop = loop;
     a->started_ns = clock_monotonic_ns();
@@ -667,8 +672,7 @@ status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options
     }
     a->finished.data = a;
     s = pool_new(&a->pool, options->threads, notify_finished, a, err);
-    if (s == STATUS_OK)
-        s = scene_cache_new(&a->scenes, a->blobs, a->pool, callbacks, err);
+    THEN(s, scene_cache_new(&a->scenes, a->blobs, a->pool, callbacks, err));
     if (s != STATUS_OK) {
         pool_free(a->pool);
         a->pool = NULL;
@@ -682,9 +686,11 @@ status agent_new(struct agent **out, uv_loop_t *loop, const struct agent_options
     a->fetcher.user = a;
     leases_init(&a->leases, a->pool, a->scenes, options->threads, options->isa_mask);
     requests_init(&a->requests, a->pool, a->scenes, a->blobs, options->isa_mask);
+    lend_init(&a->lend, a->pool, a->blobs);
     uv_timer_init(loop, &a->tick);
     uv_timer_init(loop, &a->retry);
-    a->tick.data = a->retry.data = a;
+    uv_timer_init(loop, &a->gather);
+    a->tick.data = a->retry.data = a->gather.data = a;
     uv_timer_start(&a->tick, on_tick, TICK_MS, TICK_MS);
     job_lines_of(0);
     agent_set_state(a, CONNECTING);
@@ -727,6 +733,7 @@ void agent_free(struct agent *a)
     assert(a->state == ENDED && !a->channel);
     leases_release(&a->leases);
     requests_release(&a->requests);
+    lend_release(&a->lend);
     outbox_release(&a->outbox);
     fetcher_release(&a->fetcher);
     scene_cache_free(a->scenes);

@@ -2,8 +2,6 @@
 
 #include <stdio.h>
 
-#include "common/base/clock.h"
-
 void duty_init(struct duty *duty, const struct duty_options *options, uint64_t now_ns)
 {
     *duty = (struct duty){.options = *options, .used_ns = now_ns, .other_cpus = -1, .input_idle_s = -1};
@@ -47,8 +45,7 @@ static void explain_use(const struct duty *duty, double idle_s, char reason[DUTY
                  duty->options.idle_for_s);
 }
 
-enum duty_state duty_state(const struct duty *duty, int minute, uint64_t now_ns,
-                           char reason[DUTY_REASON_SIZE])
+enum duty_state duty_state(const struct duty *duty, int minute, uint64_t now_ns, char reason[DUTY_REASON_SIZE])
 {
     double idle_s = (double)(now_ns - duty->used_ns) / 1e9;
 

@@ -5,8 +5,7 @@
  * at a terminal in the last idle_for_s. It is idle again when neither was so for idle_for_s; a worker
  * begins as if it had been in use. Time and measurements are passed in.
  */
-#ifndef AZULEJO_WORKER_DUTY_H
-#define AZULEJO_WORKER_DUTY_H
+#pragma once
 
 #include <stdint.h>
 
@@ -19,7 +18,7 @@
 struct duty_options {
     struct hours hours;
     int when_idle;
-    double idle_load;            /* 0..1, of the machine's processors */
+    double idle_load; /* 0..1, of the machine's processors */
     double idle_for_s;
 };
 
@@ -28,8 +27,8 @@ enum duty_state { DUTY_WORKS, DUTY_SIGNAL, DUTY_HOURS, DUTY_IN_USE };
 
 struct duty {
     struct duty_options options;
-    int by_signal;               /* paused until the other signal */
-    uint64_t used_ns;            /* when the machine was last seen in use */
+    int by_signal;    /* paused until the other signal */
+    uint64_t used_ns; /* when the machine was last seen in use */
     double other_cpus, input_idle_s;
     unsigned processors;
 };
@@ -40,7 +39,4 @@ void duty_init(struct duty *duty, const struct duty_options *options, uint64_t n
 /* A new measurement. */
 void duty_look(struct duty *duty, const struct usage *usage, uint64_t now_ns);
 /* `minute`: of the local day. `reason` is "" if it works. */
-enum duty_state duty_state(const struct duty *duty, int minute, uint64_t now_ns,
-                           char reason[DUTY_REASON_SIZE]);
-
-#endif
+enum duty_state duty_state(const struct duty *duty, int minute, uint64_t now_ns, char reason[DUTY_REASON_SIZE]);

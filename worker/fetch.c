@@ -2,20 +2,20 @@
 
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
-#include "worker/cache_writer.h"
+#include "worker/cache/cache_writer.h"
 
 struct fetch {
-    struct fetch *chain;            /* in its hash bucket */
-    struct fetch *next;             /* in the queue */
+    struct fetch *chain; /* in its hash bucket */
+    struct fetch *next;  /* in the queue */
     struct digest digest;
-    uint64_t size_bytes;            /* 0: not known */
+    uint64_t size_bytes; /* 0: not known */
     uint64_t limit_bytes;
-    uint64_t request;               /* 0: QUEUED */
+    uint64_t request; /* 0: QUEUED */
     unsigned attempts;
-    struct cache_writer *writer;    /* since the first piece */
+    struct cache_writer *writer; /* since the first piece */
 };
 
 void fetcher_init(struct fetcher *f, struct blob_cache *cache)
@@ -53,8 +53,7 @@ static void enqueue(struct fetcher *f, struct fetch *fetch)
     f->last = fetch;
 }
 
-status fetcher_want(struct fetcher *f, const struct scene_blob *blob, uint64_t limit_bytes,
-                    struct error *err)
+status fetcher_want(struct fetcher *f, const struct scene_blob *blob, uint64_t limit_bytes, struct error *err)
 {
     struct fetch **bucket = bucket_of(f, &blob->digest), *fetch = *bucket;
 
@@ -63,8 +62,7 @@ status fetcher_want(struct fetcher *f, const struct scene_blob *blob, uint64_t l
     if (fetch)
         return STATUS_OK;
     fetch = mem_calloc(1, sizeof *fetch);
-    if (!fetch)
-        return error_no_memory(err, "a blob to be fetched");
+    NEED(fetch, err, "a blob to be fetched");
     fetch->digest = blob->digest;
     fetch->size_bytes = blob->size_bytes;
     fetch->limit_bytes = limit_bytes;
@@ -114,11 +112,10 @@ static struct fetch **receiving_find(struct fetcher *f, uint64_t request)
 }
 
 /* This attempt failed. Try again, unless that is pointless or it was tried often enough. */
-static void attempt_failed(struct fetcher *f, struct fetch **place, const struct error *why,
-                           int hopeless)
+static void attempt_failed(struct fetcher *f, struct fetch **place, const struct error *why, int hopeless)
 {
     struct fetch *fetch = *place;
-    struct error told = *why;
+    struct error reason = *why;
     struct digest digest = fetch->digest;
     char hex[DIGEST_HEX_SIZE];
 
@@ -126,14 +123,14 @@ static void attempt_failed(struct fetcher *f, struct fetch **place, const struct
     cache_writer_abandon(fetch->writer);
     fetch->writer = NULL;
     digest_to_hex(&digest, hex);
-    error_prefix(&told, "blob %.12s", hex);
+    error_prefix(&reason, "blob %.12s", hex);
     if (!hopeless && ++fetch->attempts < FETCH_ATTEMPTS_MAX) {
-        log_warn("%s; fetching it again", told.text);
+        log_warn("%s; fetching it again", reason.text);
         enqueue(f, fetch);
         return;
     }
     forget(f, fetch);
-    f->failed(f->user, &digest, &told);
+    f->failed(f->user, &digest, &reason);
 }
 
 /* Write one piece; returns the blob if it was the last. */
@@ -146,8 +143,7 @@ static status take_piece(struct fetcher *f, struct fetch *fetch, const struct bl
 
     if (s == STATUS_OK && !fetch->writer)
         s = cache_writer_new(&fetch->writer, f->cache, &fetch->digest, piece->total_bytes, err);
-    if (s == STATUS_OK)
-        s = cache_writer_add(fetch->writer, raw, piece->raw_bytes, err);
+    THEN(s, cache_writer_add(fetch->writer, raw, piece->raw_bytes, err));
     if (s != STATUS_OK || cache_writer_bytes(fetch->writer) < piece->total_bytes)
         return s;
     writer = fetch->writer;
@@ -155,17 +151,15 @@ static status take_piece(struct fetcher *f, struct fetch *fetch, const struct bl
     return cache_writer_finish(writer, done, err);
 }
 
-status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__BlobData *data,
-                    struct error *err)
+status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__BlobData *data, struct error *err)
 {
     struct fetch **place = receiving_find(f, request), *fetch;
     struct cached_blob *done = NULL;
     struct blob_piece piece;
     struct error why = {0};
-    status s = blob_piece_of_data(&piece, data, err);
+    status s;
 
-    if (s != STATUS_OK)
-        return s;
+    TRY(blob_piece_of_data(&piece, data, err));
     if (!place) /* the rest of a blob that was dropped after a damaged piece */
         return request > 0 && request <= f->last_request
                    ? STATUS_OK
@@ -174,12 +168,10 @@ status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__Bl
     if (!digest_equal(&piece.digest, &fetch->digest) ||
         piece.offset != (fetch->writer ? cache_writer_bytes(fetch->writer) : 0))
         return error_set(err, STATUS_ERR_PROTOCOL, "a blob piece out of order");
-    if ((fetch->size_bytes && piece.total_bytes != fetch->size_bytes) ||
-        piece.total_bytes > fetch->limit_bytes) {
+    if ((fetch->size_bytes && piece.total_bytes != fetch->size_bytes) || piece.total_bytes > fetch->limit_bytes) {
         (void)error_set(&why, STATUS_ERR_INPUT, "has %llu bytes (%llu were expected)",
                         (unsigned long long)piece.total_bytes,
-                        (unsigned long long)(fetch->size_bytes ? fetch->size_bytes
-                                                               : fetch->limit_bytes));
+                        (unsigned long long)(fetch->size_bytes ? fetch->size_bytes : fetch->limit_bytes));
         attempt_failed(f, place, &why, 1);
         return STATUS_OK;
     }
@@ -221,4 +213,3 @@ void fetcher_reset(struct fetcher *f)
         enqueue(f, fetch);
     }
 }
-

@@ -5,15 +5,14 @@
  *
  * At most FETCHES_AT_ONCE are RECEIVING. A fetch begins again after a lost connection.
  */
-#ifndef AZULEJO_WORKER_FETCH_H
-#define AZULEJO_WORKER_FETCH_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "common/scene/scene.h"
 #include "protocol/channel.h"
-#include "worker/blob_cache.h"
+#include "worker/cache/blob_cache.h"
 
 enum {
     FETCHES_AT_ONCE = 16,
@@ -33,7 +32,7 @@ struct fetcher {
     struct fetch *buckets[FETCH_BUCKETS]; /* all, by digest */
     struct fetch *first, *last;           /* QUEUED, in order */
     struct fetch *receiving[FETCHES_AT_ONCE];
-    uint64_t bytes;                       /* received, counted uncompressed, for the log */
+    uint64_t bytes; /* received, counted uncompressed, for the log */
 };
 
 void fetcher_init(struct fetcher *f, struct blob_cache *cache);
@@ -52,5 +51,3 @@ status fetcher_data(struct fetcher *f, uint64_t request, const Azulejo__Wire__Bl
 int fetcher_failure(struct fetcher *f, uint64_t request, const Azulejo__Wire__Failure *failure);
 /* The connection is lost: start again on the next one. */
 void fetcher_reset(struct fetcher *f);
-
-#endif

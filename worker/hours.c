@@ -33,8 +33,7 @@ status hours_parse(struct hours *out, const char *text, struct error *err)
                              "--hours %s: a range begins and ends at the same time (00:00-24:00 is the whole day)",
                              text);
         if (out->count == HOURS_RANGES_MAX)
-            return error_set(err, STATUS_ERR_USAGE, "--hours %s: more than %d ranges", text,
-                             HOURS_RANGES_MAX);
+            return error_set(err, STATUS_ERR_USAGE, "--hours %s: more than %d ranges", text, HOURS_RANGES_MAX);
         out->ranges[out->count].begin = begin % MINUTES_PER_DAY;
         out->ranges[out->count++].end = end;
         if (!*at++)

@@ -1,7 +1,6 @@
 /* hours: the times of day at which a worker takes work, as "20:00-08:00" or "12:00-13:00,20:00-08:00". A
  * range whose end is before its begin goes over midnight. */
-#ifndef AZULEJO_WORKER_HOURS_H
-#define AZULEJO_WORKER_HOURS_H
+#pragma once
 
 #include <stddef.h>
 
@@ -13,7 +12,7 @@ enum { HOURS_RANGES_MAX = 8, MINUTES_PER_DAY = 24 * 60 };
 struct hours {
     size_t count;
     struct {
-        int begin, end;          /* minutes since midnight; end is the first that is outside */
+        int begin, end; /* minutes since midnight; end is the first that is outside */
     } ranges[HOURS_RANGES_MAX];
 };
 
@@ -23,5 +22,3 @@ status hours_parse(struct hours *out, const char *text, struct error *err) MUST_
 int hours_include(const struct hours *hours, int minute);
 /* The minute at which the next range begins, after one that is outside. */
 int hours_next(const struct hours *hours, int minute);
-
-#endif

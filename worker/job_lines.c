@@ -3,13 +3,13 @@
 #include <pthread.h>
 #include <stdio.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "protocol/message.h"
 
 enum { LINE_SIZE = 256 };
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
-static uint64_t current;         /* job */
+static uint64_t current; /* job */
 static struct line {
     uint64_t job;
     enum log_level level;

@@ -4,8 +4,7 @@
  *
  * Lines may come from any thread; the other functions belong to the loop's thread.
  */
-#ifndef AZULEJO_WORKER_JOB_LINES_H
-#define AZULEJO_WORKER_JOB_LINES_H
+#pragma once
 
 #include <stdint.h>
 
@@ -21,5 +20,3 @@ enum {
 void job_lines_of(uint64_t job);
 /* Send some of the waiting lines. */
 void job_lines_send(struct channel *channel);
-
-#endif

@@ -3,7 +3,7 @@
 #include <openssl/crypto.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 
 static struct stat look_at(const char *path)
 {
@@ -14,10 +14,7 @@ static struct stat look_at(const char *path)
     return seen;
 }
 
-static int same_time(struct timespec a, struct timespec b)
-{
-    return a.tv_sec == b.tv_sec && a.tv_nsec == b.tv_nsec;
-}
+static int same_time(struct timespec a, struct timespec b) { return a.tv_sec == b.tv_sec && a.tv_nsec == b.tv_nsec; }
 
 static int same_file(const struct stat *a, const struct stat *b)
 {
@@ -28,10 +25,9 @@ static int same_file(const struct stat *a, const struct stat *b)
 static status load_worker_key(struct farm_key *key, const char *path, struct error *err)
 {
     uint8_t secret[FARM_KEY_BYTES];
-    status s = farm_key_load(key, path, err);
+    status s;
 
-    if (s != STATUS_OK)
-        return s;
+    TRY(farm_key_load(key, path, err));
     s = farm_key_for_role(key, FARM_ROLE_WORKER, secret, err);
     OPENSSL_cleanse(secret, sizeof secret);
     if (s != STATUS_OK)
@@ -60,8 +56,7 @@ int key_file_refresh(struct key_file *file)
     if (load_worker_key(&key, file->path, &err) != STATUS_OK)
         log_warn("%s; the key that was read before stays in use", err.text);
     else
-        changed = memcmp(key.secret, file->key.secret, sizeof key.secret) != 0 ||
-                  key.is_farm != file->key.is_farm;
+        changed = memcmp(key.secret, file->key.secret, sizeof key.secret) != 0 || key.is_farm != file->key.is_farm;
     if (changed) {
         log_info("%s: the key was replaced; the new one is used from now on", file->path);
         file->key = key;

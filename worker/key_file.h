@@ -1,12 +1,10 @@
 /* key_file: the key with which the worker proves its role, and the file it was read from.
  *
- * A farm's key may be replaced while workers run. A worker reads the file again before each attempt
- * to connect that follows a failed one, so a new key takes effect without a restart. If the file
- * cannot be used then (missing, half written, another role's), this is logged once and the previous
- * key stays in use.
+ * A farm's key may be replaced while workers run. A worker reads the file again before each attempt to connect that
+ * follows a failed one, so a new key takes effect without a restart. If the file cannot be used then (missing, half
+ * written, another role's), this is logged once and the previous key stays in use.
  */
-#ifndef AZULEJO_WORKER_KEY_FILE_H
-#define AZULEJO_WORKER_KEY_FILE_H
+#pragma once
 
 #include <sys/stat.h>
 
@@ -25,5 +23,3 @@ status key_file_load(struct key_file *file, const char *path, struct error *err)
 
 /* Read it again if it has changed. 1: `key` is now another one. */
 int key_file_refresh(struct key_file *file);
-
-#endif

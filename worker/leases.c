@@ -1,10 +1,9 @@
 #include "worker/leases.h"
 
-#include <stdio.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 #include "worker/profile.h"
@@ -15,6 +14,7 @@ struct lease {
     uint64_t id, epoch, job;
     uint32_t frame;
     int started;                    /* its units were given to the pool */
+    atomic_uint left;               /* units that are neither rendered nor given back */
     struct work_unit *first, *last; /* of its units that are not rendered yet */
 };
 
@@ -31,8 +31,7 @@ static void unit_render(struct pool_task *task)
     atomic_store(&unit->begun_ns, begun_ns);
     profile_counts(&before);
     unit->sum_count =
-        render_tile(scene, unit->frame, unit->tile, unit->group, unit->pass, unit->sums,
-                    &unit->tail, &unit->stats);
+        render_tile(scene, unit->frame, unit->tile, unit->group, unit->pass, unit->sums, &unit->tail, &unit->stats);
     profile_counts(&after);
     for (int i = 0; i < STAGE_COUNT; i++)
         unit->stages[i] = (uint32_t)(after.stages[i] - before.stages[i]);
@@ -41,6 +40,7 @@ static void unit_render(struct pool_task *task)
     unit->effects = render_effects(scene);
     unit->cpu_ns = clock_thread_cpu_ns() - cpu_ns;
     unit->wall_ns = clock_monotonic_ns() - begun_ns;
+    task->can_wait = atomic_fetch_sub(&unit->lease->left, 1) > 1; /* the coordinator may wait for a lease's last */
 }
 
 /* ---- units and leases ------------------------------------------------------------------ */
@@ -101,6 +101,7 @@ static void lease_drop_unstarted(struct leases *l, struct lease *lease, int drop
     for (struct work_unit *unit = lease->first; unit; unit = next) {
         next = unit->next;
         if (unit_try_take(l, unit)) {
+            atomic_fetch_sub(&lease->left, 1);
             unit_unlink(unit);
             mem_free(unit);
             l->held--;
@@ -111,15 +112,14 @@ static void lease_drop_unstarted(struct leases *l, struct lease *lease, int drop
     lease_end_if_empty(l, lease);
 }
 
-static void say_broken(struct channel *channel, uint64_t job, uint64_t lease,
-                       const struct error *why)
+static void say_broken(struct channel *channel, uint64_t job, uint64_t lease, const struct error *why)
 {
     Azulejo__Wire__JobBroken broken = AZULEJO__WIRE__JOB_BROKEN__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(JOB_BROKEN, job_broken, &broken);
     char text[MESSAGE_TEXT_MAX];
 
-    log_error("job %llu, lease %llu: cannot be rendered: %s", (unsigned long long)job,
-              (unsigned long long)lease, why->text);
+    log_error("job %llu, lease %llu: cannot be rendered: %s", (unsigned long long)job, (unsigned long long)lease,
+              why->text);
     if (!channel)
         return;
     broken.job = job;
@@ -129,8 +129,7 @@ static void say_broken(struct channel *channel, uint64_t job, uint64_t lease,
     (void)!channel_send(channel, &e); /* fails only when the connection does */
 }
 
-void leases_init(struct leases *l, struct pool *pool, struct scene_cache *scenes, unsigned threads,
-                 uint32_t isa_mask)
+void leases_init(struct leases *l, struct pool *pool, struct scene_cache *scenes, unsigned threads, uint32_t isa_mask)
 {
     memset(l, 0, sizeof *l);
     l->pool = pool;
@@ -161,8 +160,7 @@ static void lease_start(struct leases *l, struct lease *lease)
         pool_push(l->pool, &unit->task, 0);
 }
 
-static status grant_check(const struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
-                          struct error *err)
+static status grant_check(const struct leases *l, const Azulejo__Wire__LeaseGrant *grant, struct error *err)
 {
     if (grant->n_units == 0 || grant->n_units > MESSAGE_UNITS_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL, "lease %llu of %zu units (1..%d are allowed)",
@@ -182,14 +180,10 @@ static status units_make(struct lease *lease, const Azulejo__Wire__LeaseGrant *g
     for (size_t i = 0; i < grant->n_units; i++) {
         const Azulejo__Wire__WorkUnit *name = grant->units[i];
         struct work_unit *unit;
-        status s = wire_unit_check(name->tile, name->group, name->pass, settings, err);
-        if (s != STATUS_OK)
-            return s;
+        TRY(wire_unit_check(name->tile, name->group, name->pass, settings, err));
         unit = mem_calloc(1, sizeof *unit +
-                                 wire_sums_count(settings, name->tile, name->group, name->pass) *
-                                     sizeof *unit->sums);
-        if (!unit)
-            return error_no_memory(err, "work units");
+                                 wire_sums_count(settings, name->tile, name->group, name->pass) * sizeof *unit->sums);
+        NEED(unit, err, "work units");
         unit->task.run = unit_render;
         unit->lease_id = lease->id;
         unit->epoch = lease->epoch;
@@ -200,11 +194,12 @@ static status units_make(struct lease *lease, const Azulejo__Wire__LeaseGrant *g
         unit->pass = name->pass;
         unit_append(lease, unit);
     }
+    atomic_init(&lease->left, (unsigned)grant->n_units);
     return STATUS_OK;
 }
 
-status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
-                    struct channel *channel, struct error *err)
+status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant, struct channel *channel,
+                    struct error *err)
 {
     struct render_settings settings;
     struct digest scene;
@@ -212,14 +207,13 @@ status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
     struct error why = {0};
     status s = grant_check(l, grant, err);
 
-    if (s == STATUS_OK)
-        s = wire_digest_get(&scene, &grant->scene, "lease", err);
+    THEN(s, wire_digest_get(&scene, &grant->scene, "lease", err));
     if (s != STATUS_OK)
         return s;
     s = wire_settings_get(&settings, grant->settings, UINT32_MAX, &why);
     if (s == STATUS_OK && !(l->isa_mask >> settings.isa & 1))
-        s = error_set(&why, STATUS_ERR_UNSUPPORTED,
-                      "it needs %s, which this worker does not offer", isa_name(settings.isa));
+        s = error_set(&why, STATUS_ERR_UNSUPPORTED, "it needs %s, which this worker does not offer",
+                      isa_name(settings.isa));
     if (s == STATUS_OK) {
         lease = mem_calloc(1, sizeof *lease);
         if (!lease)
@@ -232,8 +226,7 @@ status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
         lease->frame = grant->frame;
         s = units_make(lease, grant, &settings, &why);
     }
-    if (s == STATUS_OK)
-        s = scene_cache_acquire(l->scenes, &scene, &settings, grant->frame, &lease->slot, &why);
+    THEN(s, scene_cache_acquire(l->scenes, &scene, &settings, grant->frame, &lease->slot, &why));
     if (s != STATUS_OK) {
         while (lease && lease->first) {
             struct work_unit *unit = lease->first;
@@ -251,8 +244,8 @@ status leases_grant(struct leases *l, const Azulejo__Wire__LeaseGrant *grant,
     l->first = lease;
     l->lease_count++;
     l->held += grant->n_units;
-    log_debug("job %llu, frame %u: lease %llu of %zu units", (unsigned long long)lease->job,
-              lease->frame, (unsigned long long)lease->id, grant->n_units);
+    log_debug("job %llu, frame %u: lease %llu of %zu units", (unsigned long long)lease->job, lease->frame,
+              (unsigned long long)lease->id, grant->n_units);
     if (scene_slot_state(lease->slot) == SCENE_READY)
         lease_start(l, lease);
     return STATUS_OK;
@@ -266,8 +259,7 @@ static int lease_settle(struct lease *lease, const struct scene_slot *slot, stru
         *why = *scene_slot_error(slot);
         return 0;
     }
-    return scene_slot_shows(slot, lease->frame) ||
-           scene_slot_change(&lease->slot, lease->frame, why) == STATUS_OK;
+    return scene_slot_shows(slot, lease->frame) || scene_slot_change(&lease->slot, lease->frame, why) == STATUS_OK;
 }
 
 void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct channel *channel)
@@ -292,13 +284,12 @@ void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct chan
 
 static void warn_of_health(const struct work_unit *unit)
 {
-    const struct health *health = &unit->stats.health;
+    const struct health *health = &unit->stats.work.health;
 
     for (int k = 0; k < HEALTH_KINDS; k++)
         if (health->count[k])
-            log_warn("job %llu, frame %u, tile %u, group %u, pass %u: %llu %s",
-                     (unsigned long long)unit->job, unit->frame, unit->tile, unit->group, unit->pass,
-                     (unsigned long long)health->count[k],
+            log_warn("job %llu, frame %u, tile %u, group %u, pass %u: %llu %s", (unsigned long long)unit->job,
+                     unit->frame, unit->tile, unit->group, unit->pass, (unsigned long long)health->count[k],
                      health->count[k] == 1 ? health_rows[k].one : health_rows[k].many);
 }
 
@@ -309,7 +300,7 @@ struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
 
     l->held--;
     l->units_done++;
-    l->samples_done += unit->stats.samples;
+    l->samples_done += unit->stats.work.samples;
     l->unit_ns = l->unit_ns ? (l->unit_ns * 15 + unit->wall_ns) / 16 : unit->wall_ns;
     warn_of_health(unit);
     unit_unlink(unit);
@@ -329,9 +320,8 @@ void leases_revoke(struct leases *l, const Azulejo__Wire__LeaseRevoke *revoke)
     for (struct lease *lease = l->first; lease; lease = lease->next) {
         if (lease->id != revoke->lease)
             continue;
-        log_info("job %llu, frame %u: lease %llu is revoked: %s",
-                 (unsigned long long)lease->job, lease->frame, (unsigned long long)lease->id,
-                 message_text(reason, sizeof reason, revoke->reason));
+        log_info("job %llu, frame %u: lease %llu is revoked: %s", (unsigned long long)lease->job, lease->frame,
+                 (unsigned long long)lease->id, message_text(reason, sizeof reason, revoke->reason));
         lease_drop_unstarted(l, lease, 1);
         return;
     }
@@ -348,8 +338,7 @@ void leases_forget_unstarted(struct leases *l)
     }
 }
 
-static void lease_return(struct leases *l, struct lease *lease, struct channel *channel,
-                         const char *reason)
+static void lease_return(struct leases *l, struct lease *lease, struct channel *channel, const char *reason)
 {
     Azulejo__Wire__LeaseReturn give = AZULEJO__WIRE__LEASE_RETURN__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(LEASE_RETURN, lease_return, &give);
@@ -367,6 +356,7 @@ static void lease_return(struct leases *l, struct lease *lease, struct channel *
         names[count].pass = unit->pass;
         pointers[count] = &names[count];
         count++;
+        atomic_fetch_sub(&lease->left, 1);
         unit_unlink(unit);
         mem_free(unit);
         l->held--;
@@ -392,8 +382,7 @@ void leases_return_unstarted(struct leases *l, struct channel *channel, const ch
 }
 
 /* Keep the longest ones, in order. */
-static void running_add(struct running_unit *out, size_t max, size_t *count,
-                        const struct running_unit *unit)
+static void running_add(struct running_unit *out, size_t max, size_t *count, const struct running_unit *unit)
 {
     size_t at = *count;
 
@@ -406,8 +395,8 @@ static void running_add(struct running_unit *out, size_t max, size_t *count,
     out[at] = *unit;
 }
 
-uint32_t leases_running(const struct leases *l, uint64_t now_ns, uint64_t least_ns,
-                        struct running_unit *out, size_t max, size_t *count)
+uint32_t leases_running(const struct leases *l, uint64_t now_ns, uint64_t least_ns, struct running_unit *out,
+                        size_t max, size_t *count)
 {
     uint32_t busy = 0;
 
@@ -428,12 +417,29 @@ uint32_t leases_running(const struct leases *l, uint64_t now_ns, uint64_t least_
     return busy;
 }
 
+void leases_learn_trip(struct leases *l, uint64_t trip_ns)
+{
+    if (trip_ns > UNITS_HOLD_MAX_MS * NS_PER_MS)
+        trip_ns = UNITS_HOLD_MAX_MS * NS_PER_MS; /* there was no work */
+    l->trip_ns = (l->trip_ns * 3 + trip_ns) / 4;
+}
+
+/* Work to hold for each thread. */
+static uint64_t hold_ns(const struct leases *l)
+{
+    uint64_t ns = l->trip_ns * UNITS_HOLD_TRIPS;
+
+    if (ns > UNITS_HOLD_MAX_MS * NS_PER_MS)
+        return UNITS_HOLD_MAX_MS * NS_PER_MS;
+    return ns > UNITS_HOLD_MS * NS_PER_MS ? ns : UNITS_HOLD_MS * NS_PER_MS;
+}
+
 uint32_t leases_room(const struct leases *l)
 {
     uint64_t each = UNITS_PER_THREAD_MIN, high;
 
     if (l->unit_ns)
-        each = UNITS_HOLD_MS * NS_PER_MS / l->unit_ns + 1;
+        each = hold_ns(l) / l->unit_ns + 1;
     if (each < UNITS_PER_THREAD_MIN)
         each = UNITS_PER_THREAD_MIN;
     if (each > UNITS_PER_THREAD_MAX)

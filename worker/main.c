@@ -9,15 +9,14 @@
 #include <uv.h>
 
 #include "common/base/buffer.h"
-#include "common/base/completion.h"
-#include "common/base/file.h"
-#include "common/base/log.h"
-#include "common/base/machine.h"
-#include "common/base/options.h"
+#include "common/cli/completion.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
+#include "common/system/machine.h"
+#include "common/cli/options.h"
 #include "common/base/tags.h"
 #include "common/scene/settings.h"
 #include "protocol/address.h"
-#include "protocol/channel.h"
 #include "protocol/worker_name.h"
 #include "worker/agent.h"
 #include "worker/render/render.h"
@@ -80,12 +79,11 @@ static status isa_list_parse(const char *text, uint32_t *mask, struct error *err
         size_t length = strcspn(text, ",");
         char name[16];
         int isa;
-        snprintf(name, sizeof name, "%.*s", (int)(length < sizeof name ? length : sizeof name - 1),
-                 text);
+        snprintf(name, sizeof name, "%.*s", (int)(length < sizeof name ? length : sizeof name - 1), text);
         isa = isa_parse(name);
         if (isa < 0 || length >= sizeof name)
-            return error_set(err, STATUS_ERR_USAGE, "--isa: '%.*s' is not one of sse2, avx2, avx512",
-                             (int)length, text);
+            return error_set(err, STATUS_ERR_USAGE, "--isa: '%.*s' is not one of sse2, avx2, avx512", (int)length,
+                             text);
         if (!(has >> isa & 1))
             return error_set(err, STATUS_ERR_USAGE, "--isa: this processor has no %s", name);
         *mask |= 1u << isa;
@@ -98,9 +96,8 @@ static status isa_list_parse(const char *text, uint32_t *mask, struct error *err
 }
 
 /* `text` as given, else $variable, else $xdg/azulejo`tail`, else $HOME/`home`/azulejo`tail`. */
-static status default_path(struct buffer *out, const char *given, const char *variable,
-                           const char *xdg, const char *home, const char *tail,
-                           const char *option, struct error *err)
+static status default_path(struct buffer *out, const char *given, const char *variable, const char *xdg,
+                           const char *home, const char *tail, const char *option, struct error *err)
 {
     const char *named = variable ? getenv(variable) : NULL;
     const char *base = getenv(xdg), *user = getenv("HOME");
@@ -118,8 +115,8 @@ static status default_path(struct buffer *out, const char *given, const char *va
     return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a path");
 }
 
-static status duty_from(struct duty_options *out, const char *hours, int when_idle, double idle_load,
-                        double idle_for_s, struct error *err)
+static status duty_from(struct duty_options *out, const char *hours, int when_idle, double idle_load, double idle_for_s,
+                        struct error *err)
 {
     struct usage usage;
 
@@ -150,7 +147,7 @@ static status run(const struct agent_options *options, int *stopped, struct erro
     memset(&p, 0, sizeof p);
     if (uv_loop_init(&p.loop) != 0)
         return error_set(err, STATUS_ERR_INTERNAL, "the event loop cannot be created");
-    if (profile_start(&no_profile) != STATUS_OK)
+    if (profile_start(PROFILE_PERIOD_NS, &no_profile) != STATUS_OK)
         log_warn("%s; frames will not say where their time went", no_profile.text);
     s = agent_new(&p.agent, &p.loop, options, err);
     if (s == STATUS_OK) {
@@ -204,11 +201,11 @@ int main(int argc, char **argv)
         {"hours", 0, OPTION_STRING, &hours, "RANGES",
          "take work only at these local times, as in 20:00-08:00 or 12:00-13:00,20:00-08:00", 0, 0, NULL},
         {"when-idle", 0, OPTION_FLAG, &when_idle, NULL,
-         "take work only while nobody else uses the machine", 0, 0, NULL},
+         "take work only while the machine is not used otherwise", 0, 0, NULL},
         {"idle-load", 0, OPTION_REAL, &idle_load, "PERCENT",
          "for --when-idle: other processes may take this share of its processors (default 25)", 0, 100, NULL},
         {"idle-for", 0, OPTION_REAL, &idle_for_s, "SECONDS",
-         "for --when-idle: for how long nobody must have used it (default 60)", 0, 86400, NULL},
+         "for --when-idle: for how long it must not have been used (default 60)", 0, 86400, NULL},
         {"nice", 0, OPTION_INT, &nice_value, "N", "run with this nice value, 0 to 19 (default: as started)",
          0, 19, NULL},
         {"drain-status", 0, OPTION_INT, &drain_status, "N",
@@ -238,11 +235,11 @@ int main(int argc, char **argv)
     status s;
 
     file_hold_standard();
+    file_forgo_syncs(); /* it writes its cache alone, which it checks by digests */
     memset(&key, 0, sizeof key);
     log_setup("azulejo-worker", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);
-    if (s == STATUS_OK)
-        s = log_set_format(log_format, &err);
+    THEN(s, log_set_format(log_format, &err));
     if (s == STATUS_OK && help) {
         options_print_help("azulejo-worker [OPTIONS]",
                            "Renders tiles for an Azulejo coordinator until it is stopped. "
@@ -260,18 +257,14 @@ int main(int argc, char **argv)
         return s == STATUS_OK && fflush(stdout) == 0 ? 0 : status_exit_code(STATUS_ERR_IO);
     }
     if (s == STATUS_OK && rest.count > 0)
-        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s' (--help lists the options)",
-                      rest.items[0]);
+        s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s' (--help lists the options)", rest.items[0]);
     if (s == STATUS_OK)
         log_setup("azulejo-worker", (enum log_level)log_level_parse(log_level));
-    if (s == STATUS_OK)
-        s = address_parse(coordinator && *coordinator ? coordinator : "127.0.0.1", "127.0.0.1", 1,
-                          host, sizeof host, &options.port, &err);
-    if (s == STATUS_OK)
-        s = duty_from(&options.duty, hours, when_idle, idle_load, idle_for_s, &err);
+    THEN(s, address_parse(coordinator && *coordinator ? coordinator : "127.0.0.1", "127.0.0.1", 1, host, sizeof host,
+                          &options.port, &err));
+    THEN(s, duty_from(&options.duty, hours, when_idle, idle_load, idle_for_s, &err));
     if (s == STATUS_OK && name && !worker_name_is_valid(name))
-        s = error_set(&err, STATUS_ERR_USAGE,
-                      "--name '%s': must have 1 to %d letters, digits, '.', '_' and '-'", name,
+        s = error_set(&err, STATUS_ERR_USAGE, "--name '%s': must have 1 to %d letters, digits, '.', '_' and '-'", name,
                       WORKER_NAME_BYTES_MAX);
     if (s == STATUS_OK && nice_value > 0)
         s = be_nice((int)nice_value, &err);
@@ -284,13 +277,9 @@ int main(int argc, char **argv)
     }
     options.tags = tags;
     options.memory = memory == UINT64_MAX ? machine_memory_total() : memory;
-    if (s == STATUS_OK)
-        s = default_path(&key_file, key_path, "AZULEJO_KEY", "XDG_CONFIG_HOME", ".config",
-                         "/farm.key", "key", &err);
-    if (s == STATUS_OK)
-        s = key_file_load(&key, buffer_text(&key_file), &err);
-    if (s == STATUS_OK)
-        s = default_path(&folder, cache, NULL, "XDG_CACHE_HOME", ".cache", "", "cache", &err);
+    THEN(s, default_path(&key_file, key_path, "AZULEJO_KEY", "XDG_CONFIG_HOME", ".config", "/farm.key", "key", &err));
+    THEN(s, key_file_load(&key, buffer_text(&key_file), &err));
+    THEN(s, default_path(&folder, cache, NULL, "XDG_CACHE_HOME", ".cache", "", "cache", &err));
     if (s == STATUS_OK) {
         options.host = host;
         options.key_file = &key;

@@ -2,8 +2,7 @@
 
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
@@ -39,7 +38,6 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
     uint8_t sums[TILE_FLOATS_MAX * sizeof(float)], tail[WIRE_TAIL_BYTES_MAX];
     struct wire_work work;
-    const struct unit_work done = render_stats_work(&unit->stats);
 
     wire_sums_set(sums, unit->sums, unit->sum_count);
     result.lease = unit->lease_id;
@@ -54,7 +52,7 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     result.stats = &stats;
     result.tail.data = tail;
     result.tail.len = wire_tail_set(tail, &unit->tail);
-    result.work = wire_work_set(&work, &done);
+    result.work = wire_work_set(&work, &unit->stats.work);
     stats.cpu_ns = unit->cpu_ns;
     stats.thread = unit->thread;
     stats.began_ns = atomic_load(&unit->begun_ns);
@@ -73,13 +71,17 @@ static status send_result(struct channel *channel, struct work_unit *unit)
 
 void outbox_pump(struct outbox *o, struct channel *channel)
 {
+    if (!o->unsent)
+        return;
+    channel_cork(channel);
     while (o->unsent && channel_queued_bytes(channel) < CHANNEL_QUEUE_HIGH) {
         struct work_unit *unit = o->unsent;
         if (send_result(channel, unit) != STATUS_OK)
-            return; /* the channel closes itself, or memory is short: try later */
+            break; /* the channel closes itself, or memory is short: try later */
         unit->sent = 1;
         o->unsent = unit->next;
     }
+    channel_uncork(channel);
 }
 
 void outbox_reset(struct outbox *o)
@@ -105,14 +107,13 @@ static void outbox_remove(struct outbox *o, struct work_unit *unit)
     mem_free(unit);
 }
 
-void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile,
-                        uint32_t group, uint32_t pass)
+void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile, uint32_t group, uint32_t pass)
 {
     struct work_unit *unit = o->first;
 
     /* Acknowledgements come roughly in the order of sending, so this searches few results. */
-    while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile &&
-                     unit->group == group && unit->pass == pass))
+    while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile && unit->group == group &&
+                     unit->pass == pass))
         unit = unit->next;
     if (unit)
         outbox_remove(o, unit);

@@ -1,7 +1,6 @@
 #include "worker/path_message.h"
 
 #include <ctype.h>
-#include <string.h>
 
 #include "common/base/memory.h"
 
@@ -62,13 +61,12 @@ static Azulejo__Wire__LightSampled *light_of(struct vertex_parts *p, const struc
 
     azulejo__wire__light_sampled__init(out);
     out->kind = word_of(p->kind, light->kind);
-    out->number = scene && light->number >= 0
-                      ? (int32_t)record_scene_light(scene, (uint32_t)light->number) : light->number;
+    out->number =
+        scene && light->number >= 0 ? (int32_t)record_scene_light(scene, (uint32_t)light->number) : light->number;
     out->instance = light->instance;
     out->triangle = light->triangle;
-    out->name = (char *)(light->instance >= 0
-                             ? NAME_OF(scene, instances, instance_count, light->instance)
-                             : NAME_OF(scene, lights, light_count, out->number));
+    out->name = (char *)(light->instance >= 0 ? NAME_OF(scene, instances, instance_count, light->instance)
+                                              : NAME_OF(scene, lights, light_count, out->number));
     out->direction = add_vector(p, light->direction);
     out->distance = light->distance;
     out->radiance = add_vector(p, light->radiance);
@@ -82,8 +80,7 @@ static Azulejo__Wire__LightSampled *light_of(struct vertex_parts *p, const struc
     return out;
 }
 
-static void name_vertex(Azulejo__Wire__PathVertex *out, const struct record_vertex *v,
-                        const struct scene *scene)
+static void name_vertex(Azulejo__Wire__PathVertex *out, const struct record_vertex *v, const struct scene *scene)
 {
     out->instance = v->instance;
     out->instance_name = (char *)NAME_OF(scene, instances, instance_count, v->instance);
@@ -101,7 +98,7 @@ static void fill_vertex(struct vertex_parts *p, const struct record_vertex *v, c
     Azulejo__Wire__PathVertex *out = &p->vertex;
 
     azulejo__wire__path_vertex__init(out);
-    out->kind = (char *)record_kind_text(v->kind);
+    out->kind = (char *)path_met_text(v->met);
     out->depth = v->depth;
     out->position = add_vector(p, v->p);
     out->geometric_normal = add_vector(p, v->ng);
@@ -114,9 +111,9 @@ static void fill_vertex(struct vertex_parts *p, const struct record_vertex *v, c
     out->bodies = p->bodies;
     out->n_bodies = v->body_count;
     out->throughput = add_vector(p, v->throughput);
-    out->added_medium = add_vector(p, v->added[RECORD_FROM_MEDIUM]);
-    out->added_path = add_vector(p, v->added[RECORD_FROM_PATH]);
-    out->added_light = add_vector(p, v->added[RECORD_FROM_LIGHT]);
+    out->added_medium = add_vector(p, v->added[FROM_MEDIUM]);
+    out->added_path = add_vector(p, v->added[FROM_PATH]);
+    out->added_light = add_vector(p, v->added[FROM_LIGHT]);
     out->met_pdf = v->met_pdf;
     out->met_weight = v->met_weight;
     if (v->light.asked)
@@ -138,7 +135,7 @@ struct path_message *path_message_new(const struct sample_record *record, const 
     azulejo__wire__sample_path__init(&m->path);
     m->radiance = vector_of(record->radiance);
     m->path.radiance = &m->radiance;
-    m->path.end = (char *)record_end_text(record->end);
+    m->path.end = (char *)path_end_text(record->end);
     m->path.truncated = record->truncated != 0;
     for (uint32_t i = 0; i < record->count; i++) {
         fill_vertex(&m->parts[i], &record->vertices[i], scene);
@@ -149,7 +146,4 @@ struct path_message *path_message_new(const struct sample_record *record, const 
     return m;
 }
 
-Azulejo__Wire__SamplePath *path_message_body(struct path_message *m)
-{
-    return &m->path;
-}
+Azulejo__Wire__SamplePath *path_message_body(struct path_message *m) { return &m->path; }

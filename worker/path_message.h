@@ -1,6 +1,5 @@
 /* path_message: a recorded path as a message, with the names that its scene gives. */
-#ifndef AZULEJO_WORKER_PATH_MESSAGE_H
-#define AZULEJO_WORKER_PATH_MESSAGE_H
+#pragma once
 
 #include "common/scene/scene.h"
 #include "protocol/azulejo.pb-c.h"
@@ -12,5 +11,3 @@ struct path_message;
  * memory. Free with mem_free. */
 struct path_message *path_message_new(const struct sample_record *record, const struct scene *scene);
 Azulejo__Wire__SamplePath *path_message_body(struct path_message *m);
-
-#endif

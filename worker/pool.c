@@ -2,7 +2,6 @@
 
 #include <pthread.h>
 #include <signal.h>
-#include <string.h>
 #if defined(__x86_64__)
 #include <xmmintrin.h>
 #endif
@@ -19,17 +18,25 @@ struct pool {
     pthread_cond_t work;
     struct task_list queue, done;
     int stop;
+    int gathers; /* the owner looks again soon */
     void (*notify)(void *user);
     void *user;
-    unsigned thread_count, threads_begun;
+    unsigned thread_count, threads_begun, threads_idle;
     pthread_t threads[];
 };
 
 static _Thread_local unsigned thread_number;
 
-unsigned pool_thread(void)
+unsigned pool_thread(void) { return thread_number; }
+
+unsigned pool_idle(struct pool *pool)
 {
-    return thread_number;
+    unsigned idle;
+
+    pthread_mutex_lock(&pool->lock);
+    idle = pool->threads_idle;
+    pthread_mutex_unlock(&pool->lock);
+    return idle;
 }
 
 static void list_append(struct task_list *list, struct pool_task *task)
@@ -88,11 +95,13 @@ static void *thread_main(void *argument)
     thread_number = ++pool->threads_begun;
     for (;;) {
         struct pool_task *task = pool->queue.first;
-        int first;
+        int tell;
         if (pool->stop)
             break;
         if (!task) {
+            pool->threads_idle++;
             pthread_cond_wait(&pool->work, &pool->lock);
+            pool->threads_idle--;
             continue;
         }
         list_remove(&pool->queue, task);
@@ -101,9 +110,9 @@ static void *thread_main(void *argument)
         task->run(task);
         pthread_mutex_lock(&pool->lock);
         task->state = TASK_DONE;
-        first = pool->done.first == NULL;
+        tell = pool->gathers ? !task->can_wait || !pool->queue.first : !pool->done.first;
         list_append(&pool->done, task);
-        if (first)
+        if (tell)
             pool->notify(pool->user);
     }
     pthread_mutex_unlock(&pool->lock);
@@ -111,19 +120,16 @@ static void *thread_main(void *argument)
     return NULL;
 }
 
-status pool_new(struct pool **out, unsigned threads, void (*notify)(void *user), void *user,
-                struct error *err)
+status pool_new(struct pool **out, unsigned threads, void (*notify)(void *user), void *user, struct error *err)
 {
     struct pool *pool;
     sigset_t all, before;
 
     *out = NULL;
     if (threads < 1 || threads > POOL_THREADS_MAX)
-        return error_set(err, STATUS_ERR_USAGE, "%u threads: must be 1..%d", threads,
-                         POOL_THREADS_MAX);
+        return error_set(err, STATUS_ERR_USAGE, "%u threads: must be 1..%d", threads, POOL_THREADS_MAX);
     pool = mem_calloc(1, sizeof *pool + threads * sizeof *pool->threads);
-    if (!pool)
-        return error_no_memory(err, "the thread pool");
+    NEED(pool, err, "the thread pool");
     pthread_mutex_init(&pool->lock, NULL);
     pthread_cond_init(&pool->work, NULL);
     pool->notify = notify;
@@ -138,8 +144,7 @@ status pool_new(struct pool **out, unsigned threads, void (*notify)(void *user),
     if (pool->thread_count < threads) {
         unsigned started = pool->thread_count;
         pool_free(pool);
-        return error_set(err, STATUS_ERR_NO_MEMORY,
-                         "only %u of %u threads can be started (lower --threads)", started,
+        return error_set(err, STATUS_ERR_NO_MEMORY, "only %u of %u threads can be started (lower --threads)", started,
                          threads);
     }
     *out = pool;
@@ -194,6 +199,7 @@ struct pool_task *pool_take_done(struct pool *pool)
     pthread_mutex_lock(&pool->lock);
     first = pool->done.first;
     pool->done.first = pool->done.last = NULL;
+    pool->gathers = first != NULL;
     for (struct pool_task *t = first; t; t = t->next)
         t->state = TASK_IDLE;
     pthread_mutex_unlock(&pool->lock);

@@ -9,8 +9,7 @@
 #include "common/base/memory.h"
 #include "worker/render/base/profile_scope.h"
 
-/* Slightly off a millisecond, so that it does not beat with periodic work of the system. */
-enum { PERIOD_NS = 1013000, IDLE_PERIOD_NS = 20000000 };
+enum { IDLE_PERIOD_NS = 20000000 };
 
 /* A thread that is sampled. */
 struct watched {
@@ -20,9 +19,10 @@ struct watched {
 };
 
 static struct {
-    pthread_mutex_t lock;    /* guards `first` and the list */
+    pthread_mutex_t lock; /* guards `first` and the list */
     struct watched *first;
     atomic_int stop;
+    long period_ns;
     int running;
     pthread_t thread;
 } profile = {.lock = PTHREAD_MUTEX_INITIALIZER};
@@ -48,29 +48,28 @@ static int look(void)
     return busy;
 }
 
-static void *watch_main(void *unused)
+static void *watch_main(void *unused UNUSED)
 {
-    (void)unused;
     while (!atomic_load_explicit(&profile.stop, memory_order_relaxed)) {
-        struct timespec pause = {0, look() ? PERIOD_NS : IDLE_PERIOD_NS};
+        struct timespec pause = {0, look() ? profile.period_ns : IDLE_PERIOD_NS};
         clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, NULL);
     }
     return NULL;
 }
 
-status profile_start(struct error *err)
+status profile_start(long period_ns, struct error *err)
 {
     sigset_t all, before;
     int code;
 
     atomic_store(&profile.stop, 0);
+    profile.period_ns = period_ns;
     sigfillset(&all); /* signals go to the event loop's thread */
     pthread_sigmask(SIG_SETMASK, &all, &before);
     code = pthread_create(&profile.thread, NULL, watch_main, NULL);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (code != 0)
-        return error_set(err, STATUS_ERR_NO_MEMORY, "the profile's thread cannot be started: %s",
-                         strerror(code));
+        return error_set(err, STATUS_ERR_NO_MEMORY, "the profile's thread cannot be started: %s", strerror(code));
     profile.running = 1;
     return STATUS_OK;
 }

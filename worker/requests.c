@@ -1,8 +1,6 @@
 #include "worker/requests.h"
 
-#include <string.h>
-
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 #include "worker/path_message.h"
@@ -12,14 +10,14 @@ struct request {
     struct pool_task task; /* first: a task is its request */
     struct request *next;
     struct requests *owner;
-    uint64_t number;       /* the envelope's */
-    int forgotten;         /* the connection that asked is lost */
-    int started;           /* it was given to the pool */
+    uint64_t number; /* the envelope's */
+    int forgotten;   /* the connection that asked is lost */
+    int started;     /* it was given to the pool */
     struct scene_slot *slot;
     struct digest scene_digest;
     struct render_settings settings;
     uint32_t frame;
-    int is_unit, wants_path;
+    int is_unit, wants_sums, wants_path;
     uint32_t tile, group, pass;
     uint32_t x, y, first, count;
 
@@ -27,11 +25,12 @@ struct request {
     struct error error;
     struct render_stats stats;
     struct digest digest;
+    uint64_t hash;
     struct tail tail;
     struct sample_record *record;
-    struct scene scene;    /* for its names */
+    struct scene scene; /* for its names */
     int has_scene;
-    float *floats;         /* a unit's sums, or what the samples add [count][3] */
+    float *floats; /* a unit's sums, or what the samples add [count][3] */
     size_t float_count;
 };
 
@@ -47,7 +46,8 @@ static status render_unit(struct request *q, const struct render_scene *scene)
     q->float_count = render_tile(scene, q->frame, q->tile, q->group, q->pass, q->floats, &q->tail,
                                  &q->stats);
     unit = (struct unit_result){q->tile, q->group, q->pass, q->floats, q->float_count, q->tail,
-                                render_stats_work(&q->stats)};
+                                q->stats.work};
+    q->hash = unit_hash(&unit);
     return wire_unit_digest(&q->digest, &unit, &q->error);
 }
 
@@ -60,8 +60,7 @@ static void read_names(struct request *q)
     scene_init(&q->scene);
     if (blob_cache_get(q->owner->blobs, &q->scene_digest, &blob, &ignored) != STATUS_OK)
         return;
-    q->has_scene = scene_unpack(&q->scene, cached_blob_data(blob), cached_blob_size(blob),
-                                &ignored) == STATUS_OK;
+    q->has_scene = scene_unpack(&q->scene, cached_blob_data(blob), cached_blob_size(blob), &ignored) == STATUS_OK;
     if (!q->has_scene)
         scene_release(&q->scene);
     cached_blob_release(blob);
@@ -76,8 +75,7 @@ static status render_samples(struct request *q, const struct render_scene *scene
     if (!q->floats || (q->wants_path && !q->record))
         return error_no_memory(&q->error, "samples");
     for (uint32_t i = 0; i < q->count; i++)
-        render_sample(scene, q->frame, q->x, q->y, q->first + i, q->floats + 3 * (size_t)i,
-                      q->record, &q->stats);
+        render_sample(scene, q->frame, q->x, q->y, q->first + i, q->floats + 3 * (size_t)i, q->record, &q->stats);
     if (q->wants_path)
         read_names(q);
     return STATUS_OK;
@@ -93,8 +91,8 @@ static void request_run(struct pool_task *task)
 
 /* ---- in the loop's thread --------------------------------------------------------------------- */
 
-void requests_init(struct requests *r, struct pool *pool, struct scene_cache *scenes,
-                   struct blob_cache *blobs, uint32_t isa_mask)
+void requests_init(struct requests *r, struct pool *pool, struct scene_cache *scenes, struct blob_cache *blobs,
+                   uint32_t isa_mask)
 {
     *r = (struct requests){.pool = pool, .scenes = scenes, .blobs = blobs, .isa_mask = isa_mask};
 }
@@ -143,19 +141,17 @@ static status request_fill(struct request *q, const Azulejo__Wire__RenderRequest
 {
     status s = wire_digest_get(&q->scene_digest, &m->scene, "the scene", err);
 
-    if (s == STATUS_OK)
-        s = wire_settings_get(&q->settings, m->settings, UINT32_MAX, err);
+    THEN(s, wire_settings_get(&q->settings, m->settings, UINT32_MAX, err));
     if (s != STATUS_OK)
         return s;
     q->frame = m->frame;
     if (!(q->owner->isa_mask >> q->settings.isa & 1))
         return error_set(err, STATUS_ERR_UNSUPPORTED, "it needs %s, which this worker does not offer",
                          isa_name(q->settings.isa));
-    s = wire_piece_check(m, &q->settings, err);
-    if (s != STATUS_OK)
-        return s;
+    TRY(wire_piece_check(m, &q->settings, err));
     if (m->unit) {
         q->is_unit = 1;
+        q->wants_sums = m->sums;
         q->tile = m->unit->tile;
         q->group = m->unit->group;
         q->pass = m->unit->pass;
@@ -186,8 +182,7 @@ void requests_take(struct requests *r, uint64_t number, const Azulejo__Wire__Ren
     s = request_fill(q, message, &err);
     if (s == STATUS_OK && r->count >= REQUESTS_HELD_MAX)
         s = error_set(&err, STATUS_ERR_LIMIT, "more than %d requests at once", REQUESTS_HELD_MAX);
-    if (s == STATUS_OK)
-        s = scene_cache_acquire(r->scenes, &q->scene_digest, &q->settings, q->frame, &q->slot, &err);
+    THEN(s, scene_cache_acquire(r->scenes, &q->scene_digest, &q->settings, q->frame, &q->slot, &err));
     if (s != STATUS_OK) {
         err.code = s;
         say_failure(q, channel, &err);
@@ -208,8 +203,7 @@ static int request_settle(struct request *q, struct error *why)
         *why = *scene_slot_error(q->slot);
         return 0;
     }
-    return scene_slot_shows(q->slot, q->frame) ||
-           scene_slot_change(&q->slot, q->frame, why) == STATUS_OK;
+    return scene_slot_shows(q->slot, q->frame) || scene_slot_change(&q->slot, q->frame, why) == STATUS_OK;
 }
 
 void requests_scene_settled(struct requests *r, struct scene_slot *slot, struct channel *channel)
@@ -234,14 +228,16 @@ static void send_result(struct request *q, struct channel *channel)
 {
     Azulejo__Wire__RenderResult result = AZULEJO__WIRE__RENDER_RESULT__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(RENDER_RESULT, render_result, &result);
-    const struct unit_work done = render_stats_work(&q->stats);
     struct path_message *path = NULL;
     struct wire_work work;
     struct error err = {0};
 
-    result.work = wire_work_set(&work, &done);
+    result.work = wire_work_set(&work, &q->stats.work);
     if (q->is_unit) {
         wire_digest_set(&result.digest, &q->digest);
+        result.hash = q->hash;
+        result.sums.data = (uint8_t *)q->floats; /* little-endian, as message.c asserts */
+        result.sums.len = q->wants_sums ? q->float_count * sizeof *q->floats : 0;
     } else {
         result.added.data = (uint8_t *)q->floats; /* little-endian, as message.c asserts */
         result.added.len = q->float_count * sizeof *q->floats;
@@ -266,11 +262,10 @@ static void send_result(struct request *q, struct channel *channel)
     mem_free(path);
 }
 
-int requests_task_done(struct requests *r, struct pool_task *task, struct channel *channel)
+int requests_task_done(struct requests *r UNUSED, struct pool_task *task, struct channel *channel)
 {
     struct request *q = (struct request *)task;
 
-    (void)r;
     if (task->run != request_run)
         return 0;
     if (q->error.code != STATUS_OK)

@@ -7,14 +7,13 @@
  * worker. Requests go before leased units, and are few. Everything here runs in the loop's thread; only
  * the tasks run in the pool.
  */
-#ifndef AZULEJO_WORKER_REQUESTS_H
-#define AZULEJO_WORKER_REQUESTS_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "protocol/channel.h"
-#include "worker/blob_cache.h"
+#include "worker/cache/blob_cache.h"
 #include "worker/pool.h"
 #include "worker/scene_cache.h"
 
@@ -31,8 +30,8 @@ struct requests {
     size_t count;
 };
 
-void requests_init(struct requests *r, struct pool *pool, struct scene_cache *scenes,
-                   struct blob_cache *blobs, uint32_t isa_mask);
+void requests_init(struct requests *r, struct pool *pool, struct scene_cache *scenes, struct blob_cache *blobs,
+                   uint32_t isa_mask);
 void requests_release(struct requests *r); /* after the pool has ended */
 
 /* Take a request; what is wrong with it is answered by a Failure on `channel`. */
@@ -44,5 +43,3 @@ void requests_scene_settled(struct requests *r, struct scene_slot *slot, struct 
 int requests_task_done(struct requests *r, struct pool_task *task, struct channel *channel);
 /* The connection is lost: no answer is expected any more. Drops what has not begun. */
 void requests_forget(struct requests *r);
-
-#endif

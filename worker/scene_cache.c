@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/scene/pose.h"
 #include "common/scene/scene.h"
@@ -24,8 +24,8 @@ struct scene_slot {
     enum motion motion;
     enum scene_state state;
     unsigned references;
-    uint64_t used;         /* the cache's tick of the last acquire */
-    uint64_t evicted;      /* the cache's count when the build was queued */
+    uint64_t used;    /* the cache's tick of the last acquire */
+    uint64_t evicted; /* the cache's count when the build was queued */
 
     /* Owned by the build, in a pool thread while WORKING. */
     struct scene scene;
@@ -62,8 +62,7 @@ static int compare_digests(const struct digest *a, const struct digest *b)
 
 static int compare_blobs(const void *a, const void *b)
 {
-    return compare_digests(&((const struct scene_blob *)a)->digest,
-                           &((const struct scene_blob *)b)->digest);
+    return compare_digests(&((const struct scene_blob *)a)->digest, &((const struct scene_blob *)b)->digest);
 }
 
 static int compare_to_cached(const void *key, const void *element)
@@ -71,15 +70,14 @@ static int compare_to_cached(const void *key, const void *element)
     return compare_digests(key, cached_blob_digest(*(struct cached_blob *const *)element));
 }
 
-static status source_get(void *user, const struct digest *digest, const uint8_t **data,
-                         size_t *size_bytes, struct error *err)
+static status source_get(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                         struct error *err)
 {
     struct scene_slot *slot = user;
     struct cached_blob **found = NULL;
 
     if (slot->blob_count)
-        found = bsearch(digest, slot->blobs, slot->blob_count, sizeof *slot->blobs,
-                        compare_to_cached);
+        found = bsearch(digest, slot->blobs, slot->blob_count, sizeof *slot->blobs, compare_to_cached);
     if (!found) {
         char hex[DIGEST_HEX_SIZE];
         digest_to_hex(digest, hex);
@@ -101,13 +99,11 @@ static void blobs_release(struct cached_blob ***blobs, size_t *count)
     *count = 0;
 }
 
-static status note_missing(struct scene_slot *slot, const struct scene_blob *blob, size_t room,
-                           struct error *err)
+static status note_missing(struct scene_slot *slot, const struct scene_blob *blob, size_t room, struct error *err)
 {
     if (!slot->missing) {
         slot->missing = mem_alloc_array(room, sizeof *slot->missing);
-        if (!slot->missing)
-            return error_no_memory(err, "the list of missing blobs");
+        NEED(slot->missing, err, "the list of missing blobs");
     }
     slot->missing[slot->missing_count++] = *blob;
     return STATUS_OK;
@@ -164,8 +160,7 @@ static status collect_blobs(struct scene_slot *slot, struct error *err)
         } else if (s == STATUS_OK) {
             slot->blobs[slot->blob_count++] = blob;
             if (cached_blob_size(blob) != list[i].size_bytes)
-                s = error_set(err, STATUS_ERR_INPUT,
-                              "the scene says that a blob has %llu bytes, but it has %zu",
+                s = error_set(err, STATUS_ERR_INPUT, "the scene says that a blob has %llu bytes, but it has %zu",
                               (unsigned long long)list[i].size_bytes, cached_blob_size(blob));
         }
     }
@@ -185,9 +180,9 @@ static void scene_build(struct pool_task *task)
         s = unpack_scene(slot, &slot->error);
     if (s == STATUS_OK && slot->missing_count == 0)
         s = collect_blobs(slot, &slot->error);
+    render_build_threads(1 + pool_idle(slot->cache->pool));
     if (s == STATUS_OK && slot->missing_count == 0)
-        s = render_scene_new(&slot->render, &slot->scene, &slot->settings, slot->frame, source,
-                             &slot->error);
+        s = render_scene_new(&slot->render, &slot->scene, &slot->settings, slot->frame, source, &slot->error);
     if (s != STATUS_OK) {
         slot->error.code = s;
         mem_free(slot->missing);
@@ -233,8 +228,7 @@ static void slot_free(struct scene_slot *slot)
     mem_free(slot);
 }
 
-static int same_scene(const struct scene_slot *slot, const struct digest *scene,
-                      const struct render_settings *settings)
+static int same_scene(const struct scene_slot *slot, const struct digest *scene, const struct render_settings *settings)
 {
     return digest_equal(&slot->digest, scene) && render_settings_equal(&slot->settings, settings);
 }
@@ -309,8 +303,8 @@ static int make_room(struct scene_slot *slot)
     if (cache->evicted == slot->evicted)
         return 0;
     digest_to_hex(&slot->digest, hex);
-    log_info("scene %.12s: %s; %llu idle scenes were freed, trying again", hex,
-             slot->error.text, (unsigned long long)(cache->evicted - slot->evicted));
+    log_info("scene %.12s: %s; %llu idle scenes were freed, trying again", hex, slot->error.text,
+             (unsigned long long)(cache->evicted - slot->evicted));
     return 1;
 }
 
@@ -318,8 +312,7 @@ status scene_cache_new(struct scene_cache **out, struct blob_cache *blobs, struc
                        struct scene_cache_callbacks callbacks, struct error *err)
 {
     *out = mem_calloc(1, sizeof **out);
-    if (!*out)
-        return error_no_memory(err, "the scene cache");
+    NEED(*out, err, "the scene cache");
     (*out)->blobs = blobs;
     (*out)->pool = pool;
     (*out)->callbacks = callbacks;
@@ -340,8 +333,7 @@ void scene_cache_free(struct scene_cache *cache)
 
 /* The slot for a frame; NULL: create a new one. *motion: what is known of the scene. */
 static struct scene_slot *slot_find(struct scene_cache *cache, const struct digest *scene,
-                                    const struct render_settings *settings, uint32_t frame,
-                                    enum motion *motion)
+                                    const struct render_settings *settings, uint32_t frame, enum motion *motion)
 {
     struct scene_slot *waits = NULL;
 
@@ -360,8 +352,8 @@ static struct scene_slot *slot_find(struct scene_cache *cache, const struct dige
 }
 
 status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene,
-                           const struct render_settings *settings, uint32_t frame,
-                           struct scene_slot **out, struct error *err)
+                           const struct render_settings *settings, uint32_t frame, struct scene_slot **out,
+                           struct error *err)
 {
     enum motion motion;
     struct scene_slot *slot = slot_find(cache, scene, settings, frame, &motion);
@@ -369,8 +361,7 @@ status scene_cache_acquire(struct scene_cache *cache, const struct digest *scene
     if (!slot) {
         slot = mem_calloc(1, sizeof *slot);
         *out = NULL;
-        if (!slot)
-            return error_no_memory(err, "a scene");
+        NEED(slot, err, "a scene");
         slot->cache = cache;
         slot->digest = *scene;
         slot->settings = *settings;
@@ -397,11 +388,8 @@ status scene_slot_change(struct scene_slot **slot, uint32_t frame, struct error 
 {
     struct scene_slot *before = *slot, *after;
     /* `before` still exists and knows that its scene moves: it cannot be returned again. */
-    status s = scene_cache_acquire(before->cache, &before->digest, &before->settings, frame,
-                                   &after, err);
 
-    if (s != STATUS_OK)
-        return s;
+    TRY(scene_cache_acquire(before->cache, &before->digest, &before->settings, frame, &after, err));
     *slot = after;
     scene_slot_release(before);
     return STATUS_OK;
@@ -414,20 +402,14 @@ void scene_slot_release(struct scene_slot *slot)
         cache_trim(slot->cache);
 }
 
-enum scene_state scene_slot_state(const struct scene_slot *slot)
-{
-    return slot->state;
-}
+enum scene_state scene_slot_state(const struct scene_slot *slot) { return slot->state; }
 
 const struct render_scene *scene_slot_render(const struct scene_slot *slot)
 {
     return slot->state == SCENE_READY ? slot->render : NULL;
 }
 
-const struct error *scene_slot_error(const struct scene_slot *slot)
-{
-    return &slot->error;
-}
+const struct error *scene_slot_error(const struct scene_slot *slot) { return &slot->error; }
 
 static void log_built(const struct scene_slot *slot)
 {
@@ -438,8 +420,7 @@ static void log_built(const struct scene_slot *slot)
     digest_to_hex(&slot->digest, hex);
     log_info("scene %.12s '%s': %llu triangles, %llu instances, %.1f MiB of textures, meshes and "
              "BVH, built in %.2f s",
-             hex, slot->name, (unsigned long long)info.triangles,
-             (unsigned long long)info.instances,
+             hex, slot->name, (unsigned long long)info.triangles, (unsigned long long)info.instances,
              (double)(info.texture_bytes + info.mesh_bytes + info.bvh_bytes) / 1048576,
              (double)info.build_ns / (double)NS_PER_SECOND);
 }
@@ -516,8 +497,7 @@ void scene_cache_blob_arrived(struct scene_cache *cache, struct cached_blob *blo
     }
 }
 
-void scene_cache_blob_failed(struct scene_cache *cache, const struct digest *digest,
-                             const struct error *why)
+void scene_cache_blob_failed(struct scene_cache *cache, const struct digest *digest, const struct error *why)
 {
     for (;;) {
         /* Start from the front each time: the callback may have freed other slots. */

@@ -9,7 +9,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 
 /* The beginning of a small file as a string; "" when it cannot be read. */
 static void read_text(const char *path, char *out, size_t size)
@@ -26,8 +26,8 @@ uint64_t usage_busy_ns(const char *stat, long hertz)
 {
     unsigned long long user, nice, system, idle, iowait, irq, softirq;
 
-    if (hertz <= 0 || sscanf(stat, "cpu %llu %llu %llu %llu %llu %llu %llu", &user, &nice, &system, &idle,
-                             &iowait, &irq, &softirq) != 7)
+    if (hertz <= 0 || sscanf(stat, "cpu %llu %llu %llu %llu %llu %llu %llu", &user, &nice, &system, &idle, &iowait,
+                             &irq, &softirq) != 7)
         return 0;
     return (user + nice + system + irq + softirq) * (NS_PER_SECOND / (uint64_t)hertz);
 }
@@ -59,7 +59,7 @@ static uint64_t resident_bytes(void)
     return resident * (uint64_t)sysconf(_SC_PAGESIZE);
 }
 
-/* A terminal nobody has typed at since the machine started does not count: 0 is no time of input. */
+/* A terminal without input since the machine started does not count: 0 is no time of input. */
 static double terminals_idle_s(void)
 {
     static const char *const patterns[] = {"/dev/tty[0-9]*", "/dev/pts/[0-9]*"};

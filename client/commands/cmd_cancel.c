@@ -3,27 +3,25 @@
 #include <stdio.h>
 
 #include "client/commands/steer.h"
-#include "client/farm/cut_frame.h"
-#include "client/farm/job_info.h"
-#include "client/farm/signals.h"
-#include "client/farm/watch.h"
-#include "common/base/clock.h"
+#include "client/follow/cut_frame.h"
+#include "client/follow/job_info.h"
+#include "client/link/signals.h"
+#include "client/follow/watch.h"
+#include "common/system/clock.h"
 #include "protocol/message.h"
 
 /* How long to wait for the pictures. They are made even if the wait ends. */
 enum { WAIT_LIMIT_MS = 30000 };
 
-static status stop_wanted(void *user, struct error *err)
+static status stop_wanted(void *user UNUSED, struct error *err)
 {
-    (void)user;
     if (!signals_stop())
         return STATUS_OK;
     return error_set(err, STATUS_ERR_JOB_FAILED, "detached; the job is still being cancelled");
 }
 
 /* Wait until the job has ended, and replace *answer by a later one. */
-static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer,
-                        struct error *err)
+static status await_end(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer, struct error *err)
 {
     status result = signals_catch(err);
 

@@ -2,18 +2,17 @@
 #include <ctype.h>
 #include <inttypes.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
 #include "client/commands/command.h"
-#include "client/commands/debug_view.h"
-#include "client/farm/job_info.h"
-#include "client/farm/local.h"
-#include "client/farm/signals.h"
+#include "client/views/debug_view.h"
+#include "client/follow/job_info.h"
+#include "client/link/local.h"
+#include "client/link/signals.h"
 #include "client/farm/submission.h"
+#include "client/terminal/must.h"
 #include "client/terminal/parse.h"
-#include "common/base/file.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
@@ -27,7 +26,7 @@ enum {
 struct debug {
     const char *target, *pixel_text;
     struct option_list sample_texts;
-    int64_t frame;               /* -1: the first */
+    int64_t frame; /* -1: the first */
     uint32_t x, y;
     uint32_t samples[SAMPLES_MAX];
     size_t sample_count;
@@ -41,7 +40,7 @@ struct debug {
     struct import_result scene;
     struct local_farm *farm;
     struct connection *connection;
-    uint64_t job;                /* 0: of a scene */
+    uint64_t job;             /* 0: of a scene */
     struct tile_rect picture; /* what is rendered of the whole picture */
     uint32_t spp;
 };
@@ -72,21 +71,18 @@ static status add_samples(struct debug *d, const char *text, struct error *err)
     if (count == 1)
         last = first;
     if (count < 1 || text[used] || last < first)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--sample %s: must be a sample's number or a range, as in 5 or 0-3", text);
+        return error_set(err, STATUS_ERR_USAGE, "--sample %s: must be a sample's number or a range, as in 5 or 0-3",
+                         text);
     if (last - first >= SAMPLES_MAX - d->sample_count)
         return error_set(err, STATUS_ERR_USAGE,
-                         "--sample %s: at most %d paths at once; without --sample the pixel's samples are listed",
-                         text, SAMPLES_MAX);
+                         "--sample %s: at most %d paths at once; without --sample the pixel's samples are listed", text,
+                         SAMPLES_MAX);
     for (uint32_t n = first; n <= last; n++)
         d->samples[d->sample_count++] = n;
     return STATUS_OK;
 }
 
-static int is_job(const char *target)
-{
-    return target[strspn(target, "0123456789")] == 0;
-}
+static int is_job(const char *target) { return target[strspn(target, "0123456789")] == 0; }
 
 static status parse_request(struct debug *d, struct error *err)
 {
@@ -101,18 +97,17 @@ static status parse_request(struct debug *d, struct error *err)
 
 /* ---- asking ----------------------------------------------------------------------------------- */
 
-static status check_result(const Azulejo__Wire__RenderResult *result, uint32_t count, int path,
-                           struct error *err)
+static status check_result(const Azulejo__Wire__RenderResult *result, uint32_t count, int path, struct error *err)
 {
     if (result->added.len != (size_t)count * 3 * sizeof(float) || (path && !result->path))
-        return error_set(err, STATUS_ERR_PROTOCOL, "the worker answered with something else than %u sample%s",
-                         count, count == 1 ? "" : "s");
+        return error_set(err, STATUS_ERR_PROTOCOL, "the worker answered with something else than %u sample%s", count,
+                         count == 1 ? "" : "s");
     return STATUS_OK;
 }
 
 /* Samples `first` to `first` + `count` - 1 of the pixel. The caller frees the answer. */
-static status ask(struct debug *d, uint32_t first, uint32_t count, int path,
-                  Azulejo__Wire__Envelope **answer, struct error *err)
+static status ask(struct debug *d, uint32_t first, uint32_t count, int path, Azulejo__Wire__Envelope **answer,
+                  struct error *err)
 {
     Azulejo__Wire__RenderRequest request = AZULEJO__WIRE__RENDER_REQUEST__INIT;
     Azulejo__Wire__RenderSettings settings = AZULEJO__WIRE__RENDER_SETTINGS__INIT;
@@ -133,10 +128,7 @@ static status ask(struct debug *d, uint32_t first, uint32_t count, int path,
         wire_digest_set(&request.scene, &d->scene.scene_digest);
         request.settings = &settings;
     }
-    result = connection_ask(d->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT, answer,
-                            err);
-    if (result != STATUS_OK)
-        return result;
+    TRY(connection_ask(d->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT, answer, err));
     result = check_result((*answer)->render_result, count, path, err);
     if (result != STATUS_OK) {
         message_free(*answer);
@@ -145,8 +137,7 @@ static status ask(struct debug *d, uint32_t first, uint32_t count, int path,
     return result;
 }
 
-static void take_sample(const Azulejo__Wire__RenderResult *result, uint32_t first, uint32_t i,
-                        struct debug_sample *out)
+static void take_sample(const Azulejo__Wire__RenderResult *result, uint32_t first, uint32_t i, struct debug_sample *out)
 {
     out->number = first + i;
     memcpy(out->added, result->added.data + i * sizeof out->added, sizeof out->added);
@@ -154,9 +145,8 @@ static void take_sample(const Azulejo__Wire__RenderResult *result, uint32_t firs
 
 static json_t *header_json(const struct debug *d)
 {
-    return json_pack("{s:o, s:I, s:[I, I], s:I}", "job",
-                     d->job ? json_integer((json_int_t)d->job) : json_null(), "frame",
-                     (json_int_t)d->frame, "pixel", (json_int_t)d->x, (json_int_t)d->y, "spp",
+    return json_pack("{s:o, s:I, s:[I, I], s:I}", "job", d->job ? json_integer((json_int_t)d->job) : json_null(),
+                     "frame", (json_int_t)d->frame, "pixel", (json_int_t)d->x, (json_int_t)d->y, "spp",
                      (json_int_t)d->spp);
 }
 
@@ -195,8 +185,8 @@ static status tell_paths(struct debug *d, struct error *err)
 
 static status tell_samples(struct debug *d, struct error *err)
 {
-    struct debug_sample *samples = mem_alloc_array(d->spp, sizeof *samples);
-    status result = samples ? STATUS_OK : error_no_memory(err, "the pixel's samples");
+    struct debug_sample *samples = must(mem_alloc_array(d->spp, sizeof *samples));
+    status result = STATUS_OK;
 
     for (uint32_t at = 0, count; at < d->spp && result == STATUS_OK; at += count) {
         Azulejo__Wire__Envelope *answer = NULL;
@@ -221,8 +211,8 @@ static status tell_samples(struct debug *d, struct error *err)
 static status tell(struct debug *d, struct error *err)
 {
     if (d->x - d->picture.x >= d->picture.width || d->y - d->picture.y >= d->picture.height) {
-        error_set(err, STATUS_ERR_INPUT, "--pixel %u,%u is outside the picture of %ux%u pixels", d->x,
-                  d->y, d->picture.width, d->picture.height);
+        error_set(err, STATUS_ERR_INPUT, "--pixel %u,%u is outside the picture of %ux%u pixels", d->x, d->y,
+                  d->picture.width, d->picture.height);
         if (err && (d->picture.x || d->picture.y))
             snprintf(err->text + strlen(err->text), sizeof err->text - strlen(err->text), " from %u,%u on",
                      d->picture.x, d->picture.y);
@@ -244,8 +234,7 @@ static status debug_job(struct debug *d, struct error *err)
     Azulejo__Wire__Envelope *answer = NULL;
     status result = connection_open(&d->connection, &d->where, err);
 
-    if (result == STATUS_OK)
-        result = job_query(d->connection, d->job, &answer, err);
+    THEN(result, job_query(d->connection, d->job, &answer, err));
     if (result == STATUS_OK) {
         const Azulejo__Wire__JobInfo *info = job_list_find(answer->job_list, d->job);
 
@@ -276,8 +265,7 @@ static status prepare_scene(struct debug *d, struct error *err)
         d->options.frames.list = d->frames;
     }
     result = job_options_check(&d->options, &d->request, err);
-    if (result == STATUS_OK)
-        result = submission_prepare(d->target, &d->options, d->quiet || d->json, &d->request, &d->scene, err);
+    THEN(result, submission_prepare(d->target, &d->options, d->quiet || d->json, &d->request, &d->scene, err));
     if (result != STATUS_OK)
         return result;
     d->frame = d->request.first_frame;
@@ -313,15 +301,11 @@ static status debug_on_local_farm(struct debug *d, struct error *err)
     status result;
 
     where.timeout_s = LOCAL_PATIENCE_S;
-    result = connection_open(&d->connection, &where, err);
-    if (result != STATUS_OK)
-        return result;
+    TRY(connection_open(&d->connection, &where, err));
     connection_set_watch(d->connection, local_farm_check, d->farm);
     result = local_farm_check(d->farm, err); /* what ended before the connection watched */
-    if (result == STATUS_OK)
-        result = submission_upload(d->connection, &d->scene, &d->request, 1, err);
-    if (result == STATUS_OK)
-        result = await_worker(d->connection, err);
+    THEN(result, submission_upload(d->connection, &d->scene, &d->request, 1, err));
+    THEN(result, await_worker(d->connection, err));
     return result == STATUS_OK ? tell(d, err) : result;
 }
 
@@ -329,8 +313,7 @@ static status debug_scene(struct debug *d, struct error *err)
 {
     status result = prepare_scene(d, err);
 
-    if (result == STATUS_OK)
-        result = local_farm_start(&d->farm, &d->local, err);
+    THEN(result, local_farm_start(&d->farm, &d->local, err));
     if (result == STATUS_OK) {
         result = debug_on_local_farm(d, err);
         if (result != STATUS_OK)
@@ -375,8 +358,7 @@ static status check_options(const struct debug *d, const struct job_options *sce
     return STATUS_OK;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     static struct debug d = {.options = JOB_OPTIONS_INIT, .where = CONNECTION_OPTIONS_INIT, .frame = -1};
     static struct job_options scene_before;
@@ -394,7 +376,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"verbose", 'v', OPTION_FLAG, &d.local.verbose, NULL,
          "of a scene: show what the coordinator and the worker log", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(d.where),
-        {"", 0, OPTION_GROUP, NULL, NULL, "of a scene, as for render", 0, 0, NULL},
+        {"", 0, OPTION_GROUP, NULL, NULL, "of a scene, as for render:", 0, 0, NULL},
         JOB_STUDY_ROWS(d.options),
         {0},
     };
@@ -403,7 +385,6 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int done;
     status result;
 
-    (void)exit_code;
     memcpy(&scene_before, &d.options, sizeof scene_before);
     memcpy(&where_before, &d.where, sizeof where_before);
     choose_rows(&d, table, rows);
@@ -414,10 +395,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
     d.local.workers = 1;
     d.local.threads = 1;
     result = check_options(&d, &scene_before, &where_before, err);
-    if (result == STATUS_OK)
-        result = parse_request(&d, err);
-    if (result == STATUS_OK)
-        result = d.job ? debug_job(&d, err) : debug_scene(&d, err);
+    THEN(result, parse_request(&d, err));
+    THEN(result, d.job ? debug_job(&d, err) : debug_scene(&d, err));
     connection_close(d.connection);
     local_farm_stop(d.farm);
     import_result_release(&d.scene);

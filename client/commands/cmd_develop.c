@@ -2,14 +2,16 @@
 #include <inttypes.h>
 #include <poll.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "client/commands/command.h"
-#include "client/farm/fetch.h"
-#include "client/farm/job_info.h"
-#include "client/farm/output.h"
-#include "client/terminal/parse.h"
+#include "client/follow/fetch.h"
+#include "client/follow/figures_view.h"
+#include "client/follow/job_info.h"
+#include "client/options/output.h"
+#include "client/farm/job_choice.h"
 #include "client/terminal/progress.h"
-#include "client/farm/signals.h"
+#include "client/link/signals.h"
 #include "client/farm/upload.h"
 #include "protocol/message.h"
 
@@ -20,8 +22,8 @@ struct develop {
     uint64_t job;
     struct output_options options;
     struct output_request request;
-    uint32_t revision;                 /* of ours */
-    Azulejo__Wire__Envelope *last;     /* the latest JobList */
+    uint32_t revision;             /* of ours */
+    Azulejo__Wire__Envelope *last; /* the latest JobList */
 };
 
 static const Azulejo__Wire__JobInfo *job_of(const struct develop *d)
@@ -46,11 +48,10 @@ static status choose_formats(struct develop *d, unsigned *formats, struct error 
 
     *formats = request->formats ? request->formats : there;
     if (*formats & OUTPUT_FORMAT_EXR && !(there & OUTPUT_FORMAT_EXR))
-        return error_set(
-            err, STATUS_ERR_USAGE,
-            "--format: job %" PRIu64
-            " has no EXR, and developing cannot add one: that is decided when a job is submitted",
-            d->job);
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--format: job %" PRIu64
+                         " has no EXR, and developing cannot add one: that is decided when a job is submitted",
+                         d->job);
     if (!(*formats & ~(unsigned)OUTPUT_FORMAT_EXR))
         return error_set(err, STATUS_ERR_USAGE,
                          "nothing to develop: job %" PRIu64 " makes no PNG and no JPEG; ask for "
@@ -83,7 +84,7 @@ static status send_develop(struct develop *d, unsigned formats, struct error *er
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobDevelop body = AZULEJO__WIRE__JOB_DEVELOP__INIT;
-    struct output_message output;
+    struct wire_output output;
     status result;
 
     output_message_set(&output, &d->request, formats);
@@ -107,17 +108,15 @@ static status check(const struct develop *d, int *done, struct error *err)
 
     *done = 0;
     if (signals_stop())
-        return error_set(err, STATUS_ERR_JOB_FAILED,
-                         "detached; the pictures of job %" PRIu64 " are still being made", d->job);
+        return error_set(err, STATUS_ERR_JOB_FAILED, "detached; the pictures of job %" PRIu64 " are still being made",
+                         d->job);
     if (info->revision != d->revision)
         return error_set(err, STATUS_ERR_JOB_FAILED,
                          "job %" PRIu64 " is now being developed in another way, which was "
-                                        "requested after ours ('azulejo show %" PRIu64
-                         "' shows it)",
+                         "requested after ours ('azulejo show %" PRIu64 "' shows it)",
                          d->job, d->job);
     if (info->develop_error[0])
-        return error_set(err, STATUS_ERR_JOB_FAILED,
-                         "the pictures of job %" PRIu64 " cannot be made: %s", d->job,
+        return error_set(err, STATUS_ERR_JOB_FAILED, "the pictures of job %" PRIu64 " cannot be made: %s", d->job,
                          message_text(why, sizeof why, info->develop_error));
     *done = info->frames_developed >= info->frames_done;
     return STATUS_OK;
@@ -135,13 +134,12 @@ static status await_pictures(struct develop *d, int quiet, struct error *err)
         struct pollfd wake = {.fd = signals_fd(), .events = POLLIN};
         char text[96];
 
-        snprintf(text, sizeof text, "developing, %u of %u frame%s", info->frames_developed,
-                 info->frames_done, info->frames_done == 1 ? "" : "s");
+        snprintf(text, sizeof text, "developing, %u of %u frame%s", info->frames_developed, info->frames_done,
+                 info->frames_done == 1 ? "" : "s");
         progress_draw(&progress, (double)info->frames_developed / (double)info->frames_done, text);
         (void)poll(&wake, 1, POLL_MS); /* a signal or a timeout: check again either way */
         result = look(d, err);
-        if (result == STATUS_OK)
-            result = check(d, &done, err);
+        THEN(result, check(d, &done, err));
     }
     progress_clear(&progress);
     return result;
@@ -155,14 +153,23 @@ static void print_outcome(const Azulejo__Wire__JobInfo *info, int waited)
         printf("job %" PRIu64 ": the pictures will be made with %s\n", info->job,
                info->output ? info->output->tonemap : "?");
     else
-        printf("job %" PRIu64 ": %u frame%s developed with %s%s\n", info->job,
-               info->frames_developed, info->frames_developed == 1 ? "" : "s",
-               info->output ? info->output->tonemap : "?",
+        printf("job %" PRIu64 ": %u frame%s developed with %s%s\n", info->job, info->frames_developed,
+               info->frames_developed == 1 ? "" : "s", info->output ? info->output->tonemap : "?",
                info->frames_done < frames ? "; later ones will be, too" : "");
+    if (info->output && info->output->denoise[0] && strcmp(info->output->denoise, denoising_name(DENOISING_OFF)) != 0) {
+        struct buffer errors = BUFFER_INIT;
+        if (info->now && info->now->figures && info->now->denoised)
+            figures_describe_both(&errors, info->now);
+        if (errors.size && buffer_ok(&errors))
+            printf("  error: %s\n", buffer_text(&errors));
+        if (info->settings && (info->settings->aovs & AOV_FOR_DENOISING) != AOV_FOR_DENOISING)
+            printf("  denoised by colours alone: the job was submitted without --denoise\n");
+        buffer_release(&errors);
+    }
 }
 
-static status report(const struct develop *d, const struct job_fetch *fetch, int json, int quiet,
-                     int waited, struct error *err)
+static status report(const struct develop *d, const struct job_fetch *fetch, int json, int quiet, int waited,
+                     struct error *err)
 {
     json_t *out;
 
@@ -171,25 +178,21 @@ static status report(const struct develop *d, const struct job_fetch *fetch, int
             print_outcome(job_of(d), waited);
         return STATUS_OK;
     }
-    out = json_pack("{s:o}", "job", job_info_json(job_of(d)));
+    out = json_pack("{s:o}", "job", json_message(&job_of(d)->base));
     if (fetch->to.folder)
         json_object_update_new(out, job_fetch_json(fetch));
     return json_print(out, err);
 }
 
-static status develop(struct develop *d, struct job_fetch *fetch, int wait, int json, int quiet,
-                      struct error *err)
+static status develop(struct develop *d, struct job_fetch *fetch, int wait, int json, int quiet, struct error *err)
 {
     const struct frame_list all = {0};
     unsigned formats;
     status result = look(d, err), fetched = STATUS_OK;
 
-    if (result == STATUS_OK)
-        result = choose_formats(d, &formats, err);
-    if (result == STATUS_OK)
-        result = send_file(d, err);
-    if (result == STATUS_OK)
-        result = send_develop(d, formats, err);
+    THEN(result, choose_formats(d, &formats, err));
+    THEN(result, send_file(d, err));
+    THEN(result, send_develop(d, formats, err));
     if (result == STATUS_OK && wait)
         result = await_pictures(d, quiet || json, err);
     if (result != STATUS_OK)
@@ -205,11 +208,10 @@ static status develop(struct develop *d, struct job_fetch *fetch, int wait, int 
     return result == STATUS_OK ? fetched : result;
 }
 
-status develop_command(const struct command *command, int argc, char *const *argv, int *exit_code,
-                      struct error *err)
+status develop_command(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    struct develop d = {.options = OUTPUT_OPTIONS_INIT};
+    struct develop d = {0};
     struct job_fetch fetch = {.finished_only = 1};
     const char *out = NULL;
     int no_wait = 0, json = 0, quiet = 0, done;
@@ -230,31 +232,26 @@ status develop_command(const struct command *command, int argc, char *const *arg
     };
     struct option rows[TONEMAP_ROWS_MAX];
     struct positionals rest;
-    status result = command_parse(command, tonemap_options_table(&d.options.tone, table, rows),
-                                  argc, argv, 1, 1, &rest, &done, err);
+    status result = command_parse(command, tonemap_options_table(&d.options.tone, table, rows), argc, argv, 1, 1, &rest,
+                                  &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     if (no_wait && out)
         return error_set(err, STATUS_ERR_USAGE,
                          "--no-wait: pictures that are not made yet cannot be fetched; leave out "
                          "either it or --output");
-    result = parse_job(rest.items[0], &d.job, err);
-    if (result == STATUS_OK)
-        result = output_options_check(&d.options, &d.request, err);
-    if (result == STATUS_OK)
-        result = tonemap_key_check(&d.request.tonemap, where.key_path, err);
+    result = job_word_check(rest.items[0], err);
+    THEN(result, output_options_check(&d.options, &d.request, err));
+    THEN(result, tonemap_key_check(&d.request.tonemap, where.key_path, err));
     if (result == STATUS_OK && out)
         result = destination_of_job(&fetch.to, out, OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG, err);
     if (result == STATUS_OK && out)
         result = fetch_check_folder(fetch.to.folder, err);
-    if (result == STATUS_OK)
-        result = connection_open(&d.connection, &where, err);
-    if (result == STATUS_OK)
-        result = signals_catch(err);
-    if (result == STATUS_OK)
-        result = develop(&d, &fetch, !no_wait, json, quiet, err);
+    THEN(result, connection_open(&d.connection, &where, err));
+    THEN(result, job_word_find(d.connection, rest.items[0], &d.job, err));
+    THEN(result, signals_catch(err));
+    THEN(result, develop(&d, &fetch, !no_wait, json, quiet, err));
     job_fetch_release(&fetch);
     message_free(d.last);
     connection_close(d.connection);

@@ -1,24 +1,24 @@
 /* azulejo estimate: what a job's accuracy will cost, from its own first passes. */
 #include <inttypes.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "client/commands/command.h"
-#include "client/commands/estimate.h"
-#include "client/farm/figures_view.h"
-#include "client/farm/job_info.h"
-#include "client/farm/local.h"
-#include "client/farm/signals.h"
+#include "client/views/estimate.h"
+#include "client/follow/figures_view.h"
+#include "client/follow/job_info.h"
+#include "client/link/local.h"
+#include "client/link/signals.h"
 #include "client/farm/submission.h"
 #include "client/farm/trial.h"
-#include "client/farm/watch.h"
+#include "client/follow/watch.h"
 #include "client/farm/verb.h"
 #include "client/terminal/moment.h"
-#include "common/base/clock.h"
+#include "client/terminal/must.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
-#include "common/base/shell.h"
+#include "common/system/shell.h"
 #include "protocol/message.h"
 
 enum { PILOT_SPP = 16 };
@@ -38,7 +38,7 @@ struct pilot {
     struct connection *connection;
     uint64_t job;
     Azulejo__Wire__Envelope *last;
-    struct buffer command;               /* that continues from it */
+    struct buffer command; /* that continues from it */
     struct estimate estimate;
 };
 
@@ -54,9 +54,8 @@ static status parse_price(const char *text, double *out, struct error *err)
         return STATUS_OK;
     *out = strtod(text, &end);
     if (end == text || !(*out >= 0) || !isfinite(*out) || (*end && strcmp(end, "/core-hour") != 0))
-        return error_set(
-            err, STATUS_ERR_USAGE,
-            "--price %s: must be the price of one core for an hour, as in 0.04/core-hour", text);
+        return error_set(err, STATUS_ERR_USAGE,
+                         "--price %s: must be the price of one core for an hour, as in 0.04/core-hour", text);
     return STATUS_OK;
 }
 
@@ -94,20 +93,13 @@ static status prepare(struct pilot *p, struct error *err)
     struct estimate *estimate = &p->estimate;
     status result = parse_price(p->price_text, &estimate->price, err);
 
-    if (result == STATUS_OK)
-        result = parse_deadline(p->by, &estimate->seconds_to_deadline, err);
-    if (result == STATUS_OK)
-        result = job_options_check(&p->options, request, err);
-    if (result == STATUS_OK)
-        result = job_request_one_range(request, err);
+    THEN(result, parse_deadline(p->by, &estimate->seconds_to_deadline, err));
+    THEN(result, job_options_check(&p->options, request, err));
+    THEN(result, job_request_one_range(request, err));
     if (result != STATUS_OK)
         return result;
-    p->default_name = submission_name(p->scene_path);
-    if (!p->default_name)
-        return error_no_memory(err, "a name");
-    result = submission_prepare(p->scene_path, &p->options, p->quiet, request, &p->scene, err);
-    if (result != STATUS_OK)
-        return result;
+    p->default_name = must(submission_name(p->scene_path));
+    TRY(submission_prepare(p->scene_path, &p->options, p->quiet, request, &p->scene, err));
     estimate->has_target = request->stop.has_target;
     estimate->target = request->stop.target;
     estimate->spp = request->settings.spp;
@@ -144,17 +136,12 @@ static status render_pilot(struct pilot *p, struct error *err)
     estimate->count = choose_frames(p->request.first_frame, p->request.last_frame, frames);
     if (estimate->count < estimate->frame_count) {
         const struct frame_choice ends = {.first_middle_last = 1};
-        result = frame_choice_of(&ends, p->request.first_frame, p->request.last_frame,
-                                 &p->request.frames, err);
-        if (result != STATUS_OK)
-            return result;
+        TRY(frame_choice_of(&ends, p->request.first_frame, p->request.last_frame, &p->request.frames, err));
     }
-    result = submission_send(p->connection, &p->scene, &p->request,
-                             p->name ? p->name : p->default_name, OUTPUT_FORMAT_EXR, p->quiet,
-                             &accepted, err);
+    result = submission_send(p->connection, &p->scene, &p->request, p->name ? p->name : p->default_name,
+                             OUTPUT_FORMAT_EXR, p->quiet, &accepted, err);
     p->job = accepted.job;
-    if (result == STATUS_OK)
-        result = watch_job(p->connection, p->job, p->quiet, 0, &p->last, err);
+    THEN(result, watch_job(p->connection, p->job, p->quiet, 0, &p->last, err));
     if (result != STATUS_OK && p->job && p->on_farm && signals_stop())
         give_up(p);
     if (result != STATUS_OK)
@@ -174,14 +161,10 @@ static status count_workers(struct pilot *p, struct error *err)
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__WorkerQuery query = AZULEJO__WIRE__WORKER_QUERY__INIT;
     Azulejo__Wire__Envelope *answer = NULL;
-    status result;
 
     envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY;
     envelope.worker_query = &query;
-    result = connection_ask(p->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST,
-                            &answer, err);
-    if (result != STATUS_OK)
-        return result;
+    TRY(connection_ask(p->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST, &answer, err));
     for (size_t i = 0; i < answer->worker_list->n_workers; i++) {
         const Azulejo__Wire__WorkerInfo *worker = answer->worker_list->workers[i];
         p->estimate.workers += !worker->note[0];
@@ -193,10 +176,9 @@ static status count_workers(struct pilot *p, struct error *err)
 
 static status run_local(struct pilot *p, struct error *err)
 {
-    status result = local_farm_start(&p->farm, &p->local, err);
+    status result;
 
-    if (result != STATUS_OK)
-        return result;
+    TRY(local_farm_start(&p->farm, &p->local, err));
     result = connection_open(&p->connection, local_farm_address(p->farm), err);
     if (result == STATUS_OK) {
         connection_set_watch(p->connection, local_farm_check, p->farm);
@@ -213,14 +195,12 @@ static status run_local(struct pilot *p, struct error *err)
 
 static status run_on_farm(struct pilot *p, struct error *err)
 {
-    status result = connection_open(&p->connection, &p->where, err);
+    status result;
 
-    if (result != STATUS_OK)
-        return result;
+    TRY(connection_open(&p->connection, &p->where, err));
     connection_set_watch(p->connection, trial_interrupted, NULL);
     result = render_pilot(p, err);
-    if (result == STATUS_OK)
-        result = count_workers(p, err);
+    THEN(result, count_workers(p, err));
     p->estimate.command = buffer_text(&p->command);
     return result;
 }
@@ -240,7 +220,7 @@ static int is_own_option(const char *word)
     return strcmp(word, "--json") == 0 || strcmp(word, "--quiet") == 0 || strcmp(word, "-q") == 0;
 }
 
-static status make_command(struct pilot *p, int argc, char *const *argv, struct error *err)
+static void make_command(struct pilot *p, int argc, char *const *argv)
 {
     buffer_puts(&p->command, "azulejo submit");
     for (int i = 1; i < argc; i++) {
@@ -249,21 +229,23 @@ static status make_command(struct pilot *p, int argc, char *const *argv, struct 
             shell_word(&p->command, argv[i]);
         i += own == 2;
     }
-    return buffer_ok(&p->command) ? STATUS_OK : error_no_memory(err, "a command");
+    must_hold(&p->command);
 }
 
 static status estimate(struct pilot *p, struct error *err)
 {
     status result = prepare(p, err);
 
-    if (result == STATUS_OK)
-        result = p->on_farm ? run_on_farm(p, err) : run_local(p, err);
+    THEN(result, p->on_farm ? run_on_farm(p, err) : run_local(p, err));
     connection_close(p->connection);
     local_farm_stop(p->farm);
     if (result != STATUS_OK)
         return result;
     estimate_fit(&p->estimate);
-    return p->json ? estimate_print_json(&p->estimate, err) : estimate_print_text(&p->estimate, err);
+    if (p->json)
+        return estimate_print_json(&p->estimate, err);
+    estimate_print_text(&p->estimate);
+    return STATUS_OK;
 }
 
 static void pilot_release(struct pilot *p)
@@ -285,8 +267,7 @@ static int farm_is_named(const struct pilot *p, int64_t workers, int64_t threads
     return p->where.coordinator || (named && *named && workers == 0 && threads == 0);
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct pilot e = {.options = JOB_OPTIONS_INIT, .where = CONNECTION_OPTIONS_INIT,
                       .pilot_spp = PILOT_SPP, .command = BUFFER_INIT};
@@ -301,7 +282,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"pilot-spp", 0, OPTION_INT, &e.pilot_spp, "N",
          "samples a pixel to render for the estimate (default 16)", 4, 65536, NULL},
         JOB_STUDY_ROWS(e.options),
-        {"target-error", 0, OPTION_STRING, &e.options.stop.target, "ERROR",
+        {"target-error", 0, OPTION_STRING, &e.options.stop.said[STOP_target].text, "ERROR",
          "print what this error costs, as in 2/255, 1% or 45dB (default: the cost of --spp)", 0, 0,
          NULL},
         {"name", 0, OPTION_STRING, &e.name, "NAME",
@@ -319,16 +300,14 @@ static status run(const struct command *command, int argc, char *const *argv, in
     };
     struct option rows[TONEMAP_ROWS_MAX];
     struct positionals rest;
-    status result = command_parse(command,
-                                  tonemap_options_table(&e.options.output.tone, table, rows), argc,
-                                  argv, 1, 1, &rest, &done, err);
+    status result = command_parse(command, tonemap_options_table(&e.options.output.tone, table, rows), argc, argv, 1, 1,
+                                  &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     if (out)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "-o %s: an estimate writes no files; --name %s names its job", out, out);
+        return error_set(err, STATUS_ERR_USAGE, "-o %s: an estimate writes no files; --name %s names its job", out,
+                         out);
     e.scene_path = rest.items[0];
     e.on_farm = farm_is_named(&e, workers, threads);
     if (e.on_farm && (workers > 0 || threads > 0))
@@ -337,9 +316,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
                          "--coordinator");
     e.local.workers = workers ? (unsigned)workers : 1;
     e.local.threads = (unsigned)threads;
-    result = make_command(&e, argc, argv, err);
-    if (result == STATUS_OK)
-        result = estimate(&e, err);
+    make_command(&e, argc, argv);
+    result = estimate(&e, err);
     pilot_release(&e);
     return result;
 }

@@ -3,15 +3,14 @@
 #include <stdio.h>
 
 #include "client/commands/command.h"
-#include "client/farm/follow.h"
-#include "client/farm/job_info.h"
-#include "client/terminal/parse.h"
-#include "client/farm/stop_options.h"
+#include "client/follow/follow.h"
+#include "client/follow/job_info.h"
+#include "client/farm/job_choice.h"
+#include "client/options/stop_options.h"
 #include "protocol/message.h"
 
-static status extend(struct connection *c, uint64_t job, uint32_t spp,
-                     const struct stop_rules *rules, const struct frame_list *frames,
-                     struct error *err)
+static status extend(struct connection *c, uint64_t job, uint32_t spp, const struct stop_rules *rules,
+                     const struct frame_list *frames, struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__JobExtend body = AZULEJO__WIRE__JOB_EXTEND__INIT;
@@ -32,8 +31,7 @@ static status extend(struct connection *c, uint64_t job, uint32_t spp,
     return result;
 }
 
-static status check(const struct stop_options *options, struct stop_rules *rules, uint32_t *spp,
-                    struct error *err)
+static status check(const struct stop_options *options, struct stop_rules *rules, uint32_t *spp, struct error *err)
 {
     status result = stop_options_check(options, rules, spp, err);
 
@@ -44,8 +42,7 @@ static status check(const struct stop_options *options, struct stop_rules *rules
     return result;
 }
 
-status extend_command(const struct command *command, int argc, char *const *argv, int *exit_code,
-                      struct error *err)
+status extend_command(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct stop_options options = {0};
@@ -54,7 +51,8 @@ status extend_command(const struct command *command, int argc, char *const *argv
     struct follow how = {.reconnect_s = RECONNECT_DEFAULT_S};
     int watch = 0, done;
     const struct option table[] = {
-        STOP_OPTION_ROWS(options, "no limit"),
+        STOP_SPP_ROW(options, "no limit"),
+        STOP_OPTION(options, target) STOP_OPTION(options, time_limit_ms) STOP_OPTION(options, core_limit_ms)
         FRAME_CHOICE_ROWS(choice, 'f', "continue"),
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},
@@ -70,20 +68,17 @@ status extend_command(const struct command *command, int argc, char *const *argv
     uint32_t spp;
     status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    result = parse_job(rest.items[0], &job, err);
-    if (result == STATUS_OK)
-        result = check(&options, &rules, &spp, err);
-    if (result == STATUS_OK)
-        result = frame_choice_check(&choice, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
-        result = frame_choice_of_job(connection, job, &choice, &frames, err);
-    if (result == STATUS_OK)
-        result = extend(connection, job, spp, &rules, &frames, err);
+    result = job_word_check(rest.items[0], err);
+    THEN(result, check(&options, &rules, &spp, err));
+    THEN(result, frame_choice_check(&choice, err));
+    where.patience_s = watch ? &how.reconnect_s : NULL;
+    where.quiet = &how.quiet;
+    THEN(result, connection_open_waiting(&connection, &where, err));
+    THEN(result, job_word_find(connection, rest.items[0], &job, err));
+    THEN(result, frame_choice_of_job(connection, job, &choice, &frames, err));
+    THEN(result, extend(connection, job, spp, &rules, &frames, err));
     how.where = where;
     if (result == STATUS_OK && watch)
         result = follow_job(&connection, job, &how, err);

@@ -2,26 +2,22 @@
 #include <stdio.h>
 
 #include "client/commands/command.h"
-#include "client/farm/cut_frame.h"
-#include "client/farm/fetch.h"
-#include "client/farm/job_info.h"
-#include "client/farm/output.h"
+#include "client/follow/cut_frame.h"
+#include "client/follow/fetch.h"
+#include "client/follow/job_info.h"
+#include "client/options/output.h"
 #include "client/farm/preview_look.h"
-#include "client/farm/signals.h"
-#include "client/farm/video.h"
-#include "client/terminal/parse.h"
+#include "client/link/signals.h"
+#include "client/follow/video.h"
+#include "client/farm/job_choice.h"
 #include "common/scene/manifest.h"
 #include "protocol/message.h"
 
 static status preview_kind(const char *path, Azulejo__Wire__OutputKind *kind, struct error *err)
 {
     switch (output_format_of(path)) {
-    case OUTPUT_FORMAT_EXR:
-        *kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR;
-        return STATUS_OK;
-    case OUTPUT_FORMAT_PNG:
-        *kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG;
-        return STATUS_OK;
+    case OUTPUT_FORMAT_EXR: *kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_EXR; return STATUS_OK;
+    case OUTPUT_FORMAT_PNG: *kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG; return STATUS_OK;
     default:
         return error_set(err, STATUS_ERR_USAGE,
                          "--preview: %s must end in .png, for a tone mapped picture, or in .exr, for "
@@ -30,15 +26,12 @@ static status preview_kind(const char *path, Azulejo__Wire__OutputKind *kind, st
     }
 }
 
-static status interrupted(void *user, struct error *err)
+static status interrupted(void *user UNUSED, struct error *err)
 {
-    (void)user;
-    return signals_stop() ? error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; no video is written")
-                          : STATUS_OK;
+    return signals_stop() ? error_set(err, STATUS_ERR_JOB_FAILED, "interrupted; no video is written") : STATUS_OK;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_fetch f = {0};
@@ -46,7 +39,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const char *preview = NULL, *out = NULL;
     int follow = 0;
     char cut[CUT_FRAME_TEXT_SIZE];
-    struct preview_look look = PREVIEW_LOOK_INIT;
+    struct preview_look look = {0};
     struct option rows[TONEMAP_ROWS_MAX];
     struct frame_choice choice = {0};
     struct frame_list frames = {0};
@@ -84,17 +77,15 @@ static status run(const struct command *command, int argc, char *const *argv, in
     Azulejo__Wire__Envelope *answer = NULL;
     Azulejo__Wire__OutputKind kind = AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG;
     uint64_t job;
-    status result = command_parse(command, tonemap_options_table(&look.tone, table, rows), argc, argv, 1, 1, &rest,
-                                  &done, err);
+    status result =
+        command_parse(command, tonemap_options_table(&look.tone, table, rows), argc, argv, 1, 1, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
-    result = parse_job(rest.items[0], &job, err);
+    result = job_word_check(rest.items[0], err);
     if (result == STATUS_OK && preview)
         result = preview_kind(preview, &kind, err);
-    if (result == STATUS_OK)
-        result = preview_look_check(&look, preview && kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG, err);
+    THEN(result, preview_look_check(&look, preview && kind == AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG, err));
     if (result == STATUS_OK && preview && (follow || f.video))
         result = error_set(err, STATUS_ERR_USAGE,
                            "--%s is for finished frames, --preview for an unfinished one: leave out "
@@ -103,18 +94,18 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = video_check(f.video, err);
     if (result == STATUS_OK && !follow && (how.limit_s > 0 || how.quiet))
         result = error_set(err, STATUS_ERR_USAGE, "--limit and --quiet go with --follow");
-    if (result == STATUS_OK)
-        result = destination_of_job(&f.to, out, OUTPUT_FORMAT_ALL, err);
+    THEN(result, destination_of_job(&f.to, out, OUTPUT_FORMAT_ALL, err));
     if (result == STATUS_OK && !preview)
         result = fetch_check_folder(f.to.folder, err);
-    if (result == STATUS_OK)
-        result = frame_choice_check(&choice, err);
+    THEN(result, frame_choice_check(&choice, err));
     if (result == STATUS_OK && f.video)
         result = signals_catch(err); /* so that ffmpeg's unfinished file goes */
     if (result == STATUS_OK && f.video)
         where.watch = interrupted;
-    if (result == STATUS_OK)
-        result = connection_open(&f.connection, &where, err);
+    where.patience_s = follow ? &how.reconnect_s : NULL;
+    where.quiet = &how.quiet;
+    THEN(result, connection_open_waiting(&f.connection, &where, err));
+    THEN(result, job_word_find(f.connection, rest.items[0], &job, err));
     if (result == STATUS_OK && follow) {
         struct connection *connection = f.connection;
         how.where = where;
@@ -124,16 +115,14 @@ static status run(const struct command *command, int argc, char *const *argv, in
         f.json = 0; /* it is printed */
         goto done;
     }
-    if (result == STATUS_OK)
-        result = job_query(f.connection, job, &answer, err);
+    THEN(result, job_query(f.connection, job, &answer, err));
     if (result == STATUS_OK) {
         f.job = job_list_find(answer->job_list, job);
         result = frame_choice_of(&choice, f.job->first_frame, f.job->last_frame, &frames, err);
         if (result == STATUS_OK && preview)
             result = preview_look_output(&look, f.connection, f.job, &f.look, err);
         if (result == STATUS_OK && preview)
-            result = job_fetch_preview(&f, frames.count ? frames.items[0] : f.job->preview_frame, kind,
-                                       preview, err);
+            result = job_fetch_preview(&f, frames.count ? frames.items[0] : f.job->preview_frame, kind, preview, err);
         else if (result == STATUS_OK)
             result = job_fetch_pictures(&f, &frames, err);
         for (size_t i = 0; result == STATUS_OK && !preview && i < f.job->n_cut_frames; i++)

@@ -5,6 +5,7 @@
 #include "client/commands/command.h"
 #include "client/farm/store_view.h"
 #include "client/terminal/format.h"
+#include "client/terminal/json.h"
 #include "protocol/message.h"
 
 static void print_collected(const Azulejo__Wire__StoreInfo *info)
@@ -27,28 +28,12 @@ static void print_collected(const Azulejo__Wire__StoreInfo *info)
     printf("free     %s of the disk\n", bytes_text(bytes, info->free));
 }
 
-static json_t *collected_json(const Azulejo__Wire__StoreInfo *i)
-{
-    json_t *root = store_json(i);
-
-    json_object_set_new(root, "removed",
-                        json_pack("{s:I, s:I, s:I, s:I}", "jobs", (json_int_t)i->removed_jobs,
-                                  "films", (json_int_t)i->removed_films, "blobs",
-                                  (json_int_t)i->removed_blobs, "blob_bytes",
-                                  (json_int_t)i->removed_bytes));
-    json_object_set_new(root, "waiting",
-                        json_pack("{s:I, s:I}", "blobs", (json_int_t)i->waiting_blobs, "blob_bytes",
-                                  (json_int_t)i->waiting_bytes));
-    json_object_set_new(root, "held", i->held[0] ? json_text(i->held) : json_null());
-    return root;
-}
-
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
-    int json = 0, done;
+    int json = 0, now = 0, done;
     const struct option table[] = {
+        {"now", 0, OPTION_FLAG, &now, NULL, "also remove what was sent a moment ago and no job needs", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
         CONNECTION_OPTION_ROWS(where),
         {0},
@@ -58,14 +43,12 @@ static status run(const struct command *command, int argc, char *const *argv, in
     Azulejo__Wire__Envelope *answer = NULL;
     status result = command_parse(command, table, argc, argv, 0, 0, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     result = connection_open(&c, &where, err);
-    if (result == STATUS_OK)
-        result = store_ask(c, 1, &answer, err);
+    THEN(result, store_ask(c, 1, now, &answer, err));
     if (result == STATUS_OK && json)
-        result = json_print(collected_json(answer->store_info), err);
+        result = json_print(json_message(&answer->store_info->base), err);
     else if (result == STATUS_OK)
         print_collected(answer->store_info);
     message_free(answer);
@@ -80,6 +63,7 @@ const struct command command_gc = {
     .summary = "remove from the coordinator's store what may go",
     .description = "Remove scenes and their files that no job needs, and what the coordinator's "
                    "own limits no longer allow. The\n"
-                   "coordinator does the same by itself. Nothing that a job needs is removed.",
+                   "coordinator does the same by itself. Nothing that a job needs is removed. With --now, people who are\n"
+                   "submitting through the page at that moment have to send the scene again.",
     .run = run,
 };

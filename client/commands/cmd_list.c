@@ -6,12 +6,14 @@
 #include <unistd.h>
 
 #include "client/commands/command.h"
-#include "client/farm/figures_view.h"
+#include "client/follow/figures_view.h"
 #include "client/terminal/format.h"
 #include "client/farm/job_choice.h"
-#include "client/farm/job_info.h"
+#include "client/follow/job_info.h"
+#include "client/terminal/must.h"
 #include "client/terminal/table.h"
 #include "common/base/memory.h"
+#include "common/cli/terminal.h"
 #include "protocol/message.h"
 
 /* A terminal with fewer columns than NARROW gets the first table without the last columns of the second. */
@@ -41,10 +43,9 @@ static void rows_release(struct job_rows *r)
     mem_free(r->jobs);
 }
 
-/* Request the jobs that match the filter, page by page from the newest one, until there are
- * `most`. */
-static status collect(struct connection *c, Azulejo__Wire__JobFilter filter, size_t most,
-                      struct job_rows *r, struct error *err)
+/* Request the jobs that match the filter, page by page from the newest one, until there are `most`. */
+static status collect(struct connection *c, Azulejo__Wire__JobFilter filter, size_t most, struct job_rows *r,
+                      struct error *err)
 {
     Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
     size_t begin = r->count;
@@ -54,19 +55,13 @@ static status collect(struct connection *c, Azulejo__Wire__JobFilter filter, siz
         Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
         Azulejo__Wire__Envelope *answer = NULL;
         const Azulejo__Wire__JobList *list;
-        status result;
 
         envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
         envelope.job_query = &query;
-        result = connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &answer, err);
-        if (result != STATUS_OK)
-            return result;
+        TRY(connection_ask(c, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &answer, err));
         list = answer->job_list;
-        if (!MEM_GROW(r->answers, r->answer_capacity, r->answer_count + 1) ||
-            !MEM_GROW(r->jobs, r->capacity, r->count + list->n_jobs)) {
-            message_free(answer);
-            return error_no_memory(err, "a list of jobs");
-        }
+        MUST_GROW(r->answers, r->answer_capacity, r->answer_count + 1);
+        MUST_GROW(r->jobs, r->capacity, r->count + list->n_jobs);
         r->answers[r->answer_count++] = answer;
         for (size_t i = 0; i < list->n_jobs; i++)
             r->jobs[r->count++] = list->jobs[i];
@@ -93,8 +88,7 @@ static status rows_get(struct connection *c, size_t newest, struct job_rows *r, 
     size_t kept = 0, first = 0, ended = 0;
     status result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ACTIVE, SIZE_MAX, r, err);
 
-    if (result == STATUS_OK)
-        result = collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ENDED, newest, r, err);
+    THEN(result, collect(c, AZULEJO__WIRE__JOB_FILTER__JOBS_ENDED, newest, r, err));
     if (r->count > 0)
         qsort(r->jobs, r->count, sizeof *r->jobs, by_number);
     /* A job that ended between the two requests is in both answers. */
@@ -118,8 +112,8 @@ static status rows_get(struct connection *c, size_t newest, struct job_rows *r, 
 }
 
 /* Only the jobs that the filter lets through, which may be none. */
-static status rows_choose(struct connection *c, const struct job_choice *choice,
-                          struct chosen_jobs *chosen, struct job_rows *r, struct error *err)
+static status rows_choose(struct connection *c, const struct job_choice *choice, struct chosen_jobs *chosen,
+                          struct job_rows *r, struct error *err)
 {
     static const struct positionals none;
     status result = job_choice_find(c, choice, &none, chosen, err);
@@ -128,8 +122,7 @@ static status rows_choose(struct connection *c, const struct job_choice *choice,
         return STATUS_OK;
     if (result != STATUS_OK)
         return result;
-    if (!MEM_GROW(r->jobs, r->capacity, chosen->count))
-        return error_no_memory(err, "a list of jobs");
+    MUST_GROW(r->jobs, r->capacity, chosen->count);
     for (size_t i = 0; i < chosen->count; i++)
         r->jobs[r->count++] = chosen->items[i].info;
     return STATUS_OK;
@@ -155,14 +148,11 @@ static void add_job(struct table *table, const Azulejo__Wire__JobInfo *job, int 
     table_add(table, "%d", job->priority);
     table_add(table, "%s", job_state_word(job->state));
     table_add(table, "%u/%u", job->frames_done, job->last_frame - job->first_frame + 1);
-    table_add(table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
-                                                         (double)job->samples_total
-                                                   : 0.0);
+    table_add(table, "%d %%", (int)(100 * job->done_share));
     if (wide)
         add_error(table, job);
-    table_add(table, "%s", job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING
-                               ? format_duration(text, job->seconds_left)
-                               : "-");
+    table_add(table, "%s",
+              job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING ? format_duration(text, job->seconds_left) : "-");
     if (wide) {
         table_add(table, "%u", job->workers);
         /* Month to minute; 'azulejo show' has the full time. */
@@ -172,33 +162,29 @@ static void add_job(struct table *table, const Azulejo__Wire__JobInfo *job, int 
     table_add(table, "%s", job_info_note(note, job));
 }
 
-static status print_table(const struct job_rows *list, struct error *err)
+static void print_table(const struct job_rows *list)
 {
     int wide = !isatty(STDOUT_FILENO) || terminal_columns(STDOUT_FILENO) >= NARROW;
     struct table table;
-    status result;
 
     table_init(&table, wide ? titles_wide : titles_narrow, wide ? COLUMNS_WIDE : COLUMNS_NARROW);
     for (size_t i = 0; i < list->count; i++)
         add_job(&table, list->jobs[i], wide);
-    result = table_print(&table, err);
+    table_print(&table);
     table_release(&table);
-    return result;
 }
 
-static status print_json(const struct job_rows *list, struct error *err)
+static status print_json(const struct job_rows *rows, struct error *err)
 {
-    json_t *jobs = json_array();
+    Azulejo__Wire__JobList list = AZULEJO__WIRE__JOB_LIST__INIT;
 
-    for (size_t i = 0; i < list->count; i++)
-        json_array_append_new(jobs, job_info_json(list->jobs[i]));
-    return json_print(json_pack("{s:o, s:I}", "jobs", jobs, "not_shown",
-                                (json_int_t)list->not_shown),
-                      err);
+    list.jobs = (Azulejo__Wire__JobInfo **)(uintptr_t)rows->jobs; /* only read */
+    list.n_jobs = rows->count;
+    list.older = rows->not_shown;
+    return json_print(json_message(&list.base), err);
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_choice choice = {0};
@@ -221,7 +207,6 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection *connection = NULL;
     status result = command_parse(command, table, argc, argv, 0, 0, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     filtered = choice.states || choice.mine;
@@ -229,13 +214,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
         return error_set(err, STATUS_ERR_USAGE, "--newest cannot be combined with --state and --mine");
     if (filtered)
         result = job_choice_check(&choice, &rest, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
-        result = filtered ? rows_choose(connection, &choice, &chosen, &rows, err)
-                          : rows_get(connection, newest < 0 ? SIZE_MAX : (size_t)newest, &rows, err);
-    if (result == STATUS_OK)
-        result = json ? print_json(&rows, err) : print_table(&rows, err);
+    THEN(result, connection_open(&connection, &where, err));
+    THEN(result, filtered ? rows_choose(connection, &choice, &chosen, &rows, err)
+                          : rows_get(connection, newest < 0 ? SIZE_MAX : (size_t)newest, &rows, err));
+    if (result == STATUS_OK && json)
+        result = print_json(&rows, err);
+    else if (result == STATUS_OK)
+        print_table(&rows);
     if (result == STATUS_OK && rows.not_shown > 0 && !json)
         fprintf(stderr, "%" PRIu64 " older jobs that have ended are not shown\n", rows.not_shown);
     rows_release(&rows);

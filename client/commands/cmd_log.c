@@ -4,11 +4,11 @@
 #include <stdio.h>
 
 #include "client/commands/command.h"
-#include "client/farm/job_info.h"
-#include "client/farm/reconnect.h"
-#include "client/farm/signals.h"
+#include "client/follow/job_info.h"
+#include "client/link/reconnect.h"
+#include "client/link/signals.h"
 #include "client/terminal/format.h"
-#include "client/terminal/parse.h"
+#include "client/farm/job_choice.h"
 #include "protocol/message.h"
 
 enum { FOLLOW_MS = 500 };
@@ -23,11 +23,7 @@ static status print_event(const Azulejo__Wire__JobEvent *e, const struct job_log
     char when[FORMAT_SIZE], who[160], text[512], job[32] = "";
 
     if (log->json)
-        return json_print_line(json_pack("{s:I, s:I, s:I, s:o, s:b, s:o}", "seq", (json_int_t)e->seq,
-                                         "job", (json_int_t)e->job, "at", (json_int_t)e->at, "who", json_text(e->who),
-                                         "from_worker", (int)e->from_worker, "text",
-                                         json_text(e->text)),
-                               err);
+        return json_print_line(json_message(&e->base), err);
     if (!log->job)
         snprintf(job, sizeof job, "job %" PRIu64 "  ", e->job);
     printf("%s  %s%s%s: %s\n", format_time(when, e->at), job, e->from_worker ? "worker " : "",
@@ -40,15 +36,13 @@ static status print_some(struct connection *c, int *more, struct job_log *log, s
 {
     Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT, *answer = NULL;
     Azulejo__Wire__JobLogGet get = AZULEJO__WIRE__JOB_LOG_GET__INIT;
-    status result;
+    status result = STATUS_OK;
 
     get.job = log->job;
     get.after = log->after;
     question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_LOG_GET;
     question.job_log_get = &get;
-    result = connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LOG, &answer, err);
-    if (result != STATUS_OK)
-        return result;
+    TRY(connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LOG, &answer, err));
     for (size_t i = 0; i < answer->job_log->n_events && result == STATUS_OK; i++) {
         result = print_event(answer->job_log->events[i], log, err);
         log->after = answer->job_log->events[i]->seq;
@@ -80,8 +74,7 @@ static void wait_a_while(struct connection *c)
     (void)connection_pump(c, 0);
 }
 
-static status follow(struct connection **c, const struct reconnect *again, struct job_log *log,
-                     struct error *err)
+static status follow(struct connection **c, const struct reconnect *again, struct job_log *log, struct error *err)
 {
     status result = signals_catch(err);
 
@@ -97,8 +90,7 @@ static status follow(struct connection **c, const struct reconnect *again, struc
     return result;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct reconnect again = {.patience_s = RECONNECT_DEFAULT_S};
@@ -116,7 +108,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct connection *connection = NULL;
     status result = command_parse(command, table, argc, argv, 0, 1, &rest, &done, err);
 
-    (void)exit_code;
+    where.patience_s = follows ? &again.patience_s : NULL;
     again.where = where;
     if (result != STATUS_OK || done)
         return result;
@@ -124,11 +116,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = error_set(err, STATUS_ERR_USAGE, all ? "--all is for all jobs: leave out '%s'" : "name a job, or give --all%s",
                            all ? rest.items[0] : "");
     else if (!all)
-        result = parse_job(rest.items[0], &log.job, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
-        result = follows ? follow(&connection, &again, &log, err) : print_new(connection, &log, err);
+        result = job_word_check(rest.items[0], err);
+    THEN(result, connection_open_waiting(&connection, &where, err));
+    THEN(result, all ? STATUS_OK : job_word_find(connection, rest.items[0], &log.job, err));
+    THEN(result, follows ? follow(&connection, &again, &log, err) : print_new(connection, &log, err));
     connection_close(connection);
     return result;
 }

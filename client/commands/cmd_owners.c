@@ -1,19 +1,18 @@
 /* azulejo owners: which worker and thread rendered each tile of a frame. */
 #include <inttypes.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "client/commands/command.h"
-#include "client/farm/fetch.h"
-#include "client/farm/job_info.h"
+#include "client/follow/fetch.h"
+#include "client/follow/job_info.h"
 #include "client/farm/owners.h"
-#include "client/terminal/parse.h"
+#include "client/farm/job_choice.h"
 #include "protocol/message.h"
 
 struct view {
-    const char *path;            /* NULL: the legend alone */
-    int64_t frame;               /* -1: the one in work, or the last one done */
-    int64_t scale;               /* 0: not given */
+    const char *path; /* NULL: the legend alone */
+    int64_t frame;    /* -1: the one in work, or the last one done */
+    int64_t scale;    /* 0: not given */
     int over, json;
 };
 
@@ -30,22 +29,21 @@ static status check_view(const struct view *v, struct error *err)
 }
 
 /* The frame's own picture, as the job tone maps it: of a frame in work as it is now. */
-static status fetch_picture(struct connection *c, const Azulejo__Wire__JobInfo *job, uint32_t frame,
-                            struct image8 *out, struct error *err)
+static status fetch_picture(struct connection *c, const Azulejo__Wire__JobInfo *job, uint32_t frame, struct image8 *out,
+                            struct error *err)
 {
     unsigned formats = job->output ? output_message_formats(job->output) : 0;
     int jpeg = !(formats & OUTPUT_FORMAT_PNG) && formats & OUTPUT_FORMAT_JPEG && job_frame_listed(job, &job->done, frame);
     struct buffer data = BUFFER_INIT;
-    status result = fetch_output(c, job->job, frame,
-                                 jpeg ? AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG
-                                      : AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG,
-                                 &data, err);
+    status result =
+        fetch_output(c, job->job, frame,
+                     jpeg ? AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_JPEG : AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_PREVIEW_PNG,
+                     &data, err);
 
     if (result == STATUS_ERR_NOT_FOUND && !(formats & (OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG)))
         error_set(err, result, "--over: job %" PRIu64 " makes no PNG or JPEG: leave --over out, or give it some with "
                   "'azulejo develop %" PRIu64 " --format png'", job->job, job->job);
-    if (result == STATUS_OK)
-        result = image_decode_8(out, data.data, data.size, "the frame's picture", err);
+    THEN(result, image_decode_8(out, data.data, data.size, "the frame's picture", err));
     buffer_release(&data);
     return result;
 }
@@ -64,14 +62,13 @@ static status show(struct connection *c, const Azulejo__Wire__JobInfo *job, cons
     if (result == STATUS_OK && v->json)
         result = json_print(owners_json(&owners), err);
     else if (result == STATUS_OK && (!v->path || strcmp(v->path, "-") != 0))
-        result = owners_print(&owners, err);
+        owners_print(&owners);
     image8_release(&over);
     owners_release(&owners);
     return result;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct view v = {.frame = -1};
@@ -97,18 +94,14 @@ static status run(const struct command *command, int argc, char *const *argv, in
     int done;
     status result = command_parse(command, table, argc, argv, 1, 1, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     result = check_view(&v, err);
-    if (result == STATUS_OK)
-        result = parse_job(rest.items[0], &job, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
-        result = job_query(connection, job, &answer, err);
-    if (result == STATUS_OK)
-        result = show(connection, job_list_find(answer->job_list, job), &v, err);
+    THEN(result, job_word_check(rest.items[0], err));
+    THEN(result, connection_open(&connection, &where, err));
+    THEN(result, job_word_find(connection, rest.items[0], &job, err));
+    THEN(result, job_query(connection, job, &answer, err));
+    THEN(result, show(connection, job_list_find(answer->job_list, job), &v, err));
     message_free(answer);
     connection_close(connection);
     return result;

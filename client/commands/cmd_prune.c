@@ -2,7 +2,7 @@
 #include <time.h>
 
 #include "client/commands/steer.h"
-#include "client/farm/job_info.h"
+#include "client/follow/job_info.h"
 #include "client/farm/verb.h"
 #include "common/base/duration.h"
 #include "protocol/message.h"
@@ -26,8 +26,7 @@ static status check(void *options, struct job_choice *choice, struct error *err)
     return result;
 }
 
-static status ask_remove(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer,
-                         struct error *err)
+static status ask_remove(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer, struct error *err)
 {
     Azulejo__Wire__JobRemove body = AZULEJO__WIRE__JOB_REMOVE__INIT;
     Azulejo__Wire__Envelope question = MESSAGE(JOB_REMOVE, job_remove, &body);
@@ -38,33 +37,27 @@ static status ask_remove(struct connection *c, uint64_t job, Azulejo__Wire__Enve
 }
 
 /* Of a job that has ended, discarding removes the kept films. */
-static status ask_films(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer,
-                        struct error *err)
+static status ask_films(struct connection *c, uint64_t job, Azulejo__Wire__Envelope **answer, struct error *err)
 {
     Azulejo__Wire__JobState state;
-    status result = job_query(c, job, answer, err);
 
-    if (result != STATUS_OK)
-        return result;
+    TRY(job_query(c, job, answer, err));
     state = job_list_find((*answer)->job_list, job)->state;
     message_free(*answer);
     *answer = NULL;
     if (!job_state_ended(state)) /* it would be cancelled */
-        return error_set(err, STATUS_ERR_REFUSED,
-                         "job %llu is %s: only films of jobs that have ended are removed",
+        return error_set(err, STATUS_ERR_REFUSED, "job %llu is %s: only films of jobs that have ended are removed",
                          (unsigned long long)job, job_state_word(state));
     return verb_ask(c, job, VERB_DISCARD, NULL, answer, err);
 }
 
-static status ask(struct connection *c, uint64_t job, const void *options,
-                  Azulejo__Wire__Envelope **answer, struct error *err)
+static status ask(struct connection *c, uint64_t job, const void *options, Azulejo__Wire__Envelope **answer,
+                  struct error *err)
 {
-    return (((const struct prune_options *)options)->films ? ask_films : ask_remove)(c, job, answer,
-                                                                                     err);
+    return (((const struct prune_options *)options)->films ? ask_films : ask_remove)(c, job, answer, err);
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code, struct error *err)
 {
     static const struct steer_verb verb = {.verb = &job_verbs[VERB_REMOVE], .word = "prune", .past = "pruned",
                                            .check = check, .ask = ask, .outcome = "pruned"};

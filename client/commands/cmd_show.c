@@ -4,14 +4,14 @@
 #include <string.h>
 
 #include "client/commands/command.h"
-#include "client/commands/effects_view.h"
-#include "client/farm/fetch.h"
-#include "client/farm/figures_view.h"
+#include "client/views/effects_view.h"
+#include "client/follow/fetch.h"
+#include "client/follow/figures_view.h"
 #include "client/terminal/format.h"
-#include "client/farm/job_info.h"
-#include "client/farm/output.h"
+#include "client/follow/job_info.h"
+#include "client/options/output.h"
 #include "client/farm/store_view.h"
-#include "client/terminal/parse.h"
+#include "client/farm/job_choice.h"
 #include "common/scene/settings.h"
 #include "protocol/message.h"
 
@@ -32,8 +32,7 @@ static void print_settings(const Azulejo__Wire__RenderSettings *s)
     printf("  %-10s  %u x %u pixels%s, %u samples each, depth %u, seed %" PRIu64 ", camera %u\n",
            "picture", s->width, s->height, region, s->spp, s->max_depth, s->seed, s->camera);
     printf("  %-10s  sampled by %s, turned %g degrees, strength %g\n", "light map",
-           env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg,
-           (double)s->env_strength);
+           env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg, (double)s->env_strength);
     printf("  %-10s  %s\n", "isa", isa_name((enum isa)s->isa));
 }
 
@@ -64,8 +63,7 @@ static void print_extras(const Azulejo__Wire__RenderSettings *s)
     }
     if (s->without)
         print_field("without", settings_effects_text(s->without, names));
-    if (wire_settings_get(&settings, s, UINT32_MAX, &err) == STATUS_OK &&
-        settings_choices_text(&settings, choices)[0])
+    if (wire_settings_get(&settings, s, UINT32_MAX, &err) == STATUS_OK && settings_choices_text(&settings, choices)[0])
         print_field("choices", choices);
     if (s->aovs)
         print_field("aovs", settings_aovs_text(s->aovs, names));
@@ -73,15 +71,14 @@ static void print_extras(const Azulejo__Wire__RenderSettings *s)
 
 static void print_parameter(const Azulejo__Wire__OutputSettings *o, size_t i)
 {
-    json_t *value = job_parameter_json(o->tonemap, o->parameters[i]->key, o->parameters[i]->value);
+    const char *word = tonemap_choice_word(o->tonemap, o->parameters[i]->key, o->parameters[i]->value);
     char key[64];
 
     message_text(key, sizeof key, o->parameters[i]->key);
-    if (json_is_string(value))
-        printf(", %s=%s", key, json_string_value(value));
+    if (word)
+        printf(", %s=%s", key, word);
     else
         printf(", %s=%g", key, o->parameters[i]->value);
-    json_decref(value);
 }
 
 static void print_files(const Azulejo__Wire__OutputSettings *o)
@@ -99,8 +96,7 @@ static void print_files(const Azulejo__Wire__OutputSettings *o)
         between = ", ";
     }
     if (formats & OUTPUT_FORMAT_JPEG)
-        printf("%sJPEG of quality %u", between,
-               o->jpeg_quality ? o->jpeg_quality : JPEG_QUALITY_DEFAULT);
+        printf("%sJPEG of quality %u", between, o->jpeg_quality ? o->jpeg_quality : JPEG_QUALITY_DEFAULT);
     printf("%s\n", o->no_dither ? ", not dithered" : "");
 }
 
@@ -123,6 +119,8 @@ static void print_output(const Azulejo__Wire__OutputSettings *o)
         printf(", %g K becomes white", o->white_kelvin);
     if (o->temporal > 1)
         printf(", averaged over %u frames", o->temporal);
+    if (o->denoise[0] && strcmp(o->denoise, denoising_name(DENOISING_OFF)) != 0)
+        printf(", denoised%s", strcmp(o->denoise, denoising_name(DENOISING_FAST)) == 0 ? " (fast)" : "");
     if (o->tonemap_file.len)
         printf(", with %s", message_text(text, sizeof text, o->tonemap_file_name));
     printf("\n");
@@ -130,7 +128,8 @@ static void print_output(const Azulejo__Wire__OutputSettings *o)
 
 static void print_needs(const Azulejo__Wire__JobInfo *job)
 {
-    char text[FORMAT_SIZE];
+    char text[FORMAT_SIZE], value[SETTING_TEXT_SIZE];
+    struct job_needs needs;
 
     if (job->n_after)
         printf("  %-10s  job%s", "after", job->n_after > 1 ? "s" : "");
@@ -143,6 +142,14 @@ static void print_needs(const Azulejo__Wire__JobInfo *job)
     if (job->memory)
         printf("  %-10s  %s%s\n", "memory", bytes_text(text, job->memory),
                job->memory_said ? "" : " at least, estimated from the scene's files and triangles");
+#define OPTION(...)
+#define SETTING(o, KIND, type, name, ...) needs.name = job->name;
+    JOB_NEEDS(OPTION, SETTING, )
+#undef OPTION
+#undef SETTING
+    for (int i = 0; i < NEED_COUNT; i++)
+        if (job_needs_rows[i].shown == SETTING_SHOWN_LISTED && !setting_is_default(&job_needs_rows[i], &needs))
+            print_field(job_needs_rows[i].option, setting_text(&job_needs_rows[i], &needs, value));
 }
 
 static void print_job(const Azulejo__Wire__JobInfo *job)
@@ -176,59 +183,40 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
 }
 
 /* The manifest of one frame: the named one, else the job's first. */
-static status show_effects(struct connection *connection, const Azulejo__Wire__JobInfo *job,
-                           int64_t frame, int json, struct error *err)
+static status show_effects(struct connection *connection, const Azulejo__Wire__JobInfo *job, int64_t frame, int json,
+                           struct error *err)
 {
     uint32_t number = frame >= 0 ? (uint32_t)frame : job->first_frame;
     struct buffer data = BUFFER_INIT;
     json_t *manifest = NULL;
-    status result = fetch_output(connection, job->job, number,
-                                 AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON, &data, err);
+    status result =
+        fetch_output(connection, job->job, number, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EFFECTS_JSON, &data, err);
 
-    if (result == STATUS_OK)
-        result = manifest_parse(&manifest, data.data, data.size, err);
+    THEN(result, manifest_parse(&manifest, data.data, data.size, err));
     if (result == STATUS_OK && json)
         result = json_print(json_incref(manifest), err);
     else if (result == STATUS_OK)
-        result = manifest_print(manifest, err);
+        manifest_print(manifest);
     json_decref(manifest);
     buffer_release(&data);
     return result;
 }
 
-/* The job's keys, and the history of the frame's error. */
-static status show_json(struct connection *connection, const Azulejo__Wire__JobInfo *job,
-                        int64_t frame, struct error *err)
+static status show_history(struct connection *connection, const Azulejo__Wire__JobInfo *job, int64_t frame, int json,
+                           struct error *err)
 {
     Azulejo__Wire__Envelope *answer = NULL;
-    json_t *root = job_info_json(job);
-    status result = history_query(connection, job->job,
-                                  frame >= 0 ? (uint32_t)frame : job->now_frame, &answer, err);
+    status result = history_query(connection, job->job, frame >= 0 ? (uint32_t)frame : job->now_frame, &answer, err);
 
-    if (result == STATUS_OK) {
-        json_object_set_new(root, "history", history_json(answer->history));
-        result = json_print(json_incref(root), err);
-    }
-    json_decref(root);
+    if (result == STATUS_OK && json)
+        result = json_print(json_message(&answer->history->base), err);
+    else if (result == STATUS_OK)
+        history_print(answer->history);
     message_free(answer);
     return result;
 }
 
-static status show_history(struct connection *connection, const Azulejo__Wire__JobInfo *job,
-                           int64_t frame, struct error *err)
-{
-    Azulejo__Wire__Envelope *answer = NULL;
-    status result = history_query(connection, job->job,
-                                  frame >= 0 ? (uint32_t)frame : job->now_frame, &answer, err);
-
-    if (result == STATUS_OK)
-        result = history_print(answer->history, err);
-    message_free(answer);
-    return result;
-}
-
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     int json = 0, effects = 0, history = 0, farm = 0, done;
@@ -241,9 +229,8 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {"history", 0, OPTION_FLAG, &history, NULL,
          "show instead the history of a frame's error, and what it cost", 0, 0, NULL},
         {"frame", 0, OPTION_INT, &frame, "N",
-         "the frame for --effects (default: the job's first), and for --history and --json (the "
-         "one in work, "
-         "or the last one done)",
+         "the frame for --effects (default: the job's first), and for --history (the one in work, or the last "
+         "one done)",
          0, INT32_MAX, NULL},
         {"farm", 0, OPTION_FLAG, &farm, NULL,
          "show instead, without a JOB, what takes the room in the coordinator's store", 0, 0, NULL},
@@ -257,7 +244,6 @@ static status run(const struct command *command, int argc, char *const *argv, in
     uint64_t job;
     status result = command_parse(command, table, argc, argv, 0, 1, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     if (farm != (rest.count == 0) || (farm && (effects || history || frame >= 0)))
@@ -266,22 +252,20 @@ static status run(const struct command *command, int argc, char *const *argv, in
                               : "which job? Give its number, or --farm");
     if (farm)
         return store_show(&where, json, err);
-    if (frame >= 0 && !effects && !history && !json)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--frame says whose --effects, --history or --json to show: give both");
+    if (frame >= 0 && !effects && !history)
+        return error_set(err, STATUS_ERR_USAGE, "--frame says whose --effects or --history to show: give both");
     if (effects && history)
         return error_set(err, STATUS_ERR_USAGE, "give --effects or --history, not both");
-    result = parse_job(rest.items[0], &job, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
-    if (result == STATUS_OK)
-        result = job_query(connection, job, &answer, err);
+    result = job_word_check(rest.items[0], err);
+    THEN(result, connection_open(&connection, &where, err));
+    THEN(result, job_word_find(connection, rest.items[0], &job, err));
+    THEN(result, job_query(connection, job, &answer, err));
     if (result == STATUS_OK && effects)
         result = show_effects(connection, job_list_find(answer->job_list, job), frame, json, err);
-    else if (result == STATUS_OK && json)
-        result = show_json(connection, job_list_find(answer->job_list, job), frame, err);
     else if (result == STATUS_OK && history)
-        result = show_history(connection, job_list_find(answer->job_list, job), frame, err);
+        result = show_history(connection, job_list_find(answer->job_list, job), frame, json, err);
+    else if (result == STATUS_OK && json)
+        result = json_print(json_message(&job_list_find(answer->job_list, job)->base), err);
     else if (result == STATUS_OK)
         print_job(job_list_find(answer->job_list, job));
     message_free(answer);

@@ -6,27 +6,24 @@
 #include <sys/random.h>
 
 #include "client/commands/command.h"
-#include "client/commands/effects_auto.h"
-#include "client/farm/fetch.h"
-#include "client/farm/follow.h"
-#include "client/farm/job_info.h"
-#include "client/farm/signals.h"
+#include "client/views/effects_auto.h"
+#include "client/follow/fetch.h"
+#include "client/follow/follow.h"
+#include "client/link/signals.h"
 #include "client/farm/submission.h"
 #include "client/farm/trial.h"
-#include "client/farm/video.h"
+#include "client/follow/video.h"
 #include "common/base/memory.h"
 
-/* The number of attempts to send one job: if it crashes the coordinator, that must not go on for
- * ever. */
+/* The number of attempts to send one job: if it crashes the coordinator, that must not go on for ever. */
 enum { ATTEMPTS_MAX = 5 };
 
-static status print_submitted(const struct job_accepted *accepted,
-                              const struct import_result *scene, int json, struct error *err)
+static status print_submitted(const struct job_accepted *accepted, const struct import_result *scene, int json,
+                              struct error *err)
 {
     if (json)
-        return json_print(json_pack("{s:I, s:I, s:o}", "job", (json_int_t)accepted->job,
-                                    "estimate_spp", (json_int_t)accepted->estimate_spp, "inputs",
-                                    import_inputs_json(scene)),
+        return json_print(json_pack("{s:I, s:I, s:o}", "job", (json_int_t)accepted->job, "estimate_spp",
+                                    (json_int_t)accepted->estimate_spp, "inputs", import_inputs_json(scene)),
                           err);
     printf("%" PRIu64 "\n", accepted->job);
     return STATUS_OK;
@@ -37,8 +34,7 @@ static status choose_token(const char *token, struct job_request *request, struc
     uint8_t random[16];
 
     if (token && (!*token || strlen(token) > JOB_TOKEN_BYTES_MAX))
-        return error_set(err, STATUS_ERR_USAGE, "--token: must have 1 to %d bytes",
-                         JOB_TOKEN_BYTES_MAX);
+        return error_set(err, STATUS_ERR_USAGE, "--token: must have 1 to %d bytes", JOB_TOKEN_BYTES_MAX);
     if (token) {
         memcpy(request->token, token, strlen(token) + 1);
         return STATUS_OK;
@@ -50,11 +46,9 @@ static status choose_token(const char *token, struct job_request *request, struc
     return STATUS_OK;
 }
 
-/* Send the scene and the job, again when the connection is lost before the answer: the token makes
- * it the same job. */
-static status send_again(struct connection **c, const struct import_result *scene,
-                         const struct job_request *request, const char *name,
-                         const struct follow *how, struct job_accepted *accepted, struct error *err)
+/* Send the scene and the job, again when the connection is lost before the answer: the token makes it the same job. */
+static status send_again(struct connection **c, const struct import_result *scene, const struct job_request *request,
+                         const char *name, const struct follow *how, struct job_accepted *accepted, struct error *err)
 {
     const struct reconnect again = {.where = how->where, .patience_s = how->reconnect_s,
                                     .quiet = how->quiet};
@@ -64,19 +58,16 @@ static status send_again(struct connection **c, const struct import_result *scen
     for (int attempt = 1;; attempt++) {
         result = submission_send(*c, scene, request, name, formats, how->quiet, accepted, err);
         if (result == STATUS_OK && accepted->estimate_spp > 0 && !how->quiet)
-            fprintf(stderr, "goes on from its estimate, job %" PRIu64 ": %u samples a pixel are there\n",
-                    accepted->job, accepted->estimate_spp);
+            fprintf(stderr, "goes on from its estimate, job %" PRIu64 ": %u samples a pixel are there\n", accepted->job,
+                    accepted->estimate_spp);
         if (!reconnect_is_loss(result) || attempt == ATTEMPTS_MAX)
             return result;
-        result = reconnect(c, &again, err);
-        if (result != STATUS_OK)
-            return result;
+        TRY(reconnect(c, &again, err));
     }
 }
 
 /* Until 0.2.0 -o was the job's name; a plain name still is. */
-static status check_output(const char **out, const char **name, int follow, int quiet,
-                           struct error *err)
+static status check_output(const char **out, const char **name, int follow, int quiet, struct error *err)
 {
     if (!*out || follow)
         return STATUS_OK;
@@ -86,8 +77,8 @@ static status check_output(const char **out, const char **name, int follow, int 
                          "later with 'azulejo fetch JOB -o %s'",
                          *out, *out);
     if (!quiet)
-        fprintf(stderr, "note: the job is named %s; --name %s says so, -o says where the files of --follow go\n",
-                *out, *out);
+        fprintf(stderr, "note: the job is named %s; --name %s says so, -o says where the files of --follow go\n", *out,
+                *out);
     *name = *out;
     *out = NULL;
     return STATUS_OK;
@@ -107,13 +98,12 @@ static status choose_effects(const struct effects_auto *effects, struct connecti
     return result == STATUS_OK ? effects_auto_apply(effects, c, scene, request, quiet, err) : result;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_options options = JOB_OPTIONS_INIT;
     struct effects_auto effects = {0};
-    struct needs_options needs = NEEDS_OPTIONS_INIT;
+    struct needs_options needs = {0};
     const char *name = NULL;
     const char *owner = NULL;
     const char *token = NULL;
@@ -124,7 +114,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const struct option table[] = {
         JOB_OPTION_ROWS(options),
         JOB_ENDS_ROW(options),
-        NEEDS_OPTION_ROWS(needs),
+        NEEDS_OPTION_ROWS(needs)
         EFFECTS_AUTO_ROWS(effects),
         {"name", 0, OPTION_STRING, &name, "NAME",
          "the job's name, from which its output files get theirs (default: the scene file's)", 0, 0,
@@ -159,10 +149,9 @@ static status run(const struct command *command, int argc, char *const *argv, in
     char *default_name = NULL;
     struct job_accepted accepted = {0};
     const struct frame_choice every = {0};
-    status result = command_parse(command, tonemap_options_table(&options.output.tone, table, rows),
-                                  argc, argv, 1, 1, &rest, &done, err);
+    status result = command_parse(command, tonemap_options_table(&options.output.tone, table, rows), argc, argv, 1, 1,
+                                  &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     result = check_output(&out, &name, follow, how.quiet, err);
@@ -175,31 +164,21 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = destination_of_job(&fetch.to, out, OUTPUT_FORMAT_ALL, err);
     if (result == STATUS_OK && follow)
         result = fetch_check_folder(fetch.to.folder, err);
-    if (result == STATUS_OK)
-        result = job_options_check(&options, &request, err);
+    THEN(result, job_options_check(&options, &request, err));
     request.force = force;
     request.owner = owner;
-    if (result == STATUS_OK)
-        result = effects_auto_check(&effects, options.stop.target, err);
-    if (result == STATUS_OK)
-        result = needs_options_check(&needs, &request.needs, err);
-    if (result == STATUS_OK)
-        result = choose_token(token, &request, err);
-    if (result == STATUS_OK)
-        result = tonemap_key_check(&request.output.tonemap, where.key_path, err);
+    THEN(result, effects_auto_check(&effects, options.stop.said[STOP_target].text, err));
+    THEN(result, needs_options_check(&needs, &request.needs, err));
+    THEN(result, choose_token(token, &request, err));
+    THEN(result, tonemap_key_check(&request.output.tonemap, where.key_path, err));
     default_name = submission_name(rest.items[0]);
-    if (result == STATUS_OK && !default_name)
-        result = error_no_memory(err, "a name");
-    if (result == STATUS_OK)
-        result = submission_prepare(rest.items[0], &options, how.quiet, &request, &scene, err);
-    if (result == STATUS_OK)
-        result = connection_open(&connection, &where, err);
+    THEN(result, submission_prepare(rest.items[0], &options, how.quiet, &request, &scene, err));
+    where.patience_s = watch || follow ? &how.reconnect_s : NULL;
+    where.quiet = &how.quiet;
+    THEN(result, connection_open_waiting(&connection, &where, err));
     how.where = where;
-    if (result == STATUS_OK)
-        result = choose_effects(&effects, connection, &scene, &request, how.quiet, err);
-    if (result == STATUS_OK)
-        result = send_again(&connection, &scene, &request, name ? name : default_name, &how, &accepted,
-                            err);
+    THEN(result, choose_effects(&effects, connection, &scene, &request, how.quiet, err));
+    THEN(result, send_again(&connection, &scene, &request, name ? name : default_name, &how, &accepted, err));
     if (result == STATUS_OK && (watch || follow)) {
         if (!how.quiet)
             fprintf(stderr, "job %" PRIu64 "\n", accepted.job);

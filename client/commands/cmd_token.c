@@ -8,46 +8,28 @@
 #include "client/terminal/json.h"
 #include "client/terminal/parse.h"
 #include "client/terminal/table.h"
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/duration.h"
+#include "common/schema/token_roles.h"
 #include "protocol/message.h"
-
-static const char *const roles[] = {"none", "view", "submit", "operate", "admin"};
-enum { ROLES = sizeof roles / sizeof *roles };
 
 struct wishes {
     const char *role, *name, *owner, *expires;
     int json;
 };
 
-static const char *role_name(Azulejo__Wire__TokenRole role)
-{
-    return (unsigned)role < ROLES ? roles[role] : "?";
-}
+static const char *role_name(Azulejo__Wire__TokenRole role) { return web_role_name((enum web_role)role); }
 
 /* ---- printing --------------------------------------------------------------------------------- */
-
-static json_t *info_json(const Azulejo__Wire__TokenInfo *info)
-{
-    return json_pack("{s:I, s:o, s:s, s:o, s:o, s:I, s:I, s:I}", "token", (json_int_t)info->token, "name",
-                     json_text(info->name), "role", role_name(info->role), "owner", json_text(info->owner),
-                     "made_by", json_text(info->made_by), "made_at", (json_int_t)info->made_at, "used_at",
-                     (json_int_t)info->used_at, "expires_at", (json_int_t)info->expires_at);
-}
 
 static status print_list(const Azulejo__Wire__TokenList *list, int json, struct error *err)
 {
     static const char *const titles[] = {">TOKEN", "<NAME", "ROLE", "OWNER", "MADE", "LAST USED", "EXPIRES", "MADE BY"};
     char text[FORMAT_SIZE];
     struct table table;
-    status result;
 
-    if (json) {
-        json_t *tokens = json_array();
-        for (size_t i = 0; i < list->n_tokens; i++)
-            json_array_append_new(tokens, info_json(list->tokens[i]));
-        return json_print(json_pack("{s:o}", "tokens", tokens), err);
-    }
+    if (json)
+        return json_print(json_message(&list->base), err);
     table_init(&table, titles, sizeof titles / sizeof *titles);
     for (size_t i = 0; i < list->n_tokens; i++) {
         const Azulejo__Wire__TokenInfo *info = list->tokens[i];
@@ -60,9 +42,9 @@ static status print_list(const Azulejo__Wire__TokenList *list, int json, struct 
         table_add(&table, "%s", info->expires_at ? format_time(text, info->expires_at) : "never");
         table_add(&table, "%s", info->made_by);
     }
-    result = table_print(&table, err);
+    table_print(&table);
     table_release(&table);
-    return result;
+    return STATUS_OK;
 }
 
 /* The token alone goes to standard output, so that a script can take it. */
@@ -72,11 +54,8 @@ static status print_made(const Azulejo__Wire__TokenMade *made, int json, struct 
 
     if (!made->info)
         return error_set(err, STATUS_ERR_PROTOCOL, "the coordinator's answer describes no token");
-    if (json) {
-        json_t *root = info_json(made->info);
-        json_object_set_new(root, "secret", json_text(made->secret));
-        return json_print(root, err);
-    }
+    if (json)
+        return json_print(json_message(&made->base), err);
     fprintf(stderr, "token %" PRIu64 " (%s), role %s; it is shown only now:\n", made->info->token,
             message_text(name, sizeof name, made->info->name), role_name(made->info->role));
     printf("%s\n", made->secret);
@@ -98,8 +77,7 @@ static status show(struct connection *c, int json, struct error *err)
     Azulejo__Wire__Envelope *answer = NULL;
     status result = list(c, &answer, err);
 
-    if (result == STATUS_OK)
-        result = print_list(answer->token_list, json, err);
+    THEN(result, print_list(answer->token_list, json, err));
     message_free(answer);
     return result;
 }
@@ -111,9 +89,7 @@ static status create(struct connection *c, const struct wishes *w, struct error 
     int64_t life_s = 0;
     status result = STATUS_OK;
 
-    for (int i = 1; i < ROLES; i++)
-        if (strcmp(w->role, roles[i]) == 0)
-            body.role = (Azulejo__Wire__TokenRole)i;
+    body.role = (Azulejo__Wire__TokenRole)web_role_parse(w->role);
     if (w->expires)
         result = duration_parse("--expires", w->expires, &life_s, err);
     if (result == STATUS_OK && w->expires && life_s == 0)
@@ -124,8 +100,7 @@ static status create(struct connection *c, const struct wishes *w, struct error 
     body.owner = (char *)(w->owner ? w->owner : "");
     body.expires_at = w->expires ? clock_wall_s() + life_s : 0;
     result = connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_MADE, &answer, err);
-    if (result == STATUS_OK)
-        result = print_made(answer->token_made, w->json, err);
+    THEN(result, print_made(answer->token_made, w->json, err));
     message_free(answer);
     return result;
 }
@@ -164,10 +139,8 @@ static status renew(struct connection *c, const char *text, int json, struct err
     body.token = 1; /* the coordinator's own */
     if (text)
         result = find(c, text, &body.token, err);
-    if (result == STATUS_OK)
-        result = connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_MADE, &answer, err);
-    if (result == STATUS_OK)
-        result = print_made(answer->token_made, json, err);
+    THEN(result, connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_MADE, &answer, err));
+    THEN(result, print_made(answer->token_made, json, err));
     message_free(answer);
     return result;
 }
@@ -178,8 +151,7 @@ static status end_token(struct connection *c, const char *text, int json, struct
     Azulejo__Wire__Envelope question = MESSAGE(TOKEN_REVOKE, token_revoke, &body), *answer = NULL;
     status result = find(c, text, &body.token, err);
 
-    if (result == STATUS_OK)
-        result = connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_LIST, &answer, err);
+    THEN(result, connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_LIST, &answer, err));
     if (result == STATUS_OK && json)
         result = print_list(answer->token_list, 1, err);
     else if (result == STATUS_OK)
@@ -209,15 +181,14 @@ static status check_words(const struct positionals *rest, const struct wishes *w
     return STATUS_OK;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct wishes w = {0};
     int done;
     const struct option table[] = {
         {"role", 0, OPTION_CHOICE, &w.role, "ROLE",
-         "what the token may do; each role may do what those before it may", 0, 0, "view|submit|operate|admin"},
+         "what the token may do; each role may do what those before it may", 0, 0, TOKEN_ROLE_WORDS},
         {"name", 0, OPTION_STRING, &w.name, "TEXT", "what lists and the audit log call it (its role)", 0, 0, NULL},
         {"owner", 0, OPTION_STRING, &w.owner, "USER@HOST", "the owner of the jobs submitted with it (who asks)", 0, 0,
          NULL},
@@ -232,18 +203,15 @@ static status run(const struct command *command, int argc, char *const *argv, in
     const char *verb;
     status result = command_parse(command, table, argc, argv, 0, 2, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     verb = rest.count ? rest.items[0] : "list";
     result = check_words(&rest, &w, err);
-    if (result == STATUS_OK)
-        result = connection_open(&c, &where, err);
-    if (result == STATUS_OK)
-        result = strcmp(verb, "create") == 0   ? create(c, &w, err)
+    THEN(result, connection_open(&c, &where, err));
+    THEN(result, strcmp(verb, "create") == 0   ? create(c, &w, err)
                  : strcmp(verb, "renew") == 0  ? renew(c, rest.count > 1 ? rest.items[1] : NULL, w.json, err)
                  : strcmp(verb, "revoke") == 0 ? end_token(c, rest.items[1], w.json, err)
-                                               : show(c, w.json, err);
+                                               : show(c, w.json, err));
     connection_close(c);
     return result;
 }
@@ -258,6 +226,6 @@ const struct command command_token = {
         "own, 'operate' steers all jobs and workers, 'admin' does everything. It is shown once, when it is made.\n"
         "'revoke' ends it and all that is open with it at once. 'renew' gives a token another secret; without TOKEN, the\n"
         "coordinator's own, which the page's address has, and signs all browsers out.\n"
-        "TOKEN is a number or a name. The farm's client key may do all this: it may do everything on the farm.",
+        "TOKEN is a number or a name. Keys of the role admin may do all this, and those that all clients share.",
     .run = run,
 };

@@ -2,20 +2,20 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "client/commands/command.h"
-#include "client/commands/workers_view.h"
-#include "client/farm/job_info.h"
-#include "client/farm/reconnect.h"
-#include "client/farm/signals.h"
+#include "client/views/workers_view.h"
+#include "client/follow/job_info.h"
+#include "client/link/reconnect.h"
+#include "client/link/signals.h"
 #include "client/terminal/format.h"
 #include "client/terminal/screen.h"
 #include "client/terminal/table.h"
 #include "common/base/buffer.h"
-#include "common/base/clock.h"
+#include "common/cli/terminal.h"
+#include "common/system/clock.h"
 #include "protocol/message.h"
 
 enum {
@@ -51,9 +51,8 @@ static void forget(struct top *t)
 
 /* ---- asking --------------------------------------------------------------------------------- */
 
-static status stop_wanted(void *user, struct error *err)
+static status stop_wanted(void *user UNUSED, struct error *err)
 {
-    (void)user;
     return signals_stop() ? error_set(err, STATUS_ERR_TIMEOUT, "interrupted") : STATUS_OK;
 }
 
@@ -63,7 +62,6 @@ static status ask(struct top *t, struct error *err)
     Azulejo__Wire__JobQuery job_query = AZULEJO__WIRE__JOB_QUERY__INIT;
     Azulejo__Wire__WorkerQuery worker_query = AZULEJO__WIRE__WORKER_QUERY__INIT;
     size_t rows = t->screen.drawn_on ? terminal_rows(STDOUT_FILENO) : PLAIN_ROWS;
-    status s;
 
     forget(t);
     job_query.first = (uint32_t)rows;
@@ -71,11 +69,8 @@ static status ask(struct top *t, struct error *err)
     jobs.job_query = &job_query;
     workers.body_case = AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY;
     workers.worker_query = &worker_query;
-    s = connection_ask(t->connection, &jobs, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &t->jobs, err);
-    if (s == STATUS_OK)
-        s = connection_ask(t->connection, &workers, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST,
-                           &t->workers, err);
-    return s;
+    TRY(connection_ask(t->connection, &jobs, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST, &t->jobs, err));
+    return connection_ask(t->connection, &workers, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST, &t->workers, err);
 }
 
 /* ---- showing -------------------------------------------------------------------------------- */
@@ -88,8 +83,7 @@ static uint64_t count_jobs(const Azulejo__Wire__JobList *list, struct buffer *wo
     for (size_t i = 0; i < list->n_states; i++) {
         if (job_state_ended(i) || list->states[i] == 0)
             continue;
-        buffer_printf(words, "%s%u %s", total ? ", " : "", list->states[i],
-                      job_state_word(i));
+        buffer_printf(words, "%s%u %s", total ? ", " : "", list->states[i], job_state_word(i));
         total += list->states[i];
     }
     return total;
@@ -112,17 +106,16 @@ static void print_head(const struct top *t, uint64_t *active)
     format_time(clock, (int64_t)time(NULL));
     printf("azulejo top: %s, %s\n", connection_address(t->connection), clock);
     printf("%s; %zu worker%s, %" PRIu64 " busy, %" PRIu64 " thread%s; %s samples/s\n",
-           *active ? buffer_text(&words) : "no jobs", workers->n_workers,
-           workers->n_workers == 1 ? "" : "s", busy, threads, threads == 1 ? "" : "s", format_count(rate, per_second));
+           *active ? buffer_text(&words) : "no jobs", workers->n_workers, workers->n_workers == 1 ? "" : "s", busy,
+           threads, threads == 1 ? "" : "s", format_count(rate, per_second));
     buffer_release(&words);
 }
 
-static status print_jobs(const struct top *t, size_t rows, uint64_t active, struct error *err)
+static void print_jobs(const struct top *t, size_t rows, uint64_t active)
 {
     const Azulejo__Wire__JobList *list = t->jobs->job_list;
     struct table table;
     char text[FORMAT_SIZE], note[JOB_NOTE_SIZE];
-    status s;
     int narrow = t->screen.drawn_on && terminal_columns(STDOUT_FILENO) < NARROW;
 
     rows = rows < list->n_jobs ? rows : list->n_jobs;
@@ -134,9 +127,8 @@ static status print_jobs(const struct top *t, size_t rows, uint64_t active, stru
         table_add(&table, "%s", job->name);
         table_add(&table, "%d", job->priority);
         table_add(&table, "%s", job_state_word(job->state));
-        table_add(&table, "%.0f %%", job->samples_total ? 100.0 * (double)job->samples_done /
-                                                              (double)job->samples_total
-                                                        : 0.0);
+        table_add(&table, "%.0f %%",
+                  job->samples_total ? 100.0 * (double)job->samples_done / (double)job->samples_total : 0.0);
         table_add(&table, "%s", running ? format_duration(text, job->seconds_left) : "-");
         table_add(&table, "%s", running ? format_count(text, job->samples_per_second) : "-");
         table_add(&table, "%u", job->workers);
@@ -144,11 +136,10 @@ static status print_jobs(const struct top *t, size_t rows, uint64_t active, stru
         if (!narrow)
             table_add(&table, "%s", job->owner[0] ? job->owner : "-");
     }
-    s = table_print(&table, err);
+    table_print(&table);
     table_release(&table);
     if (active > rows)
         printf("... and %" PRIu64 " more\n", active - rows);
-    return s;
 }
 
 static int by_rate(const void *a, const void *b)
@@ -161,11 +152,10 @@ static int by_rate(const void *a, const void *b)
     return one->session < other->session ? -1 : one->session > other->session;
 }
 
-static status print_workers(const Azulejo__Wire__WorkerList *list, size_t rows, struct error *err)
+static void print_workers(const Azulejo__Wire__WorkerList *list, size_t rows)
 {
     struct table table;
     char text[FORMAT_SIZE];
-    status s;
 
     if (list->n_workers > 0)
         qsort(list->workers, list->n_workers, sizeof *list->workers, by_rate);
@@ -185,11 +175,10 @@ static status print_workers(const Azulejo__Wire__WorkerList *list, size_t rows, 
         table_add(&table, "%s", format_duration(text, (double)w->connected_s));
         table_add(&table, "%s", w->note);
     }
-    s = table_print(&table, err);
+    table_print(&table);
     table_release(&table);
     if (list->n_workers > rows)
         printf("... and %zu more\n", list->n_workers - rows);
-    return s;
 }
 
 /* A screen's rows are shared: each table may take what the other does not need. */
@@ -210,23 +199,20 @@ static void share_rows(const struct top *t, size_t *jobs, size_t *workers)
     }
 }
 
-static status show(struct top *t, struct error *err)
+static void show(struct top *t)
 {
     size_t jobs, workers;
     uint64_t active;
-    status s;
 
     share_rows(t, &jobs, &workers);
     screen_clear(&t->screen);
     print_head(t, &active);
     putchar('\n');
-    s = print_jobs(t, jobs, active, err);
+    print_jobs(t, jobs, active);
     putchar('\n');
-    if (s == STATUS_OK)
-        s = print_workers(t->workers->worker_list, workers, err);
+    print_workers(t->workers->worker_list, workers);
     if (!t->screen.drawn_on && !t->once)
         putchar('\n');
-    return s;
 }
 
 static void show_loss(const struct top *t)
@@ -243,11 +229,10 @@ static status turn(struct top *t, struct error *err)
 {
     status s = t->connection ? STATUS_OK : connection_open(&t->connection, &t->where, err);
 
+    THEN(s, ask(t, err));
     if (s == STATUS_OK)
-        s = ask(t, err);
-    if (s == STATUS_OK)
-        return show(t, err);
-    if (t->once || !reconnect_is_loss(s) || signals_stop())
+        show(t);
+    if (s == STATUS_OK || t->once || !reconnect_is_loss(s) || signals_stop())
         return s;
     if (err)
         t->lost = *err;
@@ -284,8 +269,7 @@ static status repeat(struct top *t, struct error *err)
     return signals_stop() ? STATUS_OK : s;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct top t = {.where = CONNECTION_OPTIONS_INIT, .interval_s = 2};
     int done;
@@ -299,13 +283,13 @@ static status run(const struct command *command, int argc, char *const *argv, in
     struct positionals rest;
     status result = command_parse(command, table, argc, argv, 0, 0, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     result = signals_catch(err);
     t.where.watch = stop_wanted;
-    if (result == STATUS_OK)
-        result = connection_open(&t.connection, &t.where, err);
+    THEN(result, connection_open(&t.connection, &t.where, err));
+    if (result == STATUS_ERR_TIMEOUT && !t.once)
+        result = STATUS_OK; /* it listens, and may answer later: repeat() goes on trying */
     if (result != STATUS_OK)
         return result;
     if (!t.once)

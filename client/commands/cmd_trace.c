@@ -5,7 +5,7 @@
 #include "client/commands/command.h"
 #include "client/farm/trace_file.h"
 #include "client/terminal/format.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 
 /* What is missing, on standard error. */
 static void tell_missing(const struct job_trace *t)
@@ -13,8 +13,8 @@ static void tell_missing(const struct job_trace *t)
     char when[FORMAT_SIZE];
 
     if (t->lost)
-        fprintf(stderr, "azulejo trace: the oldest %" PRIu64 " events of job %" PRIu64
-                        " are no longer kept\n", t->lost, t->job);
+        fprintf(stderr, "azulejo trace: the oldest %" PRIu64 " events of job %" PRIu64 " are no longer kept\n", t->lost,
+                t->job);
     if (t->cut)
         fprintf(stderr, "azulejo trace: nothing of job %" PRIu64 " is known from before %s, when the coordinator started\n",
                 t->job, format_time(when, t->begun_at));
@@ -25,21 +25,21 @@ static void tell_missing(const struct job_trace *t)
 static status put(const struct job_trace *t, const char *path, struct error *err)
 {
     struct buffer text = BUFFER_INIT;
-    status s = job_trace_write(t, &text, err);
+    status s = STATUS_OK;
 
-    if (s == STATUS_OK && path)
+    job_trace_write(t, &text);
+    if (path)
         s = file_write_atomic(path, text.data, text.size, err);
-    else if (s == STATUS_OK)
+    else
         fwrite(text.data, 1, text.size, stdout);
     buffer_release(&text);
     if (s == STATUS_OK && path)
-        printf("%s: %zu units, %zu other events (open it with https://ui.perfetto.dev or chrome://tracing)\n",
-               path, t->units, t->event_count - t->units);
+        printf("%s: %zu units, %zu other events (open it with https://ui.perfetto.dev or chrome://tracing)\n", path,
+               t->units, t->event_count - t->units);
     return s;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     const char *path = NULL;
@@ -53,7 +53,6 @@ static status run(const struct command *command, int argc, char *const *argv, in
     uint64_t job = 0;
     status result = command_open_job(command, table, argc, argv, &where, &job, &connection, err);
 
-    (void)exit_code;
     if (result == STATUS_OK && connection) {
         result = job_trace_get(connection, job, &trace, err);
         connection_close(connection);

@@ -3,11 +3,11 @@
 #include <stdio.h>
 
 #include "client/commands/steer.h"
-#include "client/farm/job_info.h"
+#include "client/follow/job_info.h"
 #include "client/farm/verb.h"
 
 struct options {
-    const struct job_verb *verb;      /* or the variant that was chosen */
+    const struct job_verb *verb; /* or the variant that was chosen */
     struct verb_argument argument;
     struct frame_choice frames;
     int flag;
@@ -33,8 +33,7 @@ static status ask(struct connection *c, uint64_t job, const void *options, Azule
     struct verb_argument argument = o->argument;
     status result = frame_choice_of_job(c, job, &o->frames, &argument.frames, err);
 
-    if (result == STATUS_OK)
-        result = verb_ask(c, job, (enum job_verb_name)(o->verb - job_verbs), &argument, answer, err);
+    THEN(result, verb_ask(c, job, (enum job_verb_name)(o->verb - job_verbs), &argument, answer, err));
     frame_list_free(&argument.frames);
     return result;
 }

@@ -11,31 +11,14 @@
 
 /* ---- printing --------------------------------------------------------------------------------- */
 
-static json_t *info_json(const Azulejo__Wire__WebhookInfo *info)
-{
-    return json_pack("{s:I, s:o, s:o, s:I, s:i, s:I, s:I, s:I, s:o}", "webhook", (json_int_t)info->webhook, "url",
-                     json_text(info->url), "made_by", json_text(info->made_by), "made_at", (json_int_t)info->made_at,
-                     "waiting", (int)info->waiting, "sent", (json_int_t)info->sent, "failed",
-                     (json_int_t)info->failed, "given_up", (json_int_t)info->given_up, "last_error",
-                     json_text(info->last_error));
-}
-
 static status print_list(const Azulejo__Wire__WebhookList *list, int json, struct error *err)
 {
     static const char *const titles[] = {">WEBHOOK", "<URL", ">SENT", ">WAITING", ">FAILED", ">GIVEN UP", "MADE BY",
                                          "~LAST ERROR"};
     struct table table;
-    status result;
 
-    if (json) {
-        json_t *webhooks = json_array(), *root;
-        for (size_t i = 0; i < list->n_webhooks; i++)
-            json_array_append_new(webhooks, info_json(list->webhooks[i]));
-        root = json_pack("{s:o}", "webhooks", webhooks);
-        if (list->secret[0])
-            json_object_set_new(root, "secret", json_text(list->secret));
-        return json_print(root, err);
-    }
+    if (json)
+        return json_print(json_message(&list->base), err);
     table_init(&table, titles, sizeof titles / sizeof *titles);
     for (size_t i = 0; i < list->n_webhooks; i++) {
         const Azulejo__Wire__WebhookInfo *info = list->webhooks[i];
@@ -48,9 +31,9 @@ static status print_list(const Azulejo__Wire__WebhookList *list, int json, struc
         table_add(&table, "%s", info->made_by);
         table_add(&table, "%s", info->last_error);
     }
-    result = table_print(&table, err);
+    table_print(&table);
     table_release(&table);
-    return result;
+    return STATUS_OK;
 }
 
 /* The secret alone goes to standard output, so that a script can take it. */
@@ -104,8 +87,7 @@ static status ask(struct connection *c, enum verb verb, const char *argument, in
         result = number_of(argument, &number, err);
     add.url = (char *)argument;
     leave.webhook = try.webhook = number;
-    if (result == STATUS_OK)
-        result = connection_ask(c, &questions[verb], AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_LIST, &answer, err);
+    THEN(result, connection_ask(c, &questions[verb], AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_LIST, &answer, err));
     if (result == STATUS_OK && verb == ADD)
         result = print_made(answer->webhook_list, json, err);
     else if (result == STATUS_OK && (verb == LIST || json))
@@ -133,8 +115,7 @@ static status parse_words(const struct positionals *rest, enum verb *verb, struc
     return STATUS_OK;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code UNUSED, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     int json = 0, done;
@@ -148,14 +129,11 @@ static status run(const struct command *command, int argc, char *const *argv, in
     enum verb verb = LIST;
     status result = command_parse(command, table, argc, argv, 0, 2, &rest, &done, err);
 
-    (void)exit_code;
     if (result != STATUS_OK || done)
         return result;
     result = parse_words(&rest, &verb, err);
-    if (result == STATUS_OK)
-        result = connection_open(&c, &where, err);
-    if (result == STATUS_OK)
-        result = ask(c, verb, rest.count > 1 ? rest.items[1] : "", json, err);
+    THEN(result, connection_open(&c, &where, err));
+    THEN(result, ask(c, verb, rest.count > 1 ? rest.items[1] : "", json, err));
     connection_close(c);
     return result;
 }

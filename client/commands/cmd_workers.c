@@ -1,11 +1,12 @@
 /* azulejo workers: the workers of the farm, and what people do to them. */
-#include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "client/commands/command.h"
-#include "client/commands/workers_view.h"
+#include "client/views/workers_view.h"
+#include "client/terminal/json.h"
+#include "client/terminal/must.h"
 #include "client/terminal/wildcard.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
@@ -15,8 +16,8 @@ enum { SHOWN_MAX = 20 /* workers that a question lists */ };
 struct verb {
     const char *word, *past;
     Azulejo__Wire__WorkerVerb number;
-    unsigned states;             /* bits: of the workers that a wildcard means */
-    int on_marks;                /* a wildcard means blocked names, too, that are not connected */
+    unsigned states; /* bits: of the workers that a wildcard means */
+    int on_marks;    /* a wildcard means blocked names, too, that are not connected */
 };
 
 #define STATE(name) (1u << AZULEJO__WIRE__WORKER_STATE__WORKER_STATE_##name)
@@ -34,18 +35,16 @@ static const struct verb verbs[] = {
 struct names {
     char (*items)[256];
     size_t count, capacity;
-    int asks;                    /* more than one was named, or a wildcard was used */
+    int asks; /* more than one was named, or a wildcard was used */
 };
 
-static status names_add(struct names *names, const char *name, struct error *err)
+static void names_add(struct names *names, const char *name)
 {
     for (size_t i = 0; i < names->count; i++)
         if (strcmp(names->items[i], name) == 0)
-            return STATUS_OK;
-    if (!MEM_GROW(names->items, names->capacity, names->count + 1))
-        return error_no_memory(err, "the workers' names");
+            return;
+    MUST_GROW(names->items, names->capacity, names->count + 1);
     snprintf(names->items[names->count++], sizeof *names->items, "%s", name);
-    return STATUS_OK;
 }
 
 static status ask_list(struct connection *c, const char *name, int gone, Azulejo__Wire__Envelope **answer,
@@ -63,27 +62,26 @@ static status ask_list(struct connection *c, const char *name, int gone, Azulejo
 static status names_match(struct names *names, const char *pattern, const struct verb *verb,
                           const Azulejo__Wire__WorkerList *list, struct error *err)
 {
-    status result = STATUS_OK;
     int seen = 0;
     size_t before = names->count;
 
-    for (size_t i = 0; i < list->n_workers && result == STATUS_OK; i++) {
+    for (size_t i = 0; i < list->n_workers; i++) {
         const Azulejo__Wire__WorkerInfo *w = list->workers[i];
         if (!wildcard_fits(pattern, w->name))
             continue;
         seen = 1;
         if (verb->states >> w->state & 1)
-            result = names_add(names, w->name, err);
+            names_add(names, w->name);
     }
-    for (size_t i = 0; verb->on_marks && i < list->n_marks && result == STATUS_OK; i++)
+    for (size_t i = 0; verb->on_marks && i < list->n_marks; i++)
         if (list->marks[i]->blocked && wildcard_fits(pattern, list->marks[i]->name))
-            result = names_add(names, list->marks[i]->name, err);
-    if (result == STATUS_OK && names->count == before)
+            names_add(names, list->marks[i]->name);
+    if (names->count == before)
         return error_set(err, STATUS_ERR_NOT_FOUND,
                          seen ? "no worker that matches '%s' can be %s (its state: 'azulejo workers')"
                               : "no worker matches '%s' ('azulejo workers' lists them)",
                          pattern, verb->past);
-    return result;
+    return STATUS_OK;
 }
 
 static status names_find(struct connection *c, const struct verb *verb, const struct positionals *rest,
@@ -96,21 +94,19 @@ static status names_find(struct connection *c, const struct verb *verb, const st
     for (size_t i = 1; i < rest->count && result == STATUS_OK; i++) {
         const char *text = rest->items[i];
         if (!wildcard_is(text)) {
-            result = names_add(names, text, err);
+            names_add(names, text);
             continue;
         }
         names->asks = 1;
         if (!answer)
             result = ask_list(c, "", 0, &answer, err);
-        if (result == STATUS_OK)
-            result = names_match(names, text, verb, answer->worker_list, err);
+        THEN(result, names_match(names, text, verb, answer->worker_list, err));
     }
     message_free(answer);
     return result;
 }
 
-static status confirm(const struct verb *verb, const struct names *names, int yes, int *go_on,
-                      struct error *err)
+static status confirm(const struct verb *verb, const struct names *names, int yes, int *go_on, struct error *err)
 {
     char reply[16] = "";
 
@@ -118,9 +114,8 @@ static status confirm(const struct verb *verb, const struct names *names, int ye
     if (!names->asks || yes)
         return STATUS_OK;
     if (!isatty(STDIN_FILENO))
-        return error_set(err, STATUS_ERR_USAGE,
-                         "would %s %zu worker%s, and there is no terminal to ask: give --yes", verb->word,
-                         names->count, names->count == 1 ? "" : "s");
+        return error_set(err, STATUS_ERR_USAGE, "would %s %zu worker%s, and there is no terminal to ask: give --yes",
+                         verb->word, names->count, names->count == 1 ? "" : "s");
     fprintf(stderr, "%s %zu worker%s:\n", verb->word, names->count, names->count == 1 ? "" : "s");
     for (size_t i = 0; i < names->count && i < SHOWN_MAX; i++)
         fprintf(stderr, "  %s\n", names->items[i]);
@@ -175,7 +170,7 @@ static status steer_all(struct connection *c, const struct verb *verb, const str
         s = connection_ask(c, &question, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST, &answer, &why);
         if (s == STATUS_OK && json)
             json_array_append_new(done, answer->worker_list->n_workers
-                                            ? worker_json(answer->worker_list->workers[0])
+                                            ? json_message(&answer->worker_list->workers[0]->base)
                                             : json_pack("{s:o}", "name", json_text(body.name)));
         else if (s == STATUS_OK)
             print_outcome(body.name, verb, answer->worker_list);
@@ -186,8 +181,8 @@ static status steer_all(struct connection *c, const struct verb *verb, const str
             result = error_set(err, s, "%s", why.text);
         if (first.code == STATUS_OK)
             first = why;
-        json_array_append_new(failed, json_pack("{s:o, s:o}", "name", json_text(body.name), "error",
-                                                json_text(why.text)));
+        json_array_append_new(failed,
+                              json_pack("{s:o, s:o}", "name", json_text(body.name), "error", json_text(why.text)));
         if (result == STATUS_OK)
             fprintf(stderr, "%s\n", why.text);
     }
@@ -200,15 +195,14 @@ static status steer_all(struct connection *c, const struct verb *verb, const str
     return result;
 }
 
-static status steer(struct connection *c, const struct verb *verb, const struct positionals *rest, int yes,
-                    int json, int *exit_code, struct error *err)
+static status steer(struct connection *c, const struct verb *verb, const struct positionals *rest, int yes, int json,
+                    int *exit_code, struct error *err)
 {
     struct names names = {0};
     int go_on = 0;
     status result = names_find(c, verb, rest, &names, err);
 
-    if (result == STATUS_OK)
-        result = confirm(verb, &names, yes, &go_on, err);
+    THEN(result, confirm(verb, &names, yes, &go_on, err));
     if (result == STATUS_OK && !go_on)
         fprintf(stderr, "nothing was changed\n");
     if (result == STATUS_OK && go_on)
@@ -231,7 +225,7 @@ static status show(struct connection *c, const char *name, int json, struct erro
                            "('azulejo workers --gone' lists those that left)",
                            name);
     else if (list && json)
-        result = json_print(workers_json(list, 1), err);
+        result = json_print(json_message(&list->base), err);
     else if (list)
         workers_print_one(list);
     message_free(answer);
@@ -243,10 +237,12 @@ static status list_all(struct connection *c, int gone, int json, struct error *e
     Azulejo__Wire__Envelope *answer = NULL;
     status result = ask_list(c, "", gone, &answer, err);
 
-    if (result == STATUS_OK)
-        result = json   ? json_print(workers_json(answer->worker_list, gone), err)
-                 : gone ? workers_print_gone(answer->worker_list, err)
-                        : workers_print(answer->worker_list, err);
+    if (result == STATUS_OK && json)
+        result = json_print(json_message(&answer->worker_list->base), err);
+    else if (result == STATUS_OK && gone)
+        workers_print_gone(answer->worker_list);
+    else if (result == STATUS_OK)
+        workers_print(answer->worker_list);
     message_free(answer);
     return result;
 }
@@ -269,8 +265,7 @@ static status parse_words(const struct positionals *rest, const struct verb **ve
     return STATUS_OK;
 }
 
-static status run(const struct command *command, int argc, char *const *argv, int *exit_code,
-                  struct error *err)
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     int json = 0, gone = 0, yes = 0, done;
@@ -293,12 +288,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
         result = parse_words(&rest, &verb, err);
     if (result == STATUS_OK && rest.count > 0 && gone)
         result = error_set(err, STATUS_ERR_USAGE, "--gone is for the list of workers");
-    if (result == STATUS_OK)
-        result = connection_open(&c, &where, err);
-    if (result == STATUS_OK)
-        result = verb             ? steer(c, verb, &rest, yes, json, exit_code, err)
+    THEN(result, connection_open(&c, &where, err));
+    THEN(result, verb             ? steer(c, verb, &rest, yes, json, exit_code, err)
                  : rest.count > 0 ? show(c, rest.items[1], json, err)
-                                  : list_all(c, gone, json, err);
+                                  : list_all(c, gone, json, err));
     connection_close(c);
     return result;
 }

@@ -1,10 +1,10 @@
 #include "client/commands/command.h"
+#include "client/link/reconnect.h"
 
-#include "client/terminal/parse.h"
+#include "client/farm/job_choice.h"
 
-status command_parse(const struct command *command, const struct option *table, int argc,
-                     char *const *argv, size_t least, size_t most, struct positionals *rest,
-                     int *done, struct error *err)
+status command_parse(const struct command *command, const struct option *table, int argc, char *const *argv,
+                     size_t least, size_t most, struct positionals *rest, int *done, struct error *err)
 {
     status result = options_parse(table, argc, argv, rest, done, err);
 
@@ -13,17 +13,15 @@ status command_parse(const struct command *command, const struct option *table, 
         return STATUS_OK;
     }
     if (result == STATUS_OK && rest->count < least)
-        result = error_set(err, STATUS_ERR_USAGE, "an argument is missing; usage: %s",
-                           command->usage);
+        result = error_set(err, STATUS_ERR_USAGE, "an argument is missing; usage: %s", command->usage);
     if (result == STATUS_OK && rest->count > most)
-        result = error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many; usage: %s",
-                           rest->items[most], command->usage);
+        result = error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many; usage: %s", rest->items[most], command->usage);
     return result;
 }
 
-status command_open_job(const struct command *command, const struct option *table, int argc,
-                        char *const *argv, const struct connection_options *where, uint64_t *job,
-                        struct connection **connection, struct error *err)
+status command_open_job(const struct command *command, const struct option *table, int argc, char *const *argv,
+                        const struct connection_options *where, uint64_t *job, struct connection **connection,
+                        struct error *err)
 {
     struct positionals rest;
     int done;
@@ -32,6 +30,12 @@ status command_open_job(const struct command *command, const struct option *tabl
     *connection = NULL;
     if (result != STATUS_OK || done)
         return result;
-    result = parse_job(rest.items[0], job, err);
-    return result == STATUS_OK ? connection_open(connection, where, err) : result;
+    TRY(job_word_check(rest.items[0], err));
+    TRY(connection_open_waiting(connection, where, err));
+    result = job_word_find(*connection, rest.items[0], job, err);
+    if (result != STATUS_OK) {
+        connection_close(*connection);
+        *connection = NULL;
+    }
+    return result;
 }

@@ -5,15 +5,14 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "client/farm/job_info.h"
+#include "client/follow/job_info.h"
 #include "protocol/message.h"
 
 static void print_one(const struct steer_verb *verb, const Azulejo__Wire__JobInfo *info, const void *options)
 {
     char text[JOB_NOTE_SIZE];
 
-    printf("job %" PRIu64 ": %s", info->job,
-           verb->outcome ? verb->outcome : job_state_word(info->state));
+    printf("job %" PRIu64 ": %s", info->job, verb->outcome ? verb->outcome : job_state_word(info->state));
     if (!verb->outcome && !job_state_ended(info->state) && info->state_text[0])
         printf(": %s", job_info_note(text, info));
     printf("\n");
@@ -25,13 +24,14 @@ static void print_one(const struct steer_verb *verb, const Azulejo__Wire__JobInf
 struct outcomes {
     int several;
     json_t *jobs, *failed;
-    status first;                /* failure */
-    struct error why;            /* of it */
+    status first;     /* failure */
+    struct error why; /* of it */
     size_t done;
+    int not_stored; /* of some the coordinator's disk does not have it yet */
 };
 
-static status one(struct connection *c, const struct steer_verb *verb, uint64_t job,
-                  const void *options, int json, struct outcomes *out)
+static status one(struct connection *c, const struct steer_verb *verb, uint64_t job, const void *options, int json,
+                  struct outcomes *out)
 {
     Azulejo__Wire__Envelope *answer = NULL;
     struct error why = {0};
@@ -42,8 +42,9 @@ static status one(struct connection *c, const struct steer_verb *verb, uint64_t 
     if (result == STATUS_OK) {
         const Azulejo__Wire__JobInfo *info = job_list_find(answer->job_list, job);
         out->done++;
+        out->not_stored |= info->not_stored;
         if (json)
-            json_array_append_new(out->jobs, job_info_json(info));
+            json_array_append_new(out->jobs, json_message(&info->base));
         else if (verb->show && !out->several)
             verb->show(info);
         else
@@ -56,8 +57,7 @@ static status one(struct connection *c, const struct steer_verb *verb, uint64_t 
         out->first = result;
         out->why = why;
     }
-    json_array_append_new(out->failed, json_pack("{s:I, s:o}", "job", (json_int_t)job, "error",
-                                                 json_text(why.text)));
+    json_array_append_new(out->failed, json_pack("{s:I, s:o}", "job", (json_int_t)job, "error", json_text(why.text)));
     return result;
 }
 
@@ -68,9 +68,8 @@ static int is_of_the_job(status code)
            code == STATUS_ERR_USAGE;
 }
 
-static status all(struct connection *c, const struct steer_verb *verb,
-                  const struct chosen_jobs *jobs, const void *options, int json,
-                  struct outcomes *out, struct error *err)
+static status all(struct connection *c, const struct steer_verb *verb, const struct chosen_jobs *jobs,
+                  const void *options, int json, struct outcomes *out, struct error *err)
 {
     for (size_t i = 0; i < jobs->count; i++) {
         size_t failed = json_array_size(out->failed);
@@ -79,8 +78,7 @@ static status all(struct connection *c, const struct steer_verb *verb,
         if (json_array_size(out->failed) > failed && jobs->several && is_of_the_job(result)) {
             if (!json)
                 fprintf(stderr, "%s\n",
-                        json_string_value(json_object_get(json_array_get(out->failed, failed),
-                                                          "error")));
+                        json_string_value(json_object_get(json_array_get(out->failed, failed), "error")));
         } else if (result != STATUS_OK) {
             return error_set(err, result, "%s", out->why.text);
         }
@@ -95,23 +93,20 @@ static status report(const struct chosen_jobs *jobs, struct outcomes *out, struc
     return json_print(json_pack("{s:O, s:O}", "jobs", out->jobs, "failed", out->failed), err);
 }
 
-static status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice,
-                  const struct positionals *rest, const struct connection_options *where,
-                  const void *options, int json, int *exit_code, struct error *err)
+static status steer_jobs(const struct steer_verb *verb, const struct job_choice *choice, const struct positionals *rest,
+                         const struct connection_options *where, const void *options, int json, int *exit_code,
+                         struct error *err)
 {
     struct outcomes out = {.jobs = json_array(), .failed = json_array()};
     struct chosen_jobs jobs = {0};
     struct connection *c = NULL;
     int go_on = 0;
-    status result = out.jobs && out.failed ? connection_open(&c, where, err)
-                                           : error_no_memory(err, "a list of jobs");
+    status result = connection_open(&c, where, err);
 
-    if (result == STATUS_OK)
-        result = job_choice_find(c, choice, rest, &jobs, err);
-    if (result == STATUS_OK)
-        result = job_choice_confirm(choice, &jobs, verb->word                ? verb->word
+    THEN(result, job_choice_find(c, choice, rest, &jobs, err));
+    THEN(result, job_choice_confirm(choice, &jobs, verb->word                ? verb->word
                                                     : verb->verb->imperative ? verb->verb->imperative
-                                                                             : verb->verb->name, &go_on, err);
+                                                                             : verb->verb->name, &go_on, err));
     if (result == STATUS_OK && !go_on)
         fprintf(stderr, "nothing was changed\n");
     out.several = jobs.several;
@@ -122,6 +117,9 @@ static status steer_jobs(const struct steer_verb *verb, const struct job_choice 
     if (result == STATUS_OK && out.first != STATUS_OK) {
         fprintf(stderr, "%zu of %zu jobs: not done\n", json_array_size(out.failed), jobs.count);
         *exit_code = status_exit_code(out.first);
+    } else if (result == STATUS_OK && out.not_stored) {
+        fprintf(stderr, "done, but not stored yet: the coordinator cannot write to its disk, and a restart now would lose it\n");
+        *exit_code = status_exit_code(STATUS_ERR_NOT_STORED);
     }
     json_decref(out.jobs);
     json_decref(out.failed);
@@ -130,9 +128,8 @@ static status steer_jobs(const struct steer_verb *verb, const struct job_choice 
     return result;
 }
 
-status steer_run(const struct command *command, const struct steer_verb *verb,
-                 const struct option *own, void *options, int argc, char *const *argv,
-                 int *exit_code, struct error *err)
+status steer_run(const struct command *command, const struct steer_verb *verb, const struct option *own, void *options,
+                 int argc, char *const *argv, int *exit_code, struct error *err)
 {
     struct connection_options where = CONNECTION_OPTIONS_INIT;
     struct job_choice choice = {.verb = verb->verb};
@@ -162,9 +159,7 @@ status steer_run(const struct command *command, const struct steer_verb *verb,
         *verb->text = rest.items[--rest.count];
     if (verb->check)
         result = verb->check(options, &choice, err);
-    if (result == STATUS_OK)
-        result = job_choice_check(&choice, &rest, err);
-    if (result == STATUS_OK)
-        result = steer_jobs(verb, &choice, &rest, &where, options, json, exit_code, err);
+    THEN(result, job_choice_check(&choice, &rest, err));
+    THEN(result, steer_jobs(verb, &choice, &rest, &where, options, json, exit_code, err));
     return result;
 }

@@ -6,7 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "client/farm/job_info.h"
+#include "client/follow/job_info.h"
+#include "client/terminal/must.h"
 #include "client/terminal/parse.h"
 #include "client/terminal/wildcard.h"
 #include "common/base/memory.h"
@@ -17,12 +18,9 @@ enum {
     NAME_MAX_BYTES = 255,        /* of a job */
 };
 /* Jobs that a sentence names. */
-enum { IDLE_SHOWN = 3 };
+enum { IDLE_SHOWN = 3, NAMED_SHOWN = 5 };
 
-static int is_number(const char *text)
-{
-    return *text && text[strspn(text, "0123456789")] == 0;
-}
+static int is_number(const char *text) { return *text && text[strspn(text, "0123456789")] == 0; }
 
 /* Bits of JobState. */
 static status parse_states(const char *text, unsigned *out, struct error *err)
@@ -34,8 +32,7 @@ static status parse_states(const char *text, unsigned *out, struct error *err)
 
         *out |= found;
         if (!found)
-            return error_set(err, STATUS_ERR_USAGE,
-                             "--state: '%.*s' is not a state; they are %s", (int)length, at,
+            return error_set(err, STATUS_ERR_USAGE, "--state: '%.*s' is not a state; they are %s", (int)length, at,
                              job_state_words());
         at += length;
         if (!*at)
@@ -43,55 +40,50 @@ static status parse_states(const char *text, unsigned *out, struct error *err)
     }
 }
 
-status job_choice_check(const struct job_choice *choice, const struct positionals *rest,
-                        struct error *err)
+status job_word_check(const char *text, struct error *err)
+{
+    uint64_t job;
+
+    if (!text[0])
+        return error_set(err, STATUS_ERR_USAGE, "an empty text is not a job's name");
+    if (strlen(text) > NAME_MAX_BYTES)
+        return error_set(err, STATUS_ERR_USAGE, "'%.20s...' is not a job: a name has at most %d bytes", text,
+                         NAME_MAX_BYTES);
+    return is_number(text) ? parse_job(text, &job, err) : STATUS_OK;
+}
+
+status job_choice_check(const struct job_choice *choice, const struct positionals *rest, struct error *err)
 {
     unsigned states;
 
     if (rest->count == 0 && !choice->states && !choice->mine && !choice->ended_before)
         return error_set(err, STATUS_ERR_USAGE,
                          "which job? Give numbers, names (with wildcards in quotes), --state or --mine");
-    for (size_t i = 0; i < rest->count; i++) {
-        uint64_t job;
-        if (!rest->items[i][0])
-            return error_set(err, STATUS_ERR_USAGE, "an empty text is not a job's name");
-        if (strlen(rest->items[i]) > NAME_MAX_BYTES)
-            return error_set(err, STATUS_ERR_USAGE, "'%.20s...' is not a job: a name has at most %d bytes",
-                             rest->items[i], NAME_MAX_BYTES);
-        if (is_number(rest->items[i]) && parse_job(rest->items[i], &job, err) != STATUS_OK)
-            return STATUS_ERR_USAGE;
-    }
+    for (size_t i = 0; i < rest->count; i++)
+        TRY(job_word_check(rest->items[i], err));
     return choice->states ? parse_states(choice->states, &states, err) : STATUS_OK;
 }
 
-static status keep_answer(struct chosen_jobs *out, Azulejo__Wire__Envelope *answer,
-                          struct error *err)
+static void keep_answer(struct chosen_jobs *out, Azulejo__Wire__Envelope *answer)
 {
-    if (MEM_GROW(out->answers, out->answer_capacity, out->answer_count + 1)) {
-        out->answers[out->answer_count++] = answer;
-        return STATUS_OK;
-    }
-    message_free(answer);
-    return error_no_memory(err, "a list of jobs");
+    MUST_GROW(out->answers, out->answer_capacity, out->answer_count + 1);
+    out->answers[out->answer_count++] = answer;
 }
 
-static status add(struct chosen_jobs *out, uint64_t job, const Azulejo__Wire__JobInfo *info,
-                  struct error *err)
+static void add(struct chosen_jobs *out, uint64_t job, const Azulejo__Wire__JobInfo *info)
 {
-    if (!MEM_GROW(out->items, out->capacity, out->count + 1))
-        return error_no_memory(err, "a list of jobs");
+    MUST_GROW(out->items, out->capacity, out->count + 1);
     out->items[out->count++] = (struct chosen_job){job, info};
-    return STATUS_OK;
 }
 
 /* What decides about one job. */
 struct filter {
     const struct positionals *rest;
-    unsigned states;             /* --state; 0: every state in which the verb does something */
-    const struct job_verb *verb; /* NULL: any */
-    const char *owner;           /* NULL: anybody's */
-    int64_t ended_before;        /* 0: at any time, or not yet */
-    unsigned char seen[OPTIONS_POSITIONAL_MAX]; /* such a job exists, whatever its state and owner */
+    unsigned states;                                /* --state; 0: every state in which the verb does something */
+    const struct job_verb *verb;                    /* NULL: any */
+    const char *owner;                              /* NULL: anybody's */
+    int64_t ended_before;                           /* 0: at any time, or not yet */
+    unsigned char seen[OPTIONS_POSITIONAL_MAX];     /* such a job exists, whatever its state and owner */
     const Azulejo__Wire__JobInfo *idle[IDLE_SHOWN]; /* that match, but the verb would do nothing */
     size_t idle_count;
 };
@@ -133,8 +125,7 @@ static int fits(struct filter *f, const Azulejo__Wire__JobInfo *info)
 }
 
 /* All jobs, page by page from the newest. */
-static status find_all(struct connection *c, struct filter *f, struct chosen_jobs *out,
-                       struct error *err)
+static status find_all(struct connection *c, struct filter *f, struct chosen_jobs *out, struct error *err)
 {
     Azulejo__Wire__JobQuery query = AZULEJO__WIRE__JOB_QUERY__INIT;
     uint64_t older = 1;
@@ -142,21 +133,15 @@ static status find_all(struct connection *c, struct filter *f, struct chosen_job
     while (older > 0) {
         Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT, *answer = NULL;
         const Azulejo__Wire__JobList *list;
-        status result;
 
         question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_JOB_QUERY;
         question.job_query = &query;
-        result = job_ask(c, &question, 0, &answer, err);
-        if (result == STATUS_OK)
-            result = keep_answer(out, answer, err);
-        if (result != STATUS_OK)
-            return result;
+        TRY(job_ask(c, &question, 0, &answer, err));
+        keep_answer(out, answer);
         list = answer->job_list;
-        for (size_t i = 0; i < list->n_jobs && result == STATUS_OK; i++)
+        for (size_t i = 0; i < list->n_jobs; i++)
             if (fits(f, list->jobs[i]))
-                result = add(out, list->jobs[i]->job, list->jobs[i], err);
-        if (result != STATUS_OK)
-            return result;
+                add(out, list->jobs[i]->job, list->jobs[i]);
         older = list->n_jobs ? list->older : 0;
         query.before = list->n_jobs ? list->jobs[0]->job : 0;
     }
@@ -192,11 +177,11 @@ static status check_found(const struct filter *f, const struct chosen_jobs *jobs
         const char *text = f->rest->items[i];
 
         if (!f->seen[i] && is_number(text))
-            return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "there is no job %s ('azulejo list' shows which there are)", text);
+            return error_set(err, STATUS_ERR_NOT_FOUND, "there is no job %s ('azulejo list' shows which there are)",
+                             text);
         if (!f->seen[i])
-            return error_set(err, STATUS_ERR_NOT_FOUND,
-                             "no job is named '%s' ('azulejo list' shows which there are)", text);
+            return error_set(err, STATUS_ERR_NOT_FOUND, "no job is named '%s' ('azulejo list' shows which there are)",
+                             text);
     }
     if (jobs->count == 0 && f->idle_count > 0)
         return report_idle(f, err);
@@ -205,27 +190,24 @@ static status check_found(const struct filter *f, const struct chosen_jobs *jobs
     return STATUS_OK;
 }
 
-status job_choice_find(struct connection *c, const struct job_choice *choice,
-                       const struct positionals *rest, struct chosen_jobs *out,
-                       struct error *err)
+status job_choice_find(struct connection *c, const struct job_choice *choice, const struct positionals *rest,
+                       struct chosen_jobs *out, struct error *err)
 {
-    char owner[CONNECTION_WHO_MAX];
     struct filter filter = {.rest = rest, .verb = choice->verb, .ended_before = choice->ended_before};
     status result = STATUS_OK;
     size_t kept = 0;
 
     out->several = 1;
-    if (rest->count == 1 && is_number(rest->items[0]) && !choice->states && !choice->mine &&
-        !choice->ended_before) {
+    if (rest->count == 1 && is_number(rest->items[0]) && !choice->states && !choice->mine && !choice->ended_before) {
         out->several = 0;
-        return add(out, strtoull(rest->items[0], NULL, 10), NULL, err);
+        add(out, strtoull(rest->items[0], NULL, 10), NULL);
+        return STATUS_OK;
     }
     if (choice->mine)
-        filter.owner = connection_who(owner);
+        filter.owner = connection_who(c);
     if (choice->states)
         result = parse_states(choice->states, &filter.states, err);
-    if (result == STATUS_OK)
-        result = find_all(c, &filter, out, err);
+    THEN(result, find_all(c, &filter, out, err));
     if (result != STATUS_OK)
         return result;
     if (out->count > 0)
@@ -238,6 +220,36 @@ status job_choice_find(struct connection *c, const struct job_choice *choice,
     return check_found(&filter, out, err);
 }
 
+/* Several jobs fit a word that must name one. */
+static status report_several(const char *text, const struct chosen_jobs *jobs, struct error *err)
+{
+    char list[NAMED_SHOWN * 24] = "", more[48] = "";
+    size_t used = 0, hidden = jobs->count > NAMED_SHOWN ? jobs->count - NAMED_SHOWN : 0;
+
+    for (size_t i = hidden; i < jobs->count; i++)
+        used +=
+            (size_t)snprintf(list + used, sizeof list - used, "%s%" PRIu64, i > hidden ? ", " : "", jobs->items[i].job);
+    if (hidden)
+        snprintf(more, sizeof more, " and %zu older ones", hidden);
+    return error_set(err, STATUS_ERR_USAGE, "%zu jobs are named '%s': give the number of one (%s%s)", jobs->count, text,
+                     list, more);
+}
+
+status job_word_find(struct connection *c, const char *text, uint64_t *job, struct error *err)
+{
+    const struct job_choice any = {.yes = 1};
+    struct chosen_jobs jobs = {0};
+    const struct positionals word = {{text}, 1};
+    status result = job_choice_find(c, &any, &word, &jobs, err);
+
+    if (result == STATUS_OK && jobs.count > 1)
+        result = report_several(text, &jobs, err);
+    if (result == STATUS_OK)
+        *job = jobs.items[0].job;
+    chosen_jobs_release(&jobs);
+    return result;
+}
+
 void chosen_jobs_release(struct chosen_jobs *jobs)
 {
     for (size_t i = 0; i < jobs->answer_count; i++)
@@ -247,8 +259,8 @@ void chosen_jobs_release(struct chosen_jobs *jobs)
     *jobs = (struct chosen_jobs){0};
 }
 
-status job_choice_confirm(const struct job_choice *choice, const struct chosen_jobs *jobs,
-                          const char *verb, int *go_on, struct error *err)
+status job_choice_confirm(const struct job_choice *choice, const struct chosen_jobs *jobs, const char *verb, int *go_on,
+                          struct error *err)
 {
     char answer[16] = "", name[256];
 
@@ -256,16 +268,14 @@ status job_choice_confirm(const struct job_choice *choice, const struct chosen_j
     if (!jobs->several || choice->yes)
         return STATUS_OK;
     if (!isatty(STDIN_FILENO))
-        return error_set(err, STATUS_ERR_USAGE,
-                         "would %s %zu job%s, and there is no terminal to ask: give --yes", verb,
+        return error_set(err, STATUS_ERR_USAGE, "would %s %zu job%s, and there is no terminal to ask: give --yes", verb,
                          jobs->count, jobs->count == 1 ? "" : "s");
     fprintf(stderr, "%s %zu job%s:\n", verb, jobs->count, jobs->count == 1 ? "" : "s");
     for (size_t i = 0; i < jobs->count && i < SHOWN_MAX; i++) {
         const Azulejo__Wire__JobInfo *info = jobs->items[i].info;
         char owner[CONNECTION_WHO_MAX];
         fprintf(stderr, "  %6" PRIu64 "  %-10s  %s  %s\n", info->job, job_state_word(info->state),
-                message_text(name, sizeof name, info->name),
-                message_text(owner, sizeof owner, info->owner));
+                message_text(name, sizeof name, info->name), message_text(owner, sizeof owner, info->owner));
     }
     if (jobs->count > SHOWN_MAX)
         fprintf(stderr, "  and %zu more\n", jobs->count - SHOWN_MAX);

@@ -1,18 +1,17 @@
 /* job_choice: which jobs a verb is for: numbers, names with wildcards, or a filter. */
-#ifndef AZULEJO_CLIENT_JOB_CHOICE_H
-#define AZULEJO_CLIENT_JOB_CHOICE_H
+#pragma once
 
 #include <stddef.h>
 
-#include "client/farm/connection.h"
+#include "client/link/connection.h"
 #include "common/schema/verbs.h"
 
 struct job_choice {
     const struct job_verb *verb; /* names and filters choose jobs that offer it; NULL: all */
     const char *states;          /* "queued,failed"; NULL: not given */
     int mine;
-    int yes;                     /* do not ask */
-    int64_t ended_before;        /* seconds since 1970: only jobs that ended before; 0: not given */
+    int yes;              /* do not ask */
+    int64_t ended_before; /* seconds since 1970: only jobs that ended before; 0: not given */
 };
 /* The help of --yes, as in JOB_CHOICE_YES_HELP("paused"). */
 #define JOB_CHOICE_YES_HELP(past) "do not ask before several jobs are " past
@@ -29,29 +28,28 @@ struct chosen_jobs {
     struct chosen_job {
         uint64_t job;
         const Azulejo__Wire__JobInfo *info; /* NULL: one job by its number, nothing was asked */
-    } *items;
+    } * items;
     size_t count, capacity;
     Azulejo__Wire__Envelope **answers;
     size_t answer_count, answer_capacity;
-    int several;                 /* more than one number was given, or anything else: to be confirmed */
+    int several; /* more than one number was given, or anything else: to be confirmed */
 };
 
 /* Check the command line before a connection is opened. ERR_USAGE: it names no job by any of these, or an unknown
  * state, or a number that is too large. */
-status job_choice_check(const struct job_choice *choice, const struct positionals *rest,
-                        struct error *err) MUST_CHECK;
+status job_choice_check(const struct job_choice *choice, const struct positionals *rest, struct error *err) MUST_CHECK;
 /* Find the jobs. A filter or a wildcard without --state is limited to jobs for which the verb does something.
- * ERR_NOT_FOUND: no job matches, or a number is no
- * job's; ERR_NO_MEMORY, or job_ask's errors. */
-status job_choice_find(struct connection *c, const struct job_choice *choice,
-                       const struct positionals *rest, struct chosen_jobs *out,
-                       struct error *err) MUST_CHECK;
+ * ERR_NOT_FOUND: no job matches, or a number is no job's; job_ask's errors. */
+status job_choice_find(struct connection *c, const struct job_choice *choice, const struct positionals *rest,
+                       struct chosen_jobs *out, struct error *err) MUST_CHECK;
 void chosen_jobs_release(struct chosen_jobs *jobs);
 
-/* Print what will be done ("pause" 3 jobs) to standard error and ask, unless it is one job by its
- * number, or --yes was given. *go_on is 0 if the answer was no. ERR_USAGE: standard input is not a
- * terminal. */
-status job_choice_confirm(const struct job_choice *choice, const struct chosen_jobs *jobs,
-                          const char *verb, int *go_on, struct error *err) MUST_CHECK;
+/* The same for a command that takes one job, by its number or its name: check the word, and find the job once there is a
+ * connection (a number is not asked for). ERR_USAGE: no job is called so, or `text` fits several. ERR_NOT_FOUND. */
+status job_word_check(const char *text, struct error *err) MUST_CHECK;
+status job_word_find(struct connection *c, const char *text, uint64_t *job, struct error *err) MUST_CHECK;
 
-#endif
+/* Print what will be done ("pause" 3 jobs) to standard error and ask, unless it is one job by its number, or --yes was
+ * given. *go_on is 0 if the answer was no. ERR_USAGE: standard input is not a terminal. */
+status job_choice_confirm(const struct job_choice *choice, const struct chosen_jobs *jobs, const char *verb, int *go_on,
+                          struct error *err) MUST_CHECK;

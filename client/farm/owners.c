@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "client/terminal/must.h"
 #include "client/terminal/table.h"
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
@@ -146,9 +147,7 @@ status owners_take(struct owners *o, Azulejo__Wire__Envelope *answer, struct err
     *o = (struct owners){.answer = answer, .map = answer->frame_tiles};
     if (!is_valid(o->map))
         return error_set(err, STATUS_ERR_PROTOCOL, "the coordinator sent tiles of no possible frame");
-    o->workers = mem_calloc(o->map->n_workers + 1, sizeof *o->workers);
-    if (!o->workers)
-        return error_no_memory(err, "a frame's workers");
+    o->workers = must(mem_calloc(o->map->n_workers + 1, sizeof *o->workers));
     o->worker_count = (uint32_t)o->map->n_workers + 1; /* the first one: not known */
     for (uint32_t i = 0; i < o->worker_count; i++) {
         o->workers[i].place = i;
@@ -202,11 +201,10 @@ const struct owners_worker *owners_of_tile(const struct owners *o, uint32_t tile
 
 /* ---- for people ------------------------------------------------------------------------------ */
 
-status owners_print(const struct owners *o, struct error *err)
+void owners_print(const struct owners *o)
 {
     static const char *const titles[] = {"COLOUR", "<WORKER", ">THREADS", ">TILES", ">UNITS", ">SAMPLES"};
     struct table table;
-    status result;
 
     table_init(&table, titles, sizeof titles / sizeof *titles);
     for (uint32_t i = 0; i < o->worker_count; i++) {
@@ -220,7 +218,7 @@ status owners_print(const struct owners *o, struct error *err)
     }
     printf("job %" PRIu64 ", frame %u: %u x %u tiles, %u worker%s\n", o->map->job, o->map->frame,
            tiles_across(o->map->width), tiles_across(o->map->height), o->worker_count, o->worker_count == 1 ? "" : "s");
-    result = table_print(&table, err);
+    table_print(&table);
     table_release(&table);
     if (o->tiles_shared > 0)
         printf("%u tile%s shared: a tile is counted for the worker with the most samples of it\n", o->tiles_shared,
@@ -230,7 +228,6 @@ status owners_print(const struct owners *o, struct error *err)
                o->tiles_cut == 1 ? "" : "s");
     if (o->tiles_empty > 0)
         printf("%u tile%s no samples yet\n", o->tiles_empty, o->tiles_empty == 1 ? " has" : "s have");
-    return result;
 }
 
 /* ---- for programs ---------------------------------------------------------------------------- */
@@ -240,10 +237,7 @@ static json_t *color_json(const uint8_t color[3])
     return json_sprintf("#%02x%02x%02x", color[0], color[1], color[2]);
 }
 
-static json_t *thread_json(uint32_t thread)
-{
-    return thread > 0 ? json_integer((json_int_t)thread) : json_null();
-}
+static json_t *thread_json(uint32_t thread) { return thread > 0 ? json_integer((json_int_t)thread) : json_null(); }
 
 static json_t *worker_name_json(const struct owners_worker *worker)
 {
@@ -271,10 +265,10 @@ static json_t *shares_json(const struct owners *o, const Azulejo__Wire__FrameTil
 
     for (size_t i = 0; i < tile->n_shares; i++) {
         const Azulejo__Wire__FrameShare *s = tile->shares[i];
-        json_array_append_new(shares, json_pack("{s:o, s:o, s:I, s:I}", "worker",
-                                                worker_name_json(worker_at(o, s->worker)), "thread",
-                                                thread_json(s->thread), "units", (json_int_t)s->units, "samples",
-                                                (json_int_t)s->samples));
+        json_array_append_new(shares,
+                              json_pack("{s:o, s:o, s:I, s:I}", "worker", worker_name_json(worker_at(o, s->worker)),
+                                        "thread", thread_json(s->thread), "units", (json_int_t)s->units, "samples",
+                                        (json_int_t)s->samples));
     }
     return shares;
 }

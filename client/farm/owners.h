@@ -3,24 +3,23 @@
  * A tile whose units several workers sent belongs to the one with the most samples, and to that one's thread with
  * the most. Workers are sorted by name, so that they keep their colours from frame to frame.
  */
-#ifndef AZULEJO_CLIENT_OWNERS_H
-#define AZULEJO_CLIENT_OWNERS_H
+#pragma once
 
 #include <stdio.h>
 
-#include "client/farm/connection.h"
+#include "client/link/connection.h"
 #include "client/terminal/json.h"
 #include "common/image/image.h"
 
 enum { OWNERS_THREADS_MAX = 8192, OWNERS_SCALE_MAX = 64, OWNERS_NAME_MAX = 160, OWNERS_COLOR_WORDS = 32 };
 
 struct owners_worker {
-    char name[OWNERS_NAME_MAX];  /* on the farm; else host and process; else "not known" */
+    char name[OWNERS_NAME_MAX];             /* on the farm; else host and process; else "not known" */
     const Azulejo__Wire__FrameWorker *wire; /* NULL: not known */
-    uint32_t place;              /* in the answer's workers, from 1; 0: not known */
-    uint32_t tiles;              /* that it owns */
-    uint64_t units, samples;     /* of all tiles; samples of all their pixels */
-    uint8_t color[3];            /* sRGB */
+    uint32_t place;                         /* in the answer's workers, from 1; 0: not known */
+    uint32_t tiles;                         /* that it owns */
+    uint64_t units, samples;                /* of all tiles; samples of all their pixels */
+    uint8_t color[3];                       /* sRGB */
     char color_words[OWNERS_COLOR_WORDS];
     uint32_t thread_count;
     uint8_t threads[OWNERS_THREADS_MAX / 8]; /* a bit for each that sent a unit; 0: not known */
@@ -33,11 +32,11 @@ struct owners {
     struct owners_worker *workers;
     uint32_t worker_count;
     uint32_t tiles_empty, tiles_shared; /* without samples; of several workers */
-    uint32_t tiles_cut;          /* of large frames: smaller shares were left out */
-    uint64_t samples;            /* of all workers */
+    uint32_t tiles_cut;                 /* of large frames: smaller shares were left out */
+    uint64_t samples;                   /* of all workers */
 };
 
-/* Ask for a frame that has begun. connection_ask's errors, which say what to do; ERR_PROTOCOL, ERR_NO_MEMORY. */
+/* Ask for a frame that has begun. connection_ask's errors, which say what to do; ERR_PROTOCOL. */
 status owners_get(struct connection *c, uint64_t job, uint32_t frame, struct owners *out, struct error *err) MUST_CHECK;
 /* The same from an answer, which then belongs to `out`. */
 status owners_take(struct owners *out, Azulejo__Wire__Envelope *answer, struct error *err) MUST_CHECK;
@@ -49,7 +48,7 @@ const struct owners_worker *owners_of_tile(const struct owners *owners, uint32_t
 void owners_thread_color(const struct owners_worker *worker, uint32_t thread, uint8_t out[3]);
 
 /* The legend, to standard output. */
-status owners_print(const struct owners *owners, struct error *err) MUST_CHECK;
+void owners_print(const struct owners *owners);
 /* A new object with workers and tiles. NULL: no memory. */
 json_t *owners_json(const struct owners *owners);
 
@@ -64,5 +63,3 @@ int owners_path_is_json(const char *path);
 status owners_path_check(const char *path, struct error *err) MUST_CHECK;
 status owners_write(const struct owners *owners, const char *path, uint32_t scale, const struct image8 *over,
                     struct error *err) MUST_CHECK;
-
-#endif

@@ -1,8 +1,9 @@
 #include <string.h>
 
 #include "client/farm/owners.h"
+#include "client/terminal/must.h"
 #include "common/base/buffer.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/film/tiles.h"
 
 enum {
@@ -81,10 +82,7 @@ static int ends_in(const char *path, const char *extension)
     return length > tail && strcmp(path + length - tail, extension) == 0;
 }
 
-int owners_path_is_json(const char *path)
-{
-    return ends_in(path, ".json");
-}
+int owners_path_is_json(const char *path) { return ends_in(path, ".json"); }
 
 status owners_path_check(const char *path, struct error *err)
 {
@@ -100,28 +98,31 @@ static status encode_picture(struct buffer *out, const struct owners *o, uint32_
     status result = owners_picture(&image, o, scale, over, err);
 
     if (result == STATUS_OK)
-        result = png_encode_8(out, &image, err);
+        result = png_encode_8(out, &image, 0, err);
     image8_release(&image);
     return result;
 }
 
-static status encode_json(struct buffer *out, const struct owners *o, struct error *err)
+static void encode_json(struct buffer *out, const struct owners *o)
 {
     json_t *json = owners_json(o);
 
-    if (json)
-        json_write(out, json);
+    json_write(out, json);
     buffer_puts(out, "\n");
+    must_hold(out);
     json_decref(json);
-    return json && buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a frame's tiles");
 }
 
 status owners_write(const struct owners *o, const char *path, uint32_t scale, const struct image8 *over,
                     struct error *err)
 {
     struct buffer file = BUFFER_INIT;
-    status result = owners_path_is_json(path) ? encode_json(&file, o, err) : encode_picture(&file, o, scale, over, err);
+    status result = STATUS_OK;
 
+    if (owners_path_is_json(path))
+        encode_json(&file, o);
+    else
+        result = encode_picture(&file, o, scale, over, err);
     if (result == STATUS_OK && strcmp(path, "-") == 0)
         fwrite(file.data, 1, file.size, stdout);
     else if (result == STATUS_OK)

@@ -14,21 +14,20 @@ static int has_parameters(const struct tonemap_options *o)
 
 status preview_look_check(struct preview_look *look, int has_preview, struct error *err)
 {
-    struct tonemap_options tone = look->tone;
+    const struct tonemap_options *tone = &look->tone;
 
-    look->given = tone.tonemap || has_parameters(&tone) || !isnan(tone.exposure_ev) || tone.auto_exposure ||
-                  tone.percentile >= 0 || tone.white_kelvin > 0 || look->no_dither;
+    look->given = tone->tonemap || has_parameters(tone) || look->no_dither;
+    for (int i = 0; i < LOOK_COUNT; i++)
+        look->given |= tone->said[i].text != NULL;
     if (!look->given)
         return STATUS_OK;
     if (!has_preview)
         return error_set(err, STATUS_ERR_USAGE,
                          "--tonemap and the other options of the look go with --preview FILE.png; 'azulejo develop' makes "
                          "a job's finished pictures again");
-    if (!tone.tonemap && has_parameters(&tone))
+    if (!tone->tonemap && has_parameters(tone))
         return error_set(err, STATUS_ERR_USAGE, "a parameter belongs to an operator: give --tonemap, too");
-    if (isnan(tone.exposure_ev))
-        tone.exposure_ev = 0;
-    return tonemap_options_check(&tone, &look->request.tonemap, &look->request.tonemap_file, err);
+    return tonemap_options_check(tone, &look->request.tonemap, &look->request.tonemap_file, err);
 }
 
 static status send_file(const struct preview_look *look, struct connection *c, struct error *err)
@@ -62,21 +61,16 @@ status preview_look_output(struct preview_look *look, struct connection *c, cons
         m->tonemap_file = own->tonemap_file;
         m->tonemap_file_name = own->tonemap_file_name;
     }
-    if (isnan(tone->exposure_ev))
-        m->exposure_ev = own->exposure_ev;
-    if (!tone->auto_exposure) {
-        m->metering = own->metering;
-        m->metering_percentile = own->metering_percentile;
-    }
-    if (tone->white_kelvin <= 0)
-        m->white_kelvin = own->white_kelvin;
+    /* The percentile goes with the metering. */
+#define OWN(o, KIND, type, name, ...)                                                                                  \
+    if (!tone->said[LOOK_##name == LOOK_metering_percentile ? LOOK_metering : LOOK_##name].text)                       \
+        m->name = own->name;
+    LOOK_SETTINGS(OWN, )
+#undef OWN
     m->no_dither = look->no_dither || own->no_dither;
     m->png_bits = own->png_bits;
     *out = m;
     return send_file(look, c, err);
 }
 
-void preview_look_release(struct preview_look *look)
-{
-    output_request_release(&look->request);
-}
+void preview_look_release(struct preview_look *look) { output_request_release(&look->request); }

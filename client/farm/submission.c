@@ -4,12 +4,13 @@
 #include <string.h>
 
 #include "client/terminal/format.h"
+#include "client/terminal/must.h"
 #include "client/terminal/progress.h"
-#include "client/farm/schedule_option.h"
+#include "client/options/schedule_option.h"
 #include "client/farm/upload.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
-#include "common/base/shell.h"
+#include "common/system/shell.h"
 
 /* The file's settings apply unless the user gives others. */
 static void take_hints(const struct import_hints *hints, const struct job_options *o, int quiet,
@@ -18,26 +19,27 @@ static void take_hints(const struct import_hints *hints, const struct job_option
     struct render_settings *s = &request->settings;
     const int size = !o->size && hints->width && hints->height;
     const int spp = !request->spp_given && hints->spp;
-    const int depth = o->max_depth < 0 && hints->has_max_depth;
+    const int depth = !o->said[SETTING_max_depth].text && hints->has_max_depth;
 
     if (size) {
         s->width = hints->width;
         s->height = hints->height;
     }
+    if (size && hints->crop_width && !o->region)
+        request->region = (struct tile_rect){hints->crop_x, hints->crop_y, hints->crop_width, hints->crop_height};
     if (spp)
         s->spp = hints->spp;
     if (depth)
         s->max_depth = hints->max_depth;
     if ((size || spp || depth) && !quiet)
-        fprintf(stderr, "from the file: %ux%u pixels, %u samples, depth %u\n", s->width,
-                s->height, s->spp, s->max_depth);
+        fprintf(stderr, "from the file: %ux%u pixels, %u samples, depth %u%s\n", s->width, s->height, s->spp,
+                s->max_depth, size && hints->crop_width && !o->region ? ", its crop window as --region" : "");
 }
 
 /* Without folders, so that a picture's header is the same wherever it was rendered. */
-static status note_source(const char *path, const struct import_options *o, struct buffer *out,
-                          struct error *err)
+static void note_source(const char *path, const struct import_options *o, struct buffer *out)
 {
-    const struct import_options plain = IMPORT_OPTIONS_DEFAULT;
+    const struct import_options plain = IMPORT_OPTIONS_OF_COMMANDS;
 
     shell_word(out, file_basename(path));
     buffer_consume(out, 1);
@@ -51,34 +53,30 @@ static status note_source(const char *path, const struct import_options *o, stru
         shell_option(out, "animation", o->animation);
     if (o->light_units && (!plain.light_units || strcmp(o->light_units, plain.light_units) != 0))
         shell_option(out, "light-units", o->light_units);
+    if (strcmp(o->studio, plain.studio) != 0)
+        shell_option(out, "studio", o->studio);
     for (size_t i = 0; i < o->outside.count; i++)
         shell_option(out, "allow-outside", o->outside.items[i]);
     if (o->image_megapixels != plain.image_megapixels)
         buffer_printf(out, " --max-image %lld", (long long)o->image_megapixels);
     if (o->images_bytes != plain.images_bytes)
         buffer_printf(out, " --max-image-memory %llu", (unsigned long long)o->images_bytes);
-    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a command");
+    must_hold(out);
 }
 
-status submission_prepare(const char *path, const struct job_options *options, int quiet,
-                          struct job_request *request, struct import_result *scene,
-                          struct error *err)
+status submission_prepare(const char *path, const struct job_options *options, int quiet, struct job_request *request,
+                          struct import_result *scene, struct error *err)
 {
-    status result = import_scene(path, &options->import, scene, err);
+    status result;
 
-    if (result != STATUS_OK)
-        return result;
+    TRY(import_scene(path, &options->import, scene, err));
     for (size_t i = 0; i < scene->warning_count && !quiet; i++)
         fprintf(stderr, "warning: %s\n", scene->warnings[i]);
-    result = note_source(path, &options->import, &request->source, err);
-    if (result == STATUS_OK)
-        result = job_request_complete(request, options, &scene->scene, err);
-    if (result != STATUS_OK)
-        return result;
+    note_source(path, &options->import, &request->source);
+    TRY(job_request_complete(request, options, &scene->scene, err));
     take_hints(&scene->hints, options, quiet, request);
     result = job_request_crop(request, err);
-    if (result == STATUS_OK)
-        result = schedule_option_fit(request, options, err);
+    THEN(result, schedule_option_fit(request, options, err));
     if (result != STATUS_OK)
         return result;
     return render_settings_validate(&request->settings, scene->scene.camera_count, err);
@@ -87,31 +85,27 @@ status submission_prepare(const char *path, const struct job_options *options, i
 static void report_upload(const struct upload_progress *progress, void *user)
 {
     char sent[FORMAT_SIZE], all[FORMAT_SIZE], text[128];
-    double fraction = progress->missing_bytes
-                          ? (double)progress->sent_bytes / (double)progress->missing_bytes
-                          : 1;
+    double fraction = progress->missing_bytes ? (double)progress->sent_bytes / (double)progress->missing_bytes : 1;
 
-    snprintf(text, sizeof text, "sending the scene, %s of %s",
-             bytes_text(sent, progress->sent_bytes), bytes_text(all, progress->missing_bytes));
+    snprintf(text, sizeof text, "sending the scene, %s of %s", bytes_text(sent, progress->sent_bytes),
+             bytes_text(all, progress->missing_bytes));
     progress_draw(user, fraction, text);
 }
 
-status submission_upload(struct connection *c, const struct import_result *scene,
-                         const struct job_request *request, int quiet, struct error *err)
+status submission_upload(struct connection *c, const struct import_result *scene, const struct job_request *request,
+                         int quiet, struct error *err)
 {
     const struct output_request *output = &request->output;
     size_t count = scene->blob_count;
-    struct upload_item *items = mem_calloc(count + 2, sizeof *items);
+    struct upload_item *items = must(mem_calloc(count + 2, sizeof *items));
     struct upload_progress uploaded;
     struct progress progress;
     char size[FORMAT_SIZE];
     status result;
 
-    if (!items)
-        return error_no_memory(err, "an upload");
     if (!quiet)
-        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count,
-                scene->files.count == 1 ? "" : "s", bytes_text(size, scene->file_bytes));
+        fprintf(stderr, "takes %zu file%s, %s\n", scene->files.count, scene->files.count == 1 ? "" : "s",
+                bytes_text(size, scene->file_bytes));
     for (size_t i = 0; i < scene->blob_count; i++)
         items[i] = (struct upload_item){scene->blobs[i].digest, scene->blobs[i].data,
                                         scene->blobs[i].size_bytes};
@@ -127,14 +121,10 @@ status submission_upload(struct connection *c, const struct import_result *scene
     return result;
 }
 
-status submission_send(struct connection *c, const struct import_result *scene,
-                       const struct job_request *request, const char *name, unsigned formats,
-                       int quiet, struct job_accepted *out, struct error *err)
+status submission_send(struct connection *c, const struct import_result *scene, const struct job_request *request,
+                       const char *name, unsigned formats, int quiet, struct job_accepted *out, struct error *err)
 {
-    status result = submission_upload(c, scene, request, quiet, err);
-
-    if (result != STATUS_OK)
-        return result;
+    TRY(submission_upload(c, scene, request, quiet, err));
     return job_request_submit(c, request, name, &scene->scene_digest, formats, out, err);
 }
 
@@ -142,9 +132,9 @@ char *submission_name(const char *path)
 {
     const char *base = file_basename(path);
     const char *dot = strrchr(base, '.');
-    char *name = mem_strdup(*base ? base : "scene");
+    char *name = must(mem_strdup(*base ? base : "scene"));
 
-    if (name && dot && dot > base)
+    if (dot && dot > base)
         name[dot - base] = 0;
     return name;
 }

@@ -7,24 +7,21 @@
 
 #include "client/terminal/format.h"
 #include "client/terminal/json.h"
-#include "common/base/clock.h"
+#include "client/terminal/must.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
 /* ---- from the coordinator ------------------------------------------------------------------- */
 
-static status take_page(struct job_trace *t, Azulejo__Wire__Envelope *answer, struct error *err)
+static void take_page(struct job_trace *t, Azulejo__Wire__Envelope *answer)
 {
     const Azulejo__Wire__JobTrace *page = answer->job_trace;
 
-    if (!MEM_GROW(t->answers, t->answer_capacity, t->answer_count + 1)) {
-        message_free(answer);
-        return error_no_memory(err, "a trace");
-    }
+    MUST_GROW(t->answers, t->answer_capacity, t->answer_count + 1);
     t->answers[t->answer_count++] = answer;
-    if (!MEM_GROW(t->events, t->event_capacity, t->event_count + page->n_events) ||
-        !MEM_GROW(t->workers, t->worker_capacity, t->worker_count + page->n_workers))
-        return error_no_memory(err, "a trace");
+    MUST_GROW(t->events, t->event_capacity, t->event_count + page->n_events);
+    MUST_GROW(t->workers, t->worker_capacity, t->worker_count + page->n_workers);
     for (size_t i = 0; i < page->n_events; i++) {
         t->events[t->event_count++] = page->events[i];
         t->units += page->events[i]->kind == AZULEJO__WIRE__TRACE_KIND__TRACE_UNIT;
@@ -36,7 +33,6 @@ static status take_page(struct job_trace *t, Azulejo__Wire__Envelope *answer, st
     t->cut = page->cut;
     t->utc_ns = page->utc_ns;
     t->name = page->name;
-    return STATUS_OK;
 }
 
 static int by_number(const void *one, const void *other)
@@ -66,24 +62,21 @@ status job_trace_get(struct connection *c, uint64_t job, struct job_trace *out, 
     Azulejo__Wire__Envelope more = MESSAGE(JOB_TRACE_GET, job_trace_get, &get);
     Azulejo__Wire__Envelope events = MESSAGE(JOB_LOG_GET, job_log_get, &log);
     uint64_t last = 0;
-    status s;
+    status s = STATUS_OK;
 
     out->job = get.job = log.job = job;
     do {
         Azulejo__Wire__Envelope *answer = NULL;
 
         get.after = last;
-        s = connection_ask(c, &more, AZULEJO__WIRE__ENVELOPE__BODY_JOB_TRACE, &answer, err);
-        if (s != STATUS_OK)
-            return s;
+        TRY(connection_ask(c, &more, AZULEJO__WIRE__ENVELOPE__BODY_JOB_TRACE, &answer, err));
         last = answer->job_trace->last;
-        s = take_page(out, answer, err);
-        if (s == STATUS_OK && last && last <= get.after)
+        take_page(out, answer);
+        if (last && last <= get.after)
             s = error_set(err, STATUS_ERR_PROTOCOL, "the coordinator sent a page of a trace twice");
     } while (s == STATUS_OK && last);
     sort_workers(out);
-    if (s == STATUS_OK)
-        s = connection_ask(c, &events, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LOG, &out->log, err);
+    THEN(s, connection_ask(c, &events, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LOG, &out->log, err));
     return s;
 }
 
@@ -109,9 +102,9 @@ struct slice {
     const Azulejo__Wire__TraceEvent *event;
     uint64_t begin_ns, end_ns;
     uint32_t process, thread, lane;
-    int then;                       /* the event's second step */
-    int shares;                     /* may overlap others: gets the first free lane from `thread` on */
-    int opens;                      /* the first slice of its lane */
+    int then;   /* the event's second step */
+    int shares; /* may overlap others: gets the first free lane from `thread` on */
+    int opens;  /* the first slice of its lane */
 };
 
 struct writer {
@@ -119,9 +112,9 @@ struct writer {
     struct buffer *out;
     struct slice *slices;
     size_t count;
-    uint64_t base_ns;               /* time 0 of the file */
-    uint32_t *processes;            /* of trace->workers */
-    int begun;                      /* something was written */
+    uint64_t base_ns;    /* time 0 of the file */
+    uint32_t *processes; /* of trace->workers */
+    int begun;           /* something was written */
 };
 
 static int same_worker(const Azulejo__Wire__TraceWorker *a, const Azulejo__Wire__TraceWorker *b)
@@ -171,8 +164,8 @@ static void add_event(struct writer *w, const Azulejo__Wire__TraceEvent *e)
 {
     switch (e->kind) {
     case AZULEJO__WIRE__TRACE_KIND__TRACE_UNIT:
-        add_slice(w, e, e->begin_ns, e->ns, process_of(w, e->worker),
-                  e->thread ? e->thread : UNKNOWN_THREADS, !e->thread);
+        add_slice(w, e, e->begin_ns, e->ns, process_of(w, e->worker), e->thread ? e->thread : UNKNOWN_THREADS,
+                  !e->thread);
         if (e->then) {
             add_slice(w, e, e->then_begin_ns, e->then_ns, COORDINATOR, MERGE, 0);
             w->slices[w->count - 1].then = 1;
@@ -185,16 +178,11 @@ static void add_event(struct writer *w, const Azulejo__Wire__TraceEvent *e)
             w->slices[w->count - 1].then = 1;
         }
         return;
-    default:
-        add_slice(w, e, e->begin_ns, e->ns, COORDINATOR, PICTURES, 1);
-        return;
+    default: add_slice(w, e, e->begin_ns, e->ns, COORDINATOR, PICTURES, 1); return;
     }
 }
 
-static int compare(uint64_t a, uint64_t b)
-{
-    return (a > b) - (a < b);
-}
+static int compare(uint64_t a, uint64_t b) { return (a > b) - (a < b); }
 
 static int by_lane(const void *one, const void *other)
 {
@@ -210,13 +198,11 @@ static int by_lane(const void *one, const void *other)
 
 /* Slices of a lane must not overlap. Those of one thread do only as far as two clocks differ, and are cut;
  * the others get lanes of their own. */
-static status separate(struct writer *w, struct error *err)
+static void separate(struct writer *w)
 {
-    uint64_t *free_ns = mem_calloc(w->count + 1, sizeof *free_ns); /* when each lane is free */
+    uint64_t *free_ns = must(mem_calloc(w->count + 1, sizeof *free_ns)); /* when each lane is free */
     size_t lanes = 0;
 
-    if (!free_ns)
-        return error_no_memory(err, "a trace");
     for (size_t i = 0; i < w->count; i++) {
         struct slice *s = &w->slices[i];
         size_t lane = 0;
@@ -236,7 +222,6 @@ static status separate(struct writer *w, struct error *err)
         s->lane = s->thread + (uint32_t)lane;
     }
     mem_free(free_ns);
-    return STATUS_OK;
 }
 
 /* When it was, on the events' clock; 0: before this run. */
@@ -292,8 +277,8 @@ static void put_us(struct buffer *out, const char *name, uint64_t ns)
 static void put_name(struct writer *w, const char *kind, uint32_t process, uint32_t thread, const char *name)
 {
     next_item(w);
-    buffer_printf(w->out, "{\"ph\": \"M\", \"name\": \"%s\", \"pid\": %u, \"tid\": %u, \"args\": {\"name\": ",
-                  kind, process, thread);
+    buffer_printf(w->out, "{\"ph\": \"M\", \"name\": \"%s\", \"pid\": %u, \"tid\": %u, \"args\": {\"name\": ", kind,
+                  process, thread);
     put_text(w->out, name);
     buffer_puts(w->out, "}}");
 }
@@ -301,8 +286,7 @@ static void put_name(struct writer *w, const char *kind, uint32_t process, uint3
 static void put_order(struct writer *w, const char *kind, uint32_t process, uint32_t thread, uint32_t order)
 {
     next_item(w);
-    buffer_printf(w->out,
-                  "{\"ph\": \"M\", \"name\": \"%s\", \"pid\": %u, \"tid\": %u, \"args\": {\"sort_index\": %u}}",
+    buffer_printf(w->out, "{\"ph\": \"M\", \"name\": \"%s\", \"pid\": %u, \"tid\": %u, \"args\": {\"sort_index\": %u}}",
                   kind, process, thread, order);
 }
 
@@ -337,8 +321,7 @@ static void put_slice(struct writer *w, const struct slice *s)
 
     next_item(w);
     buffer_printf(w->out, "{\"ph\": \"X\", \"name\": \"%s\", \"cat\": \"%s\", \"pid\": %u, \"tid\": %u",
-                  slice_name(s, name, sizeof name), slice_category(s), s->process,
-                  s->lane);
+                  slice_name(s, name, sizeof name), slice_category(s), s->process, s->lane);
     put_us(w->out, "ts", s->begin_ns - w->base_ns);
     put_us(w->out, "dur", s->end_ns - s->begin_ns);
     buffer_printf(w->out, ", \"args\": {\"frame\": %u", e->frame);
@@ -446,8 +429,8 @@ static void put_rest(struct writer *w)
     const struct job_trace *t = w->trace;
     char when[FORMAT_SIZE];
 
-    buffer_printf(w->out, "\n],\n\"displayTimeUnit\": \"ms\",\n\"otherData\": {\"job\": %" PRIu64 ", \"name\": ",
-                  t->job);
+    buffer_printf(w->out,
+                  "\n],\n\"displayTimeUnit\": \"ms\",\n\"otherData\": {\"job\": %" PRIu64 ", \"name\": ", t->job);
     put_text(w->out, t->name);
     buffer_printf(w->out, ", \"coordinator_started\": \"%s\"", format_time(when, t->begun_at));
     if (w->base_ns != UINT64_MAX)
@@ -457,35 +440,26 @@ static void put_rest(struct writer *w)
                   AZULEJO_VERSION);
 }
 
-status job_trace_write(const struct job_trace *trace, struct buffer *out, struct error *err)
+void job_trace_write(const struct job_trace *trace, struct buffer *out)
 {
     struct writer w = {.trace = trace, .out = out, .base_ns = UINT64_MAX};
-    status s = STATUS_OK;
 
-    w.slices = mem_alloc_array(2 * trace->event_count + 1, sizeof *w.slices);
-    w.processes = mem_alloc_array(trace->worker_count + 1, sizeof *w.processes);
-    if (!w.slices || !w.processes)
-        s = error_no_memory(err, "a trace");
-    if (s == STATUS_OK) {
-        number_processes(&w);
-        for (size_t i = 0; i < trace->event_count; i++)
-            add_event(&w, trace->events[i]);
-        begin_with_log(&w);
-        qsort(w.slices, w.count, sizeof *w.slices, by_lane);
-        s = separate(&w, err);
-    }
-    if (s == STATUS_OK) {
-        buffer_puts(out, "{\"traceEvents\": [");
-        put_processes(&w);
-        put_threads(&w);
-        for (size_t i = 0; i < w.count; i++)
-            put_slice(&w, &w.slices[i]);
-        put_log(&w);
-        put_rest(&w);
-        if (!buffer_ok(out))
-            s = error_no_memory(err, "a trace");
-    }
+    w.slices = must(mem_alloc_array(2 * trace->event_count + 1, sizeof *w.slices));
+    w.processes = must(mem_alloc_array(trace->worker_count + 1, sizeof *w.processes));
+    number_processes(&w);
+    for (size_t i = 0; i < trace->event_count; i++)
+        add_event(&w, trace->events[i]);
+    begin_with_log(&w);
+    qsort(w.slices, w.count, sizeof *w.slices, by_lane);
+    separate(&w);
+    buffer_puts(out, "{\"traceEvents\": [");
+    put_processes(&w);
+    put_threads(&w);
+    for (size_t i = 0; i < w.count; i++)
+        put_slice(&w, &w.slices[i]);
+    put_log(&w);
+    put_rest(&w);
+    must_hold(out);
     mem_free(w.slices);
     mem_free(w.processes);
-    return s;
 }

@@ -1,10 +1,9 @@
 /* trace_file: a job's trace in Chrome's trace format, which Perfetto and chrome://tracing show. */
-#ifndef AZULEJO_CLIENT_TRACE_FILE_H
-#define AZULEJO_CLIENT_TRACE_FILE_H
+#pragma once
 
 #include <stdint.h>
 
-#include "client/farm/connection.h"
+#include "client/link/connection.h"
 #include "common/base/buffer.h"
 
 /* The coordinator's answers about a job. Zero-initialised. */
@@ -15,20 +14,17 @@ struct job_trace {
     size_t event_count, event_capacity;
     const Azulejo__Wire__TraceWorker **workers;
     size_t worker_count, worker_capacity;
-    Azulejo__Wire__Envelope *log;      /* a JobLog */
+    Azulejo__Wire__Envelope *log; /* a JobLog */
     uint64_t job, lost;
     int64_t begun_at, utc_ns;
     const char *name;
     size_t units;
-    int cut;                           /* the job is older than the coordinator's run, of which this is */
+    int cut; /* the job is older than the coordinator's run, of which this is */
 };
 
-/* Ask for everything. Errors: connection_ask's, ERR_NO_MEMORY. */
-status job_trace_get(struct connection *c, uint64_t job, struct job_trace *out,
-                     struct error *err) MUST_CHECK;
+/* Ask for everything. Errors: connection_ask's. */
+status job_trace_get(struct connection *c, uint64_t job, struct job_trace *out, struct error *err) MUST_CHECK;
 void job_trace_release(struct job_trace *trace);
 
-/* Append the file's text. ERR_NO_MEMORY. */
-status job_trace_write(const struct job_trace *trace, struct buffer *out, struct error *err) MUST_CHECK;
-
-#endif
+/* Append the file's text. */
+void job_trace_write(const struct job_trace *trace, struct buffer *out);

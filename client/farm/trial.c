@@ -2,14 +2,14 @@
 
 #include <string.h>
 
-#include "client/farm/fetch.h"
-#include "client/farm/figures_view.h"
-#include "client/farm/job_info.h"
-#include "client/farm/signals.h"
+#include "client/follow/fetch.h"
+#include "client/follow/figures_view.h"
+#include "client/follow/job_info.h"
+#include "client/link/signals.h"
 #include "client/farm/submission.h"
-#include "client/farm/watch.h"
+#include "client/follow/watch.h"
 #include "client/farm/verb.h"
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "protocol/message.h"
 
 enum { FIRST_LOOK_S = 5 };
@@ -70,18 +70,15 @@ static status wait_for(struct connection *c, uint64_t job, const struct trial_wa
         int some = 1;
         if (result != STATUS_ERR_TIMEOUT || !waiting)
             return result;
-        result = has_workers(c, &some, err);
-        if (result != STATUS_OK)
-            return result;
+        TRY(has_workers(c, &some, err));
         if (!some)
             waiting->no_worker(waiting->user);
         patience_ns *= 2;
     }
 }
 
-status trial_render(struct connection *c, const struct import_result *scene,
-                    const struct job_request *request, const char *name,
-                    const struct trial_waiting *waiting, struct trial *out, struct error *err)
+status trial_render(struct connection *c, const struct import_result *scene, const struct job_request *request,
+                    const char *name, const struct trial_waiting *waiting, struct trial *out, struct error *err)
 {
     struct job_request mine = *request;
     struct buffer data = BUFFER_INIT;
@@ -99,8 +96,7 @@ status trial_render(struct connection *c, const struct import_result *scene,
     mine.schedule = (struct buffer)BUFFER_INIT;
     result = submission_send(c, scene, &mine, name, OUTPUT_FORMAT_EXR, 1, &accepted, err);
     job = accepted.job;
-    if (result == STATUS_OK)
-        result = wait_for(c, job, waiting, &last, err);
+    THEN(result, wait_for(c, job, waiting, &last, err));
     if (result != STATUS_OK && job && signals_stop())
         give_up(c, job);
     if (result == STATUS_OK) {
@@ -109,10 +105,8 @@ status trial_render(struct connection *c, const struct import_result *scene,
         if (result == STATUS_OK)
             take_figures(out, info, (uint64_t)mine.settings.width * mine.settings.height);
     }
-    if (result == STATUS_OK)
-        result = fetch_output(c, job, mine.first_frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, &data, err);
-    if (result == STATUS_OK)
-        result = image_decode_hdr(&out->picture, data.data, data.size, name, &repairs, err);
+    THEN(result, fetch_output(c, job, mine.first_frame, AZULEJO__WIRE__OUTPUT_KIND__OUTPUT_EXR, &data, err));
+    THEN(result, image_decode_hdr(&out->picture, data.data, data.size, name, &repairs, err));
     if (result == STATUS_OK && mine.settings.aovs)
         result = exr_decode_channel(&out->sampling, data.data, data.size, name, "samples.Y", err);
     message_free(last);
@@ -127,8 +121,7 @@ void trial_release(struct trial *t)
     memset(t, 0, sizeof *t);
 }
 
-status trial_interrupted(void *user, struct error *err)
+status trial_interrupted(void *user UNUSED, struct error *err)
 {
-    (void)user;
     return signals_stop() ? error_set(err, STATUS_ERR_JOB_FAILED, "interrupted") : STATUS_OK;
 }

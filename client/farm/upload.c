@@ -2,8 +2,8 @@
 
 #include <string.h>
 
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
-#include "protocol/channel.h"
 #include "protocol/message.h"
 
 enum {
@@ -15,17 +15,16 @@ struct upload {
     struct connection *connection;
     const struct upload_item *items;
     size_t count;
-    uint8_t *missing;       /* [count]: 1 when the coordinator lacks it */
+    uint8_t *missing;                    /* [count]: 1 when the coordinator lacks it */
     uint64_t under_way[BLOBS_UNDER_WAY]; /* request numbers, oldest first */
     size_t under_way_count;
-    struct buffer scratch;  /* one compressed piece */
+    struct buffer scratch; /* one compressed piece */
     upload_progress_fn report;
     void *user;
     struct upload_progress *progress;
 };
 
-static void mark_missing(struct upload *u, size_t begin, size_t end,
-                         const Azulejo__Wire__BlobMissing *answer)
+static void mark_missing(struct upload *u, size_t begin, size_t end, const Azulejo__Wire__BlobMissing *answer)
 {
     for (size_t m = 0; m < answer->n_digest; m++) {
         if (answer->digest[m].len != DIGEST_BYTES)
@@ -58,8 +57,7 @@ static status query_missing(struct upload *u, struct error *err)
         query.digest = digests;
         envelope.body_case = AZULEJO__WIRE__ENVELOPE__BODY_BLOB_QUERY;
         envelope.blob_query = &query;
-        result = connection_ask(u->connection, &envelope,
-                                AZULEJO__WIRE__ENVELOPE__BODY_BLOB_MISSING, &answer, err);
+        result = connection_ask(u->connection, &envelope, AZULEJO__WIRE__ENVELOPE__BODY_BLOB_MISSING, &answer, err);
         if (result == STATUS_OK) {
             mark_missing(u, begin, begin + n, answer->blob_missing);
             message_free(answer);
@@ -76,23 +74,21 @@ static status await_oldest(struct upload *u, struct error *err)
     if (result != STATUS_OK)
         return result;
     if (answer->body_case != AZULEJO__WIRE__ENVELOPE__BODY_BLOB_STORED)
-        result = error_set(err, STATUS_ERR_PROTOCOL, "a blob was answered with message %d",
-                           (int)answer->body_case);
+        result = error_set(err, STATUS_ERR_PROTOCOL, "a blob was answered with message %d", (int)answer->body_case);
     message_free(answer);
     u->under_way_count--;
     memmove(u->under_way, u->under_way + 1, u->under_way_count * sizeof u->under_way[0]);
     return result;
 }
 
-static status send_piece(struct upload *u, const struct upload_item *item, uint64_t request,
-                         size_t offset, size_t size, struct error *err)
+static status send_piece(struct upload *u, const struct upload_item *item, uint64_t request, size_t offset, size_t size,
+                         struct error *err)
 {
     Azulejo__Wire__Envelope envelope = AZULEJO__WIRE__ENVELOPE__INIT;
     Azulejo__Wire__BlobPut put = AZULEJO__WIRE__BLOB_PUT__INIT;
-    status result = blob_piece_pack(item->data + offset, size, &u->scratch, &put.data, &put.zstd, err);
+    status result;
 
-    if (result != STATUS_OK)
-        return result;
+    TRY(blob_piece_pack(item->data + offset, size, &u->scratch, &put.data, &put.zstd, err));
 
     wire_digest_set(&put.digest, &item->digest);
     put.total_bytes = item->size_bytes;
@@ -133,20 +129,16 @@ static status send_blob(struct upload *u, const struct upload_item *item, struct
     return result;
 }
 
-status upload_blobs(struct connection *c, const struct upload_item *items, size_t count,
-                    upload_progress_fn report, void *user, struct upload_progress *progress,
-                    struct error *err)
+status upload_blobs(struct connection *c, const struct upload_item *items, size_t count, upload_progress_fn report,
+                    void *user, struct upload_progress *progress, struct error *err)
 {
     struct upload u = {.connection = c, .items = items, .count = count, .report = report,
                        .user = user, .progress = progress};
-    status result = STATUS_OK;
+    status result;
 
     memset(progress, 0, sizeof *progress);
-    u.missing = mem_calloc(count ? count : 1, 1);
-    if (!u.missing)
-        result = error_no_memory(err, "an upload");
-    if (result == STATUS_OK)
-        result = query_missing(&u, err);
+    u.missing = must(mem_calloc(count ? count : 1, 1));
+    result = query_missing(&u, err);
     for (size_t i = 0; i < count && result == STATUS_OK; i++)
         if (u.missing[i])
             result = send_blob(&u, &items[i], err);

@@ -3,10 +3,9 @@
  * Asks first (BlobQuery), then streams the missing ones: 256 KiB a piece, compressed if that helps,
  * with several blobs in flight before the first is acknowledged.
  */
-#ifndef AZULEJO_CLIENT_UPLOAD_H
-#define AZULEJO_CLIENT_UPLOAD_H
+#pragma once
 
-#include "client/farm/connection.h"
+#include "client/link/connection.h"
 #include "common/base/digest.h"
 
 struct upload_item {
@@ -25,8 +24,5 @@ struct upload_progress {
 typedef void (*upload_progress_fn)(const struct upload_progress *progress, void *user);
 
 /* Returns when every blob is stored. `progress` is also set after a failure. */
-status upload_blobs(struct connection *c, const struct upload_item *items, size_t count,
-                    upload_progress_fn report, void *user, struct upload_progress *progress,
-                    struct error *err) MUST_CHECK;
-
-#endif
+status upload_blobs(struct connection *c, const struct upload_item *items, size_t count, upload_progress_fn report,
+                    void *user, struct upload_progress *progress, struct error *err) MUST_CHECK;

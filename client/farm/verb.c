@@ -2,7 +2,8 @@
 
 #include <stdio.h>
 
-#include "client/farm/job_info.h"
+#include "client/follow/job_info.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "protocol/fields.h"
 
@@ -32,9 +33,7 @@ status verb_ask(struct connection *c, uint64_t job, enum job_verb_name verb, con
     status result;
 
     snprintf(field, sizeof field, "job_%s", job_verbs[verb].path);
-    body = message_new(&question, field);
-    if (!body)
-        return error_no_memory(err, "a message");
+    body = must(message_new(&question, field));
     *(uint64_t *)message_field(body, "job", NULL) = job;
     set(body, &job_verbs[verb], argument);
     result = job_ask(c, &question, job, out, err);

@@ -1,8 +1,7 @@
 /* verb: ask the coordinator to do something to a job (common/schema/verbs.h). */
-#ifndef AZULEJO_CLIENT_VERB_H
-#define AZULEJO_CLIENT_VERB_H
+#pragma once
 
-#include "client/farm/connection.h"
+#include "client/link/connection.h"
 #include "client/terminal/frame_list.h"
 #include "common/schema/verbs.h"
 
@@ -16,5 +15,3 @@ struct verb_argument {
 /* *out is a JobList with the job, which the caller frees. `argument` NULL: the verb takes none. job_ask's errors. */
 status verb_ask(struct connection *c, uint64_t job, enum job_verb_name verb, const struct verb_argument *argument,
                 Azulejo__Wire__Envelope **out, struct error *err) MUST_CHECK;
-
-#endif

@@ -8,8 +8,9 @@
 #include "client/import/obj/obj.h"
 #include "client/import/pbrt/pbrt.h"
 #include "client/import/ply/ply_scene.h"
+#include "client/terminal/must.h"
 #include "common/base/buffer.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 
 /* In the order in which they are tried. */
@@ -37,10 +38,8 @@ static status refuse_unknown(struct error *err)
     size_t at = 0;
 
     for (int i = 0; i < FORMAT_COUNT && at < sizeof list; i++)
-        at += (size_t)snprintf(list + at, sizeof list - at, "%s%s", i ? ", " : "",
-                               formats[i]->name);
-    return error_set(err, STATUS_ERR_UNSUPPORTED,
-                     "is not a scene that can be read: these are: %s", list);
+        at += (size_t)snprintf(list + at, sizeof list - at, "%s%s", i ? ", " : "", formats[i]->name);
+    return error_set(err, STATUS_ERR_UNSUPPORTED, "is not a scene that can be read: these are: %s", list);
 }
 
 static void result_init(struct import_result *result)
@@ -65,9 +64,8 @@ void import_result_release(struct import_result *result)
     result_init(result);
 }
 
-status import_scene_memory(const void *data, size_t size_bytes, const char *name,
-                           const char *folder, const struct import_options *options,
-                           struct import_result *out, struct error *err)
+status import_scene_memory(const void *data, size_t size_bytes, const char *name, const char *folder,
+                           const struct import_options *options, struct import_result *out, struct error *err)
 {
     struct error inner = {0};
     struct builder builder;
@@ -76,14 +74,11 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
 
     result_init(out);
     builder_init(&builder, out, options, &inner);
-    out->source = mem_strdup(name);
+    out->source = must(mem_strdup(name));
     result = input_files_init(&out->files, folder, options->only_below, &options->outside, &inner);
-    if (result == STATUS_OK)
-        result = input_files_add(&out->files, name, size_bytes, &inner);
+    THEN(result, input_files_add(&out->files, name, size_bytes, &inner));
     if (result != STATUS_OK)
         builder.error_is_placed = 1;
-    else if (!out->source)
-        result = error_no_memory(&inner, "a name");
     else if (size_bytes == 0)
         result = error_set(&inner, STATUS_ERR_INPUT, "is empty");
     else if ((format = format_of(data, size_bytes, name)) < FORMAT_COUNT)
@@ -106,8 +101,8 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
     return result;
 }
 
-status import_scene(const char *path, const struct import_options *options,
-                    struct import_result *out, struct error *err)
+status import_scene(const char *path, const struct import_options *options, struct import_result *out,
+                    struct error *err)
 {
     struct buffer bytes = BUFFER_INIT;
     char *folder = NULL;
@@ -117,11 +112,7 @@ status import_scene(const char *path, const struct import_options *options,
     result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, err);
     if (result != STATUS_OK)
         goto done;
-    folder = file_dirname(path);
-    if (!folder) {
-        result = error_no_memory(err, "a path");
-        goto done;
-    }
+    folder = must(file_dirname(path));
     result = import_scene_memory(bytes.data, bytes.size, path, folder, options, out, err);
 done:
     mem_free(folder);

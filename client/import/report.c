@@ -3,11 +3,11 @@
 
 #include "client/terminal/format.h"
 #include "client/import/import.h"
-#include "client/farm/job_info.h"
+#include "client/follow/job_info.h"
 #include "common/image/image.h"
 #include "common/image/image_size.h"
 #include "common/math/elementary.h"
-#include "common/scene/effects.h"
+#include "common/scene/scene_effects.h"
 #include "common/scene/pose.h"
 
 #define LIGHT_TEXT(KIND, text, parts) text,
@@ -15,10 +15,9 @@ static const char *const light_kinds[LIGHT_KIND_COUNT] = {SCENE_LIGHT_KINDS(LIGH
 #undef LIGHT_TEXT
 static const char *const camera_kinds[CAMERA_KIND_COUNT] = {"perspective", "orthographic",
                                                            "panorama"};
-static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR", "WebP"};
+static const char *const format_names[] = {"unknown", "PNG", "JPEG", "HDR", "EXR", "WebP", "TGA", "PFM"};
 
-static const struct import_blob *blob_find(const struct import_result *result,
-                                           const struct digest *digest)
+static const struct import_blob *blob_find(const struct import_result *result, const struct digest *digest)
 {
     for (size_t i = 0; i < result->blob_count; i++)
         if (digest_equal(&result->blobs[i].digest, digest))
@@ -26,10 +25,7 @@ static const struct import_blob *blob_find(const struct import_result *result,
     return NULL;
 }
 
-static const char *shown(const char *name)
-{
-    return *name ? name : "(no name)";
-}
+static const char *shown(const char *name) { return *name ? name : "(no name)"; }
 
 static uint64_t all_effects(const struct scene *scene)
 {
@@ -131,12 +127,9 @@ static void print_simplified(const struct scene_simplify_report *r, FILE *out)
         uint64_t count;
         const char *what;
     } parts[] = {
-        {r->folded, "constant textures"},
-        {r->flat_normals, "flat normal maps"},
-        {r->unseen, "textures that cannot act"},
-        {r->made_opaque, "materials whose alpha is 1"},
-        {r->mixes, "mixes of one material"},
-        {(uint64_t)r->uniform_environment, "environment map of one color"},
+        {r->folded, "constant textures"},        {r->flat_normals, "flat normal maps"},
+        {r->unseen, "textures that cannot act"}, {r->made_opaque, "materials whose alpha is 1"},
+        {r->mixes, "mixes of one material"},     {(uint64_t)r->uniform_environment, "environment map of one color"},
         {r->image_bytes, "bytes of images"},
     };
     int any = 0;
@@ -255,10 +248,7 @@ void import_report_print(const struct import_result *result, FILE *out)
 /* ---- JSON --------------------------------------------------------------------------------- */
 
 /* Append, and give up on everything when memory is short: `list` may be NULL by then. */
-static int add(json_t *list, json_t *item)
-{
-    return json_array_append_new(list, item) == 0;
-}
+static int add(json_t *list, json_t *item) { return json_array_append_new(list, item) == 0; }
 
 static json_t *materials_json(const struct scene *scene)
 {
@@ -287,8 +277,7 @@ static json_t *images_json(const struct import_result *result)
         if (blob)
             image_size_of(blob->data, blob->size_bytes, &pixels);
         if (!add(list, json_pack("{s:s, s:s, s:i, s:i, s:I, s:s}", "name", image->name, "format",
-                                 blob ? format_names[image_format_of(blob->data, blob->size_bytes)]
-                                      : format_names[0],
+                                 blob ? format_names[image_format_of(blob->data, blob->size_bytes)] : format_names[0],
                                  "width", (int)pixels.width, "height", (int)pixels.height, "bytes",
                                  (json_int_t)image->blob.size_bytes, "digest", hex))) {
             json_decref(list);
@@ -317,8 +306,8 @@ static json_t *lights_json(const struct scene *scene)
     json_t *list = json_array();
 
     for (uint32_t i = 0; list && i < scene->light_count; i++)
-        if (!add(list, json_pack("{s:s, s:s}", "name", scene->lights[i].name, "kind",
-                                 light_kinds[scene->lights[i].kind]))) {
+        if (!add(list,
+                 json_pack("{s:s, s:s}", "name", scene->lights[i].name, "kind", light_kinds[scene->lights[i].kind]))) {
             json_decref(list);
             return NULL;
         }
@@ -331,10 +320,10 @@ static json_t *cameras_json(const struct scene *scene)
 
     for (uint32_t i = 0; list && i < scene->camera_count; i++) {
         const struct scene_camera *camera = &scene->cameras[i];
-        if (!add(list, json_pack("{s:s, s:s, s:f, s:f, s:f, s:f}", "name", camera->name, "kind",
-                                 camera_kinds[camera->kind], "yfov_rad", (double)camera->yfov_rad,
-                                 "xmag", (double)camera->xmag, "ymag", (double)camera->ymag,
-                                 "aspect", (double)camera->aspect))) {
+        if (!add(list,
+                 json_pack("{s:s, s:s, s:f, s:f, s:f, s:f}", "name", camera->name, "kind", camera_kinds[camera->kind],
+                           "yfov_rad", (double)camera->yfov_rad, "xmag", (double)camera->xmag, "ymag",
+                           (double)camera->ymag, "aspect", (double)camera->aspect))) {
             json_decref(list);
             return NULL;
         }
@@ -347,9 +336,8 @@ static json_t *environment_json(const struct scene_environment *env)
     if (!env->present)
         return json_null();
     if (env->constant)
-        return json_pack("{s:s, s:[f, f, f]}", "kind", "constant", "radiance",
-                         (double)env->radiance[0], (double)env->radiance[1],
-                         (double)env->radiance[2]);
+        return json_pack("{s:s, s:[f, f, f]}", "kind", "constant", "radiance", (double)env->radiance[0],
+                         (double)env->radiance[1], (double)env->radiance[2]);
     return json_pack("{s:s, s:s, s:I}", "kind", "map", "name", env->image.name, "bytes",
                      (json_int_t)env->image.blob.size_bytes);
 }
@@ -359,8 +347,7 @@ static json_t *effects_json(uint64_t effects)
     json_t *list = json_array();
 
     for (int i = 0; list && i < EFFECT_COUNT; i++)
-        if ((effects >> i & 1) &&
-            !add(list, json_string(effect_name((enum effect_bit)i)))) {
+        if ((effects >> i & 1) && !add(list, json_string(effect_name((enum effect_bit)i)))) {
             json_decref(list);
             return NULL;
         }
@@ -384,9 +371,8 @@ static json_t *animations_json(const struct import_result *result)
     json_t *list = json_array();
 
     for (size_t i = 0; list && i < result->animation_count; i++)
-        if (!add(list, json_pack("{s:s, s:f, s:b}", "name", result->animations[i].name,
-                                 "duration_s", result->animations[i].duration_s, "taken",
-                                 result->animations[i].taken))) {
+        if (!add(list, json_pack("{s:s, s:f, s:b}", "name", result->animations[i].name, "duration_s",
+                                 result->animations[i].duration_s, "taken", result->animations[i].taken))) {
             json_decref(list);
             return NULL;
         }
@@ -439,31 +425,26 @@ json_t *import_report_json(const struct import_result *result)
 
     digest_to_hex(&result->scene_digest, hex);
     /* "o" takes the reference also when packing fails, and a NULL makes it fail. */
-    return json_pack(
-        "{s:o, s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, "
-        "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
-        "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o, s:[f,f,f], s:f}",
-        "file", source ? source : json_null(), "inputs", import_inputs_json(result), "name",
-        scene->name, "digest", hex, "triangles",
-        (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
-        "vertices", (json_int_t)result->vertices, "degenerate_triangles",
-        (json_int_t)result->degenerate_triangles, "meshes", (int)scene->mesh_count, "instances",
-        (int)scene->instance_count, "textures", (int)scene->texture_count, "materials",
-        materials_json(scene), "images", images_json(result), "lights", lights_json(scene),
-        "cameras", cameras_json(scene), "environment", environment_json(&scene->environment),
-        "effects", effects_json(effects), "bytes",
-        "blobs", (json_int_t)result->blob_bytes, "scene", (json_int_t)result->packed_bytes, "count",
-        (json_int_t)result->blob_count, "warnings", warnings_json(result), "variants",
-        variants_json(result), "variant_taken", result->variant_taken, "animations",
-        animations_json(result), "duration_s", scene_duration_s(&result->scene), "nodes",
-        (int)scene->node_count, "channels", (int)scene->channel_count, "skins",
-        (int)scene->skin_count, "morph_targets", morph_targets(scene), "simplified",
-        "constant_textures", (int)result->simplified.folded, "flat_normal_maps",
-        (int)result->simplified.flat_normals, "unseen_textures", (int)result->simplified.unseen,
-        "made_opaque", (int)result->simplified.made_opaque, "mixes",
-        (int)result->simplified.mixes, "uniform_environment",
-        result->simplified.uniform_environment, "image_bytes",
-        (json_int_t)result->simplified.image_bytes, "asks", hints_json(&result->hints), "origin",
-        scene->origin[0], scene->origin[1], scene->origin[2], "position_spacing_m",
-        result->position_spacing_m);
+    return json_pack("{s:o, s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, "
+                     "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
+                     "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o, s:[f,f,f], s:f}",
+                     "file", source ? source : json_null(), "inputs", import_inputs_json(result), "name", scene->name,
+                     "digest", hex, "triangles", (json_int_t)result->triangles, "triangles_placed",
+                     (json_int_t)result->triangles_placed, "vertices", (json_int_t)result->vertices,
+                     "degenerate_triangles", (json_int_t)result->degenerate_triangles, "meshes", (int)scene->mesh_count,
+                     "instances", (int)scene->instance_count, "textures", (int)scene->texture_count, "materials",
+                     materials_json(scene), "images", images_json(result), "lights", lights_json(scene), "cameras",
+                     cameras_json(scene), "environment", environment_json(&scene->environment), "effects",
+                     effects_json(effects), "bytes", "blobs", (json_int_t)result->blob_bytes, "scene",
+                     (json_int_t)result->packed_bytes, "count", (json_int_t)result->blob_count, "warnings",
+                     warnings_json(result), "variants", variants_json(result), "variant_taken", result->variant_taken,
+                     "animations", animations_json(result), "duration_s", scene_duration_s(&result->scene), "nodes",
+                     (int)scene->node_count, "channels", (int)scene->channel_count, "skins", (int)scene->skin_count,
+                     "morph_targets", morph_targets(scene), "simplified", "constant_textures",
+                     (int)result->simplified.folded, "flat_normal_maps", (int)result->simplified.flat_normals,
+                     "unseen_textures", (int)result->simplified.unseen, "made_opaque",
+                     (int)result->simplified.made_opaque, "mixes", (int)result->simplified.mixes, "uniform_environment",
+                     result->simplified.uniform_environment, "image_bytes", (json_int_t)result->simplified.image_bytes,
+                     "asks", hints_json(&result->hints), "origin", scene->origin[0], scene->origin[1], scene->origin[2],
+                     "position_spacing_m", result->position_spacing_m);
 }

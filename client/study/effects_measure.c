@@ -49,10 +49,16 @@ static status run_one(struct effects_measure *m, size_t trial, unsigned round, s
     mine.stop = (struct stop_rules){0}; /* pictures of equal samples are compared */
     result = trial_render(m->connection, m->scene, &mine, "pilot", NULL, &done, err);
     m->core_s += done.core_s;
-    if (result == STATUS_OK)
-        result = keep(&m->trials[trial], round, &done, err);
+    THEN(result, keep(&m->trials[trial], round, &done, err));
     trial_release(&done);
     return result;
+}
+
+/* Share of the time that each round of a trial saved. */
+static void saved_rounds(double *saved, const struct effects_trial *whole, const struct effects_trial *less, unsigned rounds)
+{
+    for (unsigned r = 0; r < rounds; r++)
+        saved[r] = 1 - less->core_s[r] / whole->core_s[r];
 }
 
 static void forget(struct effects_trial *t)
@@ -81,15 +87,12 @@ static status meter(struct effects_measure *m, struct error *err)
     struct image mean = {0};
     status result = pair_mean(&mean, &whole->side[0], &whole->side[1], err);
 
-    if (result == STATUS_OK)
-        result = shown_meter(&m->shown, &mean, &m->request->output.tonemap,
-                             &m->request->output.tonemap_file, err);
+    THEN(result, shown_meter(&m->shown, &mean, &m->request->output.tonemap, &m->request->output.tonemap_file, err));
     image_release(&mean);
     return result;
 }
 
-/* The trials that lack rounds, round by round, so that variations of the machine affect all of them
- * equally. */
+/* The trials that lack rounds, round by round, so that variations of the machine affect all of them equally. */
 static status run_rounds(struct effects_measure *m, uint32_t spp, struct error *err)
 {
     struct progress progress;
@@ -107,8 +110,7 @@ static status run_rounds(struct effects_measure *m, uint32_t spp, struct error *
             else if (without)
                 snprintf(name, sizeof name, "without %s", effect_name((enum effect_bit)__builtin_ctzll(without)));
             snprintf(text, sizeof text, "%u samples, round %u of %d: %s", spp, round + 1, EFFECTS_ROUNDS, name);
-            progress_draw(&progress,
-                          (double)(round * m->count + i) / (double)(EFFECTS_ROUNDS * m->count), text);
+            progress_draw(&progress, (double)(round * m->count + i) / (double)(EFFECTS_ROUNDS * m->count), text);
             result = run_one(m, i, round, err);
         }
     progress_clear(&progress);
@@ -137,16 +139,24 @@ status effects_measure_run(struct effects_measure *m, uint64_t set, struct error
     return result == STATUS_OK ? metered : result;
 }
 
+/* What an effect saves of the time hardly depends on the pilot's length, so that all rounds count. */
+static void keep_saved(struct effects_trial *longer, const struct effects_trial *whole, const struct effects_trial *less)
+{
+    memcpy(longer->saved, less->saved, less->saved_count * sizeof *less->saved);
+    saved_rounds(longer->saved + less->saved_count, whole, less, EFFECTS_ROUNDS);
+    longer->saved_count = less->saved_count + EFFECTS_ROUNDS;
+}
+
 status effects_measure_again(struct effects_measure *m, uint64_t bits, uint32_t spp, struct error *err)
 {
     status result;
 
     for (size_t i = 0; i < m->count; i++)
         if (m->trials[i].without & bits) {
-            const uint64_t without = m->trials[i].without;
+            struct effects_trial longer = {.without = m->trials[i].without, .spp = spp};
+            keep_saved(&longer, whole_of(m, m->trials[i].spp), &m->trials[i]);
             forget(&m->trials[i]);
-            m->trials[i].without = without;
-            m->trials[i].spp = spp;
+            m->trials[i] = longer;
         }
     if (!whole_of(m, spp))
         add_trial(m, 0, spp);
@@ -154,8 +164,8 @@ status effects_measure_again(struct effects_measure *m, uint64_t bits, uint32_t 
     return result == STATUS_OK ? meter(m, err) : result;
 }
 
-status effects_measure_together(struct effects_measure *m, uint64_t without, uint32_t spp,
-                                size_t *trial, struct error *err)
+status effects_measure_together(struct effects_measure *m, uint64_t without, uint32_t spp, size_t *trial,
+                                struct error *err)
 {
     const uint64_t last = m->trials[m->count - 1].without;
 
@@ -183,8 +193,7 @@ size_t effects_measure_find(const struct effects_measure *m, int bit)
     return 0;
 }
 
-static status noise_of(double *codes, const struct effects_measure *m, const struct effects_trial *t,
-                       struct error *err)
+static status noise_of(double *codes, const struct effects_measure *m, const struct effects_trial *t, struct error *err)
 {
     struct pair_error error = {0};
     status result = pair_error_of(&error, &m->shown, &t->side[0], &t->side[1], NULL, err);
@@ -196,15 +205,16 @@ static status noise_of(double *codes, const struct effects_measure *m, const str
 static struct study_interval saved_by(const struct effects_trial *whole, const struct effects_trial *less,
                                       unsigned rounds)
 {
-    double mean = 0, square = 0, width;
+    double all[EFFECTS_ROUNDS * EFFECTS_LENGTHS_MAX], mean = 0, square = 0, width;
+    const unsigned count = less->saved_count + rounds;
 
-    for (unsigned r = 0; r < rounds; r++)
-        mean += (1 - less->core_s[r] / whole->core_s[r]) / rounds;
-    for (unsigned r = 0; r < rounds; r++) {
-        const double d = 1 - less->core_s[r] / whole->core_s[r] - mean;
-        square += d * d;
-    }
-    width = student_t95(rounds - 1) * sqrt(square / (rounds - 1) / rounds);
+    memcpy(all, less->saved, less->saved_count * sizeof *all);
+    saved_rounds(all + less->saved_count, whole, less, rounds);
+    for (unsigned r = 0; r < count; r++)
+        mean += all[r] / count;
+    for (unsigned r = 0; r < count; r++)
+        square += (all[r] - mean) * (all[r] - mean);
+    width = student_t95(count - 1) * sqrt(square / (count - 1) / count);
     return (struct study_interval){mean, mean - width, mean + width};
 }
 
@@ -216,13 +226,10 @@ status effects_measure_price(const struct effects_measure *m, size_t trial, stru
     double before = 0, after = 0;
     status result = pair_mean(&usual, &whole->side[0], &whole->side[1], err);
 
-    if (result == STATUS_OK)
-        result = noise_of(&before, m, whole, err);
-    if (result == STATUS_OK)
-        result = noise_of(&after, m, less, err);
-    if (result == STATUS_OK)
-        result = pair_bias_of(&out->bias, &m->shown, &usual, &whole->side[0], &less->side[0],
-                              &whole->side[1], &less->side[1], err);
+    THEN(result, noise_of(&before, m, whole, err));
+    THEN(result, noise_of(&after, m, less, err));
+    THEN(result, pair_bias_of(&out->bias, &m->shown, &usual, &whole->side[0], &less->side[0], &whole->side[1],
+                              &less->side[1], err));
     out->saved = saved_by(whole, less, effects_measure_rounds(m));
     out->noise = before > 0 ? after / before : after > 0 ? INFINITY : 1;
     image_release(&usual);

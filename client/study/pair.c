@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 enum { BOX_RADIUS = 1 /* pixels around one that choose its secant */ };
@@ -29,8 +30,8 @@ static struct tonemap_context context_of(const struct buffer *file)
     return context;
 }
 
-status shown_meter(struct shown *out, const struct image *picture,
-                   const struct tonemap_settings *settings, const struct buffer *file, struct error *err)
+status shown_meter(struct shown *out, const struct image *picture, const struct tonemap_settings *settings,
+                   const struct buffer *file, struct error *err)
 {
     const struct tonemap_context context = context_of(file);
 
@@ -39,8 +40,7 @@ status shown_meter(struct shown *out, const struct image *picture,
     return tonemap_measure(&out->state, picture, settings, &context, err);
 }
 
-status shown_codes(const struct shown *shown, struct image *out, const struct image *in,
-                   struct error *err)
+status shown_codes(const struct shown *shown, struct image *out, const struct image *in, struct error *err)
 {
     struct tonemap_context context = context_of(shown->file);
     status result;
@@ -95,8 +95,7 @@ static struct study_interval root_of(const struct leave_out *l)
 {
     const double width = leave_out_width(l), value = l->value[PAIR_GROUPS];
 
-    return (struct study_interval){sqrt(fmax(0, value)), sqrt(fmax(0, value - width)),
-                                   sqrt(fmax(0, value) + width)};
+    return (struct study_interval){sqrt(fmax(0, value)), sqrt(fmax(0, value - width)), sqrt(fmax(0, value) + width)};
 }
 
 /* Sums over the pixels of each group. */
@@ -169,8 +168,8 @@ static status check_sizes(const struct image *a, const struct image *b, struct e
 {
     if (a->width == b->width && a->height == b->height && a->channels == 3 && b->channels == 3)
         return STATUS_OK;
-    return error_set(err, STATUS_ERR_INPUT, "pictures of %ux%u and %ux%u pixels cannot be compared",
-                     a->width, a->height, b->width, b->height);
+    return error_set(err, STATUS_ERR_INPUT, "pictures of %ux%u and %ux%u pixels cannot be compared", a->width,
+                     a->height, b->width, b->height);
 }
 
 static double squared_difference(const float *a, const float *b)
@@ -206,19 +205,17 @@ static void linear_error(struct pair_error *out, const struct image *a, const st
     out->rmse.high /= mean;
 }
 
-status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a,
-                     const struct image *b, float *pixels, struct error *err)
+status pair_error_of(struct pair_error *out, const struct shown *shown, const struct image *a, const struct image *b,
+                     float *pixels, struct error *err)
 {
     const size_t count = (size_t)a->width * a->height;
-    struct grouped *work = mem_calloc(count, sizeof *work);
+    struct grouped *work = must(mem_calloc(count, sizeof *work));
     struct image code_a = {0}, code_b = {0};
-    status result = work ? check_sizes(a, b, err) : error_no_memory(err, "errors of pixels");
+    status result = check_sizes(a, b, err);
 
     memset(out, 0, sizeof *out);
-    if (result == STATUS_OK)
-        result = shown_codes(shown, &code_a, a, err);
-    if (result == STATUS_OK)
-        result = shown_codes(shown, &code_b, b, err);
+    THEN(result, shown_codes(shown, &code_a, a, err));
+    THEN(result, shown_codes(shown, &code_b, b, err));
     if (result == STATUS_OK) {
         struct leave_out percentiles;
         double square = 0, width;
@@ -246,12 +243,12 @@ status pair_error_of(struct pair_error *out, const struct shown *shown, const st
     return result;
 }
 
-status pair_tail_of(double *held, const double *pixels, size_t count, const struct image *a,
-                    const struct image *b, struct error *err)
+status pair_tail_of(double *held, const double *pixels, size_t count, const struct image *a, const struct image *b,
+                    struct error *err)
 {
     const size_t all = (size_t)a->width * a->height;
-    struct grouped *work = mem_calloc(all, sizeof *work);
-    status result = work ? check_sizes(a, b, err) : error_no_memory(err, "errors of pixels");
+    struct grouped *work = must(mem_calloc(all, sizeof *work));
+    status result = check_sizes(a, b, err);
     double sum = 0, whole = 0;
     size_t at = 0;
 
@@ -270,8 +267,7 @@ status pair_tail_of(double *held, const double *pixels, size_t count, const stru
     return result;
 }
 
-const struct accuracy_figures *pair_judge(const struct accuracy_figures *a,
-                                          const struct accuracy_figures *b)
+const struct accuracy_figures *pair_judge(const struct accuracy_figures *a, const struct accuracy_figures *b)
 {
     if (a->reliable != b->reliable)
         return a->reliable ? b : a;
@@ -315,10 +311,8 @@ static status secants_of(struct image *slope, const struct shown *shown, const s
     struct image from = {0}, to = {0}, code = {0}, code_to = {0};
     status result = image_init(&from, usual->width, usual->height, 3, err);
 
-    if (result == STATUS_OK)
-        result = image_init(&to, usual->width, usual->height, 3, err);
-    if (result == STATUS_OK)
-        result = image_init(slope, usual->width, usual->height, 3, err);
+    THEN(result, image_init(&to, usual->width, usual->height, 3, err));
+    THEN(result, image_init(slope, usual->width, usual->height, 3, err));
     for (size_t i = 0; result == STATUS_OK && i < count; i++) {
         struct place q = place_of(usual, p, i, itself);
         const float least = 0.01f * q.at + 1e-6f;
@@ -329,10 +323,8 @@ static status secants_of(struct image *slope, const struct shown *shown, const s
         if (to.pixels[i] == q.at)
             to.pixels[i] = q.at + least;
     }
-    if (result == STATUS_OK)
-        result = shown_codes(shown, &code, &from, err);
-    if (result == STATUS_OK)
-        result = shown_codes(shown, &code_to, &to, err);
+    THEN(result, shown_codes(shown, &code, &from, err));
+    THEN(result, shown_codes(shown, &code_to, &to, err));
     for (size_t i = 0; result == STATUS_OK && i < count; i++) {
         const float step = to.pixels[i] - from.pixels[i];
         slope->pixels[i] = step != 0 ? (code_to.pixels[i] - code.pixels[i]) / step : 0;
@@ -353,8 +345,7 @@ static status slopes_of(struct image *slope, const struct shown *shown, const st
     struct image own = {0};
     status result = secants_of(slope, shown, usual, p, 0, err);
 
-    if (result == STATUS_OK)
-        result = secants_of(&own, shown, usual, p, 1, err);
+    THEN(result, secants_of(&own, shown, usual, p, 1, err));
     for (size_t i = 0; result == STATUS_OK && i < (size_t)usual->width * usual->height * 3; i++)
         if (fabsf(own.pixels[i]) < fabsf(slope->pixels[i]))
             slope->pixels[i] = own.pixels[i];
@@ -420,32 +411,27 @@ static double mean_of(const struct image *a, const struct image *b)
     return sum;
 }
 
-status pair_bias_of(struct pair_bias *out, const struct shown *shown, const struct image *usual,
-                    const struct image *a, const struct image *a2, const struct image *b,
-                    const struct image *b2, struct error *err)
+status pair_bias_of(struct pair_bias *out, const struct shown *shown, const struct image *usual, const struct image *a,
+                    const struct image *a2, const struct image *b, const struct image *b2, struct error *err)
 {
     const struct image *const p[4] = {a, a2, b, b2};
     const size_t count = (size_t)a->width * a->height;
-    struct bias_work work = {mem_calloc(count, sizeof *work.both),
-                             mem_calloc(count, sizeof *work.noise), {{{0}, {0}}}};
+    struct bias_work work = {must(mem_calloc(count, sizeof *work.both)),
+                             must(mem_calloc(count, sizeof *work.noise)), {{{0}, {0}}}};
     struct image slope = {0};
-    status result = work.both && work.noise ? check_sizes(usual, a, err)
-                                            : error_no_memory(err, "differences of pixels");
+    status result = check_sizes(usual, a, err);
 
     memset(out, 0, sizeof *out);
     for (int i = 1; i < 4 && result == STATUS_OK; i++)
         result = check_sizes(a, p[i], err);
-    if (result == STATUS_OK)
-        result = slopes_of(&slope, shown, usual, p, err);
+    THEN(result, slopes_of(&slope, shown, usual, p, err));
     if (result == STATUS_OK) {
         const double whole = mean_of(a, b);
         for (size_t i = 0; i < count; i++)
-            bias_pixel(&work, i, group_of((uint32_t)(i % a->width), (uint32_t)(i / a->width)),
-                       slope.pixels + 3 * i, p);
+            bias_pixel(&work, i, group_of((uint32_t)(i % a->width), (uint32_t)(i / a->width)), slope.pixels + 3 * i, p);
         bias_finish(out, &work, count);
         out->mean_change = whole > 0 ? mean_of(a2, b2) / whole - 1 : NAN;
-        out->same = memcmp(a->pixels, a2->pixels, count * 12) == 0 &&
-                    memcmp(b->pixels, b2->pixels, count * 12) == 0;
+        out->same = memcmp(a->pixels, a2->pixels, count * 12) == 0 && memcmp(b->pixels, b2->pixels, count * 12) == 0;
     }
     image_release(&slope);
     mem_free(work.noise);

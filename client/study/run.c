@@ -5,9 +5,11 @@
 #include <string.h>
 #include <time.h>
 
-#include "client/study/study_words.h"
+#include "client/study/against.h"
+#include "client/study/data/study_words.h"
+#include "client/terminal/must.h"
 #include "common/accuracy/word.h"
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "protocol/message.h"
 
 static double passed_s(const struct study_run *run)
@@ -15,10 +17,7 @@ static double passed_s(const struct study_run *run)
     return (double)(clock_monotonic_ns() - run->started_ns) / (double)NS_PER_SECOND;
 }
 
-double run_left_s(const struct study_run *run)
-{
-    return run->budget_s - passed_s(run);
-}
+double run_left_s(const struct study_run *run) { return run->budget_s - passed_s(run); }
 
 double run_picture_s(const struct study_run *run, uint32_t spp)
 {
@@ -40,8 +39,7 @@ static void learn(struct study_run *run, double wall_s, const struct trial *t)
     run->wall_per_sample_s = t->samples > run->first_samples
                                  ? fmax(0, (t->wall_s - run->first_s) / (t->samples - run->first_samples))
                                  : t->wall_s / t->samples;
-    run->job_overhead_s =
-        fmax(0, (run->jobs_s - run->wall_per_sample_s * run->jobs_samples) / run->jobs);
+    run->job_overhead_s = fmax(0, (run->jobs_s - run->wall_per_sample_s * run->jobs_samples) / run->jobs);
 }
 
 static void show_progress(struct study_run *run, const char *what, uint32_t spp)
@@ -68,8 +66,26 @@ static void say_no_worker(void *user)
                   "the farm has no worker: waiting for one (Ctrl-C keeps what is measured)");
 }
 
-status run_pair(struct study_run *run, const struct job_request *request, uint32_t spp,
-                uint64_t first_seed, const char *what, struct trial pair[2], struct error *err)
+/* The usual way's picture, again: how fast is the machine now? */
+static status run_probe(struct study_run *run, struct error *err)
+{
+    const struct trial_waiting waiting = {say_no_worker, run};
+    struct job_request mine = *run->request;
+    struct trial probe = {0};
+    status result;
+
+    mine.settings.spp = run->probe_spp;
+    mine.settings.seed = run->request->settings.seed + RUN_WAYS_SEED;
+    show_progress(run, "the usual way again", run->probe_spp);
+    result = trial_render(run->connection, run->scene, &mine, run->name, &waiting, &probe, err);
+    if (result == STATUS_OK)
+        study_clock_probe(&run->clock, probe.core_s);
+    trial_release(&probe);
+    return result;
+}
+
+status run_pair(struct study_run *run, const struct job_request *request, uint32_t spp, uint64_t first_seed,
+                const char *what, struct trial pair[2], struct error *err)
 {
     const struct trial_waiting waiting = {say_no_worker, run};
     struct job_request mine = *request;
@@ -83,16 +99,21 @@ status run_pair(struct study_run *run, const struct job_request *request, uint32
         result = trial_render(run->connection, run->scene, &mine, run->name, &waiting, &pair[i], err);
         if (result == STATUS_OK)
             learn(run, (double)(clock_monotonic_ns() - begun_ns) / (double)NS_PER_SECOND, &pair[i]);
+        if (result == STATUS_OK && i == 0 && run->probe_spp)
+            result = run_probe(run, err);
     }
-    if (result == STATUS_OK && pair[0].core_s > 0.02 && pair[1].core_s > 0.02) {
-        const double ratio = log(pair[0].core_s / pair[1].core_s);
-        run->clock_squares += ratio * ratio;
-        run->clock_pairs++;
-    }
+    if (result == STATUS_OK)
+        study_clock_pair(&run->clock, pair[0].core_s, pair[1].core_s);
+    run->study->clock_noise = study_clock_noise(&run->clock);
     return result;
 }
 
-status run_point_set(struct study_point *p, const struct trial pair[2], struct error *err)
+struct study_interval seeds_of(double a, double b)
+{
+    return (struct study_interval){(a + b) / 2, fmin(a, b), fmax(a, b)};
+}
+
+void run_point_set(struct study_point *p, const struct trial pair[2])
 {
     const struct accuracy_figures *f = pair_judge(&pair[0].figures, &pair[1].figures);
     char reason[ACCURACY_WORDS_SIZE];
@@ -100,10 +121,11 @@ status run_point_set(struct study_point *p, const struct trial pair[2], struct e
     *p = (struct study_point){
         .core_s = (pair[0].core_s + pair[1].core_s) / 2, .wall_s = (pair[0].wall_s + pair[1].wall_s) / 2,
         .samples = pair[0].samples, .rays = (pair[0].rays + pair[1].rays) / 2,
-        .psnr_db = NAN, .codes = {NAN, NAN, NAN}, .rmse = {NAN, NAN, NAN},
+        .psnr_db = NAN, .codes = {NAN, NAN, NAN}, .rmse = {NAN, NAN, NAN}, .relmse = {NAN, NAN, NAN},
+        .flip = {NAN, NAN, NAN}, .seeds = seeds_of(pair[0].figures.display_error, pair[1].figures.display_error),
         .reliable = f->reliable, .top_share = f->top_share};
-    return f->reliable ? STATUS_OK
-                       : study_text_set(&p->reason, accuracy_reason_text(f, pair[0].effects, reason), err);
+    if (!f->reliable)
+        study_text_set(&p->reason, accuracy_reason_text(f, pair[0].effects, reason));
 }
 
 void run_point_error(struct study_point *p, const struct pair_error *e)
@@ -113,17 +135,23 @@ void run_point_error(struct study_point *p, const struct pair_error *e)
     p->psnr_db = e->rms_codes > 0 ? 20 * log10(255 / e->rms_codes) : NAN;
 }
 
+status run_point_reference(const struct study_run *run, struct study_point *p, const struct image *a,
+                           const struct image *b, struct error *err)
+{
+    return run->reference ? against_reference(&p->relmse, &p->flip, &run->shown, run->reference, a, b, err) : STATUS_OK;
+}
+
 /* ---- the study's head ----------------------------------------------------------------------- */
 
-static status set_transform(struct study *s, const struct tonemap_settings *t, struct error *err)
+static void set_transform(struct study *s, const struct tonemap_settings *t)
 {
     char text[160];
 
     snprintf(text, sizeof text, "%s, %+.2f EV, sRGB", t->op->name, t->exposure_ev);
-    return study_text_set(&s->transform, text, err);
+    study_text_set(&s->transform, text);
 }
 
-static status set_head(struct study_run *run, struct error *err)
+static void set_head(struct study_run *run)
 {
     struct study *s = run->study;
     const struct render_settings *settings = &run->request->settings;
@@ -131,32 +159,29 @@ static status set_head(struct study_run *run, struct error *err)
     const time_t now = (time_t)clock_wall_s();
     char date[32] = "";
     struct tm when;
-    status result;
 
     s->width = settings->width;
     s->height = settings->height;
     s->seed = (double)settings->seed;
     if (gmtime_r(&now, &when))
         strftime(date, sizeof date, "%Y-%m-%d", &when);
-    result = study_text_set(&s->date, date, err);
+    study_text_set(&s->date, date);
     /* A continued study already has the worker's description. */
-    if (result == STATUS_OK && (!s->version || strncmp(s->version, release, sizeof release - 1) != 0))
-        result = study_text_set(&s->version, release, err);
-    return result == STATUS_OK ? set_transform(s, &run->request->output.tonemap, err) : result;
+    if (!s->version || strncmp(s->version, release, sizeof release - 1) != 0)
+        study_text_set(&s->version, release);
+    set_transform(s, &run->request->output.tonemap);
 }
 
-static status set_machine(struct study *s, struct error *err)
+static void set_machine(struct study *s)
 {
     struct buffer text = BUFFER_INIT;
-    status result;
 
     buffer_puts(&text, s->workers.items[0].name);
     if (s->workers.count > 1)
         buffer_printf(&text, " and %zu more", s->workers.count - 1);
-    result = buffer_ok(&text) ? study_text_set(&s->machine, buffer_text(&text), err)
-                              : error_no_memory(err, "the machine's name");
+    must_hold(&text);
+    study_text_set(&s->machine, buffer_text(&text));
     buffer_release(&text);
-    return result;
 }
 
 /* The workers, once one has delivered. */
@@ -165,65 +190,56 @@ static status set_workers(struct study_run *run, struct error *err)
     Azulejo__Wire__Envelope question = AZULEJO__WIRE__ENVELOPE__INIT, *answer = NULL;
     Azulejo__Wire__WorkerQuery query = AZULEJO__WIRE__WORKER_QUERY__INIT;
     struct study *s = run->study;
-    status result;
 
     question.body_case = AZULEJO__WIRE__ENVELOPE__BODY_WORKER_QUERY;
     question.worker_query = &query;
     if (s->workers.count)
         return STATUS_OK;
-    result = connection_ask(run->connection, &question, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST,
-                            &answer, err);
-    if (result != STATUS_OK)
-        return result;
+    TRY(connection_ask(run->connection, &question, AZULEJO__WIRE__ENVELOPE__BODY_WORKER_LIST, &answer, err));
     s->cores = 0;
-    for (size_t i = 0; i < answer->worker_list->n_workers && result == STATUS_OK; i++) {
+    /* Of a farm of thousands the first ones are listed. */
+    for (size_t i = 0; i < answer->worker_list->n_workers && i < STUDY_LIST_MAX; i++) {
         const Azulejo__Wire__WorkerInfo *w = answer->worker_list->workers[i];
         struct study_worker *row = study_add_worker(s);
-        if (!row)
-            break; /* a farm of thousands: the first ones are listed */
         row->cores = w->threads;
         s->cores += w->threads;
-        result = study_text_set(&row->name, w->host, err);
-        if (result == STATUS_OK && i == 0) /* all have the same, or get no work */
-            result = study_text_set(&s->version, w->kernel, err);
+        study_text_set(&row->name, w->host);
+        if (i == 0) /* all have the same, or get no work */
+            study_text_set(&s->version, w->kernel);
     }
-    if (result == STATUS_OK && s->workers.count)
-        result = set_machine(s, err);
+    if (s->workers.count)
+        set_machine(s);
     message_free(answer);
-    return result;
+    return STATUS_OK;
 }
 
-status study_run_check(const struct study *s, const struct job_request *request, const char *scene,
-                       struct error *err)
+status study_run_check(const struct study *s, const struct job_request *request, const char *scene, struct error *err)
 {
     const struct render_settings *r = &request->settings;
 
     if (s->scene && strcmp(s->scene, scene) != 0)
-        return error_set(err, STATUS_ERR_USAGE, "--continue: the study belongs to %s, not to %s",
-                         s->scene, scene);
+        return error_set(err, STATUS_ERR_USAGE, "--continue: the study belongs to %s, not to %s", s->scene, scene);
     if (s->width != (double)r->width || s->height != (double)r->height)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--continue: the study's pictures have %gx%g pixels; give --size %gx%g", s->width,
-                         s->height, s->width, s->height);
+        return error_set(err, STATUS_ERR_USAGE, "--continue: the study's pictures have %gx%g pixels; give --size %gx%g",
+                         s->width, s->height, s->width, s->height);
     if (s->seed != (double)r->seed)
-        return error_set(err, STATUS_ERR_USAGE, "--continue: the study's seed is %.0f; give --seed %.0f",
-                         s->seed, s->seed);
+        return error_set(err, STATUS_ERR_USAGE, "--continue: the study's seed is %.0f; give --seed %.0f", s->seed,
+                         s->seed);
     return STATUS_OK;
 }
 
 status study_run(struct study_run *run, struct error *err)
 {
-    status result = set_head(run, err);
+    status result = STATUS_OK;
 
+    set_head(run);
     run->started_ns = clock_monotonic_ns();
     progress_init(&run->progress, run->quiet);
     /* A study that has choices has its main curve. */
-    if (result == STATUS_OK && run->study->questions.count == 0)
+    if (run->study->questions.count == 0)
         result = run_main(run, err);
-    if (result == STATUS_OK)
-        result = set_workers(run, err);
-    if (result == STATUS_OK)
-        result = run_choices(run, err);
+    THEN(result, set_workers(run, err));
+    THEN(result, run_choices(run, err));
     progress_clear(&run->progress);
     for (size_t i = 0; i < RUN_POINTS_MAX; i++)
         for (size_t k = 0; k < 2; k++)

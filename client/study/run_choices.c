@@ -5,8 +5,8 @@
 
 #include "client/study/run.h"
 #include "client/study/run_ways.h"
-#include "client/study/study_fields.h"
-#include "client/study/study_words.h"
+#include "client/study/data/study_fields.h"
+#include "client/study/data/study_words.h"
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
 
@@ -15,7 +15,7 @@ enum {
     ADAPTIVE_SPP_MIN = 64, /* the first rounds give all tiles the same, and may already be enough */
 };
 
-static struct study_question *question_of(struct study *s, const char *title, struct error *err)
+static struct study_question *question_of(struct study *s, const char *title)
 {
     struct study_question *q;
 
@@ -23,8 +23,7 @@ static struct study_question *question_of(struct study *s, const char *title, st
         if (s->questions.items[i].title && strcmp(s->questions.items[i].title, title) == 0)
             return &s->questions.items[i];
     q = study_add_question(s);
-    if (!q || study_text_set(&q->title, title, err) != STATUS_OK)
-        return NULL;
+    study_text_set(&q->title, title);
     return q;
 }
 
@@ -58,7 +57,7 @@ static double way_wall_s(const struct study_run *run, const struct levels *l)
 
     for (uint32_t i = 0; i < l->count; i++)
         sum += 2 * run_picture_s(run, l->spp[i]);
-    return sum;
+    return sum + run_picture_s(run, l->spp[l->count - 1]); /* the probe */
 }
 
 static struct levels levels_to(uint32_t most, uint32_t count)
@@ -84,8 +83,7 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
             if (title && strcmp(title, way_title(KNOB_ALLOCATION)) == 0)
                 continue; /* has samples of its own */
             if (points->count > 0 && points->count <= RUN_LEVELS_MAX)
-                return levels_to((uint32_t)(points->items[points->count - 1].samples + 0.5),
-                                 (uint32_t)points->count);
+                return levels_to((uint32_t)(points->items[points->count - 1].samples + 0.5), (uint32_t)points->count);
         }
     for (uint32_t count = run->levels; count > 0; count--)
         for (uint32_t spp = most; spp >= (uint32_t)RUN_SPP_FIRST << 2 * (count - 1); spp /= 2) {
@@ -103,8 +101,8 @@ static struct levels levels_choose(const struct study_run *run, size_t missing)
 
 struct measured {
     struct study_point points[RUN_LEVELS_MAX];
-    struct image pair[2];        /* of the last level */
-    struct image sampling;       /* of the last level, where it is adaptive */
+    struct image pair[2];  /* of the last level */
+    struct image sampling; /* of the last level, where it is adaptive */
     double clamped_share;
 };
 
@@ -149,6 +147,14 @@ static void keep_pictures(struct measured *out, struct trial pair[2])
     memset(&pair[0].sampling, 0, sizeof pair[0].sampling);
 }
 
+/* Times as they would have been when the usual way was measured. */
+static void at_first_speed(struct study_point *points, uint32_t count, double drift)
+{
+    for (uint32_t i = 0; i < count; i++)
+        points[i].core_s /= drift;
+}
+
+/* usual NULL: this is the usual way. */
 static status measure(struct study_run *run, const struct job_request *request, const char *what,
                       const struct levels *levels, const struct measured *usual, struct measured *out,
                       struct error *err)
@@ -163,36 +169,32 @@ static status measure(struct study_run *run, const struct job_request *request, 
         struct pair_error e;
         if (mine.stop.adaptive)
             aim(&mine, &spp, usual->points[i].codes.value);
-        /* Seeds of their own: the main curve's pictures stay independent of them. */
-        result = run_pair(run, &mine, spp, run->request->settings.seed + 2, what, pair, err);
-        if (result == STATUS_OK)
-            result = pair_error_of(&e, &run->shown, &pair[0].picture, &pair[1].picture, NULL, err);
+        run->probe_spp = usual && i + 1 == levels->count ? run->usual_spp : 0;
+        result = run_pair(run, &mine, spp, run->request->settings.seed + RUN_WAYS_SEED, what, pair, err);
+        THEN(result, pair_error_of(&e, &run->shown, &pair[0].picture, &pair[1].picture, NULL, err));
         if (result == STATUS_OK) {
-            result = run_point_set(&out->points[i], pair, err);
+            run_point_set(&out->points[i], pair);
             run_point_error(&out->points[i], &e);
+            if (!usual && i + 1 == levels->count)
+                study_clock_probe(&run->clock, pair[0].core_s);
             out->clamped_share = (pair[0].clamped_share + pair[1].clamped_share) / 2;
         }
+        THEN(result, run_point_reference(run, &out->points[i], &pair[0].picture, &pair[1].picture, err));
         if (result == STATUS_OK && i + 1 == levels->count)
             keep_pictures(out, pair);
         trial_release(&pair[1]);
         trial_release(&pair[0]);
     }
+    run->probe_spp = 0;
+    if (usual)
+        at_first_speed(out->points, levels->count, study_clock_drift(&run->clock));
     return result;
 }
 
-/* Half the width of the interval of ln(time of one way / time of another), from the spread of the
- * times of equal jobs so far. */
-static double clock_width(const struct study_run *run)
-{
-    const unsigned pairs = (unsigned)run->clock_pairs;
+/* Half the width of the interval of ln(time of one way / time of another). */
+static double clock_width(const struct study_run *run) { return study_clock_width(&run->clock, 1); }
 
-    return pairs ? student_t95(pairs) * sqrt(run->clock_squares / run->clock_pairs / 2) : NAN;
-}
-
-static double log_width(const struct study_interval *v)
-{
-    return (v->high - v->low) / (2 * v->value);
-}
+static double log_width(const struct study_interval *v) { return (v->high - v->low) / (2 * v->value); }
 
 /* The usual way's core seconds over this one's, at equal error: the law's exponent turns errors
  * into time. With a bias, the noise must be lower by the bias's share of the target. */
@@ -211,91 +213,78 @@ static void set_gain(struct study_choice *c, const struct study_run *run, const 
         return;
     value = log(usual->core_s / mine->core_s) + log(usual->codes.value / mine->codes.value) / exponent +
             log(1 - bias * bias / (c->gain_at * c->gain_at)) / (2 * exponent);
-    width = hypot(clock_width(run),
-                  hypot(log_width(&usual->codes), log_width(&mine->codes)) / exponent);
+    width = hypot(clock_width(run), hypot(log_width(&usual->codes), log_width(&mine->codes)) / exponent);
     c->gain = (struct study_interval){exp(value), exp(value - width), exp(value + width)};
 }
 
-static status add_effect(struct study_run *run, const struct way *way, const struct measured *usual,
-                         const struct measured *mine, uint32_t top, const struct study_interval *bias,
-                         struct error *err)
+static void add_effect(struct study_run *run, const struct way *way, const struct measured *usual,
+                       const struct measured *mine, uint32_t top, const struct study_interval *bias)
 {
     struct study_effect *e = study_add_effect(run->study);
     const double ratio = mine->points[top].core_s / usual->points[top].core_s, width = clock_width(run);
 
-    if (!e)
-        return error_no_memory(err, "an effect");
     e->saved = (struct study_interval){1 - ratio, 1 - ratio * exp(width), 1 - ratio * exp(-width)};
     e->bias = *bias;
-    return study_text_set(&e->name, way->name, err);
+    study_text_set(&e->name, way->name);
 }
 
 /* A picture's error is its noise and its bias. */
 static struct study_interval with_bias(struct study_interval noise, double bias)
 {
-    return (struct study_interval){hypot(noise.value, bias), hypot(noise.low, bias),
-                                   hypot(noise.high, bias)};
+    return (struct study_interval){hypot(noise.value, bias), hypot(noise.low, bias), hypot(noise.high, bias)};
 }
 
-static status set_texts(struct study_choice *c, const struct way *way, const struct measured *mine,
-                        struct error *err)
+static void set_texts(struct study_choice *c, const struct way *way, const struct measured *mine)
 {
     char text[128];
-    status result = study_text_set(&c->name, way->name, err);
 
+    study_text_set(&c->name, way->name);
     snprintf(text, sizeof text, way->knob == KNOB_EFFECT ? "Without %s" : "%s", way->words);
-    if (result == STATUS_OK)
-        result = study_text_set(&c->words, text, err);
-    if (way->knob == KNOB_CLAMP && result == STATUS_OK) {
-        snprintf(text, sizeof text, "takes away %.2g %% of the light", 100 * mine->clamped_share);
-        result = study_text_set(&c->note, text, err);
+    study_text_set(&c->words, text);
+    if (way->knob == KNOB_CLAMP)
+        c->taken = mine->clamped_share;
+    if (way->knob == KNOB_ALLOCATION && way->value) {
+        c->by_target = 1;
+        study_text_set(&c->note, "this is how --target-error renders");
     }
-    if (way->knob == KNOB_ALLOCATION && way->value && result == STATUS_OK)
-        result = study_text_set(&c->note, "this is how --target-error renders", err);
-    return result;
 }
 
-/* A way with the usual one's expectation has no bias. If its picture is still significantly
- * different, its samples have missed light, and the difference is a part of its error that they do
- * not show. */
-static status unbiased_choice(struct study_choice *c, uint32_t spp, struct error *err)
+/* A way with the usual one's expectation has no bias. If its picture is still significantly different, its samples have
+ * missed light, and the difference is a part of its error that they do not show. */
+static void unbiased_choice(struct study_choice *c, uint32_t spp)
 {
     const struct study_interval differs = c->floor;
     char text[160];
-    status result = STATUS_OK;
 
     c->unbiased = 1;
     c->floor = (struct study_interval){0, 0, 0};
     if (!(differs.low > 0))
-        return STATUS_OK;
+        return;
     c->missed = 1;
     snprintf(text, sizeof text, "%u samples of a pixel have not met all of the light", spp);
-    result = study_text_set(&c->note, text, err);
-    for (size_t i = 0; i < c->points.count && result == STATUS_OK; i++) {
+    study_text_set(&c->note, text);
+    for (size_t i = 0; i < c->points.count; i++) {
         struct study_point *p = &c->points.items[i];
         p->codes = with_bias(p->codes, differs.value);
         p->reliable = 0;
-        result = study_text_set(&p->reason, text, err);
+        study_text_set(&p->reason, text);
     }
-    return result;
 }
 
 /* Tiles of 16 pixels square have one number each. */
-static status set_tile_samples(struct study *s, const struct image *sampling, struct error *err)
+static void set_tile_samples(struct study *s, const struct image *sampling)
 {
     const uint32_t columns = tiles_across(sampling->width), rows = tiles_across(sampling->height);
 
     if (!sampling->pixels || (size_t)columns * rows > STUDY_NUMBERS_MAX)
-        return STATUS_OK;
+        return;
     s->tile_samples.values.count = 0;
     s->tile_samples.columns = columns;
     s->tile_samples.rows = rows;
     for (size_t y = 0; y < rows; y++)
         for (size_t x = 0; x < columns; x++)
-            if (!study_numbers_add(&s->tile_samples.values,
-                                   (double)sampling->pixels[3 * (y * TILE_SIZE * sampling->width + x * TILE_SIZE)]))
-                return error_no_memory(err, "a map of tiles");
-    return STATUS_OK;
+            study_numbers_add(&s->tile_samples.values,
+                              (double)sampling->pixels[3 * (y * TILE_SIZE * sampling->width + x * TILE_SIZE)]);
 }
 
 static status add_choice(struct study_run *run, const struct way *way, const struct measured *usual,
@@ -303,52 +292,44 @@ static status add_choice(struct study_run *run, const struct way *way, const str
 {
     const uint32_t top = levels->count - 1;
     struct study_interval worse;
-    struct study_question *q = question_of(run->study, way_title(way->knob), err);
-    struct study_choice *c = q ? study_add_choice(q) : NULL;
+    struct study_question *q = question_of(run->study, way_title(way->knob));
+    struct study_choice *c = study_add_choice(q);
     struct pair_bias bias = {0};
-    status result = c ? set_texts(c, way, mine, err) : error_no_memory(err, "a choice");
 
-    if (result == STATUS_OK && usual->pair[0].pixels)
-        result = pair_bias_of(&bias, &run->shown, &run->usual, &usual->pair[0], &mine->pair[0],
-                              &usual->pair[1], &mine->pair[1], err);
-    if (result != STATUS_OK)
-        return result;
+    set_texts(c, way, mine);
+    if (usual->pair[0].pixels)
+        TRY(pair_bias_of(&bias, &run->shown, &run->usual, &usual->pair[0], &mine->pair[0], &usual->pair[1],
+                         &mine->pair[1], err));
     c->floor = bias.codes;
     for (uint32_t i = 0; i < levels->count; i++) {
         struct study_point *p = study_add_point(&c->points);
-        if (!p)
-            return error_no_memory(err, "a point");
         *p = mine->points[i];
         mine->points[i].reason = NULL; /* moved */
     }
     if (way_is_unbiased(way, &run->request->settings))
-        result = unbiased_choice(c, levels->spp[top], err);
+        unbiased_choice(c, levels->spp[top]);
     set_gain(c, run, &usual->points[top], &c->points.items[top]);
     for (uint32_t i = 0; i < levels->count; i++)
         c->points.items[i].codes = with_bias(c->points.items[i].codes, c->floor.low > 0 ? c->floor.value : 0);
-    if (result == STATUS_OK && way->knob == KNOB_ALLOCATION)
-        result = set_tile_samples(run->study, &mine->sampling, err);
-    if (result != STATUS_OK)
-        return result;
+    if (way->knob == KNOB_ALLOCATION)
+        set_tile_samples(run->study, &mine->sampling);
     worse = pair_bias_worse(&bias);
     if (!c->unbiased && !(c->floor.low > 0) && worse.low > run->study->target_codes / 4 && !c->note)
-        result = study_text_set(&c->note, "but a few pixels change by more", err);
-    if (result != STATUS_OK)
-        return result;
-    return way->knob == KNOB_EFFECT ? add_effect(run, way, usual, mine, top, &worse, err) : STATUS_OK;
+        study_text_set(&c->note, "but a few pixels change by more");
+    if (way->knob == KNOB_EFFECT)
+        add_effect(run, way, usual, mine, top, &worse);
+    return STATUS_OK;
 }
 
 /* The usual way is in each question, without points: its curve is the main one. */
-static status add_usual(struct study_run *run, const struct way *way, struct error *err)
+static void add_usual(struct study_run *run, const struct way *way)
 {
-    struct study_question *q = question_of(run->study, way_title(way->knob), err);
-    struct study_choice *c = q ? study_add_choice(q) : NULL;
+    struct study_question *q = question_of(run->study, way_title(way->knob));
+    struct study_choice *c = study_add_choice(q);
     struct measured none = {0};
 
-    if (!c)
-        return error_no_memory(err, "a choice");
     c->baseline = 1;
-    return set_texts(c, way, &none, err);
+    set_texts(c, way, &none);
 }
 
 static int all_known(const struct study_run *run, const struct plan *plan)
@@ -368,18 +349,20 @@ static int has_alternative(const struct study_run *run, const struct plan *plan,
     return 0;
 }
 
-static status one_way(struct study_run *run, const struct plan *plan, size_t i,
-                      const struct levels *levels, const struct measured *usual, struct error *err)
+static status one_way(struct study_run *run, const struct plan *plan, size_t i, const struct levels *levels,
+                      const struct measured *usual, struct error *err)
 {
     const struct way *way = &plan->ways[i];
     const struct study_point *rival;
     struct measured mine = {0}, main_curve = {0};
+    const uint32_t probe_spp = run->usual_spp;
     struct levels one;
     char what[160];
-    status result;
+    status result = STATUS_OK;
 
     if (plan_is_usual(run, plan, i)) {
-        result = has_alternative(run, plan, way->knob) ? add_usual(run, way, err) : STATUS_OK;
+        if (has_alternative(run, plan, way->knob))
+            add_usual(run, way);
     } else {
         if (way->knob == KNOB_ALLOCATION && (rival = adaptive_rival(run->study, levels)) != NULL) {
             one = levels_to((uint32_t)(rival->samples + 0.5), 1);
@@ -389,13 +372,15 @@ static status one_way(struct study_run *run, const struct plan *plan, size_t i,
             levels = &one;
         }
         snprintf(what, sizeof what, "%s: %s", way_title(way->knob), way->name);
-        result = way->knob == KNOB_PRECISION ? run->connect(run->user, 1, err) : STATUS_OK;
-        if (result == STATUS_OK)
-            result = measure(run, &plan->requests[i], what, levels, usual, &mine, err);
+        if (way->knob == KNOB_PRECISION) { /* those workers cannot render the probe */
+            run->usual_spp = 0;
+            result = run->connect(run->user, 1, err);
+        }
+        THEN(result, measure(run, &plan->requests[i], what, levels, usual, &mine, err));
+        run->usual_spp = probe_spp;
         if (result == STATUS_OK && way->knob == KNOB_PRECISION)
             result = run->connect(run->user, 0, err);
-        if (result == STATUS_OK)
-            result = add_choice(run, way, usual, &mine, levels, err);
+        THEN(result, add_choice(run, way, usual, &mine, levels, err));
     }
     measured_release(&mine);
     return result == STATUS_OK ? run->save(run->user, err) : result;
@@ -420,13 +405,11 @@ status run_choices(struct study_run *run, struct error *err)
 
     if (!run->usual.pixels) { /* the main curve is an earlier run's */
         struct trial pair[2] = {0};
-        result = run_pair(run, run->request, RUN_SPP_FIRST * 4, run->request->settings.seed,
-                          "the usual way", pair, err);
-        if (result == STATUS_OK)
-            result = pair_mean(&run->usual, &pair[0].picture, &pair[1].picture, err);
-        if (result == STATUS_OK)
-            result = shown_meter(&run->shown, &run->usual, &run->request->output.tonemap,
-                                 &run->request->output.tonemap_file, err);
+        result =
+            run_pair(run, run->request, RUN_SPP_FIRST * 4, run->request->settings.seed, "the usual way", pair, err);
+        THEN(result, pair_mean(&run->usual, &pair[0].picture, &pair[1].picture, err));
+        THEN(result, shown_meter(&run->shown, &run->usual, &run->request->output.tonemap,
+                                 &run->request->output.tonemap_file, err));
         trial_release(&pair[1]);
         trial_release(&pair[0]);
         if (result != STATUS_OK)
@@ -442,6 +425,7 @@ status run_choices(struct study_run *run, struct error *err)
     run->steps = missing + 1;
     if (missing)
         result = measure(run, run->request, "the usual way", &levels, NULL, &usual, err);
+    run->usual_spp = levels.spp[levels.count - 1];
     for (size_t i = 0; i < plan.count && result == STATUS_OK; i++) {
         if (is_known(run->study, &plan.ways[i]))
             continue;

@@ -1,12 +1,12 @@
-/* The main curve: pairs of pictures with twice the samples each time, and the results of the last
- * one. */
+/* The main curve: pairs of pictures with twice the samples each time, and the results of the last one. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "client/study/run.h"
-#include "client/study/study_fields.h"
-#include "client/study/study_words.h"
+#include "client/study/data/study_fields.h"
+#include "client/study/data/study_words.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
 
@@ -14,43 +14,37 @@ enum { CROP_SIDE = 96, CROPS = 3, REGIONS = 2, PIXEL_BINS = 12, TAIL_DECADES = 4
 #define MAIN_SHARE 0.4 /* of the budget */
 
 /* The root mean square error of each tile, in codes. */
-static status set_tile_errors(struct study *s, const float *pixels, uint32_t width, uint32_t height,
-                              struct error *err)
+static void set_tile_errors(struct study *s, const float *pixels, uint32_t width, uint32_t height)
 {
     const uint32_t columns = tiles_across(width), rows = tiles_across(height);
-    double *sum = mem_calloc((size_t)columns * rows, sizeof *sum);
-    double *count = mem_calloc((size_t)columns * rows, sizeof *count);
-    status result = sum && count ? STATUS_OK : error_no_memory(err, "a map of tiles");
+    double *sum = must(mem_calloc((size_t)columns * rows, sizeof *sum));
+    double *count = must(mem_calloc((size_t)columns * rows, sizeof *count));
 
     s->tile_error.values.count = 0;
     if ((size_t)columns * rows > STUDY_NUMBERS_MAX) { /* a study holds no such map */
         mem_free(count);
         mem_free(sum);
-        return result;
+        return;
     }
-    for (size_t i = 0; result == STATUS_OK && i < (size_t)width * height; i++) {
+    for (size_t i = 0; i < (size_t)width * height; i++) {
         const size_t tile = i / width / TILE_SIZE * columns + i % width / TILE_SIZE;
         sum[tile] += (double)pixels[i] * (double)pixels[i];
         count[tile]++;
     }
     s->tile_error.columns = columns;
     s->tile_error.rows = rows;
-    for (size_t i = 0; result == STATUS_OK && i < (size_t)columns * rows; i++)
-        if (!study_numbers_add(&s->tile_error.values, sqrt(sum[i] / count[i])))
-            result = error_no_memory(err, "a map of tiles");
+    for (size_t i = 0; i < (size_t)columns * rows; i++)
+        study_numbers_add(&s->tile_error.values, sqrt(sum[i] / count[i]));
     mem_free(count);
     mem_free(sum);
-    return result;
 }
 
 /* Pixels by error: below 1/8, 1/4, 1/2, ... codes. */
-static status set_histogram(struct study *s, const float *pixels, size_t count, struct error *err)
+static void set_histogram(struct study *s, const float *pixels, size_t count)
 {
     s->histogram.count = 0;
     for (int i = 0; i < PIXEL_BINS; i++) {
         struct study_bin *bin = study_add_bin(s);
-        if (!bin)
-            return error_no_memory(err, "a histogram");
         *bin = (struct study_bin){i ? ldexp(1, i - 4) : 0, i == PIXEL_BINS - 1 ? 256 : ldexp(1, i - 3), 0};
     }
     for (size_t i = 0; i < count; i++) {
@@ -59,7 +53,6 @@ static status set_histogram(struct study *s, const float *pixels, size_t count, 
             bin++;
         s->histogram.items[bin].count++;
     }
-    return STATUS_OK;
 }
 
 /* From the worst ten-thousandth of the pixels, or a single pixel, to all of them. */
@@ -76,9 +69,10 @@ static status set_tail(struct study_run *run, const struct image pair[2], struct
             pixels[count++] = pow(10, (double)i / TAIL_STEPS);
     result = pair_tail_of(held, pixels, count, &pair[0], &pair[1], err);
     tail->pixels.count = tail->error.count = 0;
-    for (size_t i = 0; i < count && result == STATUS_OK; i++)
-        if (!study_numbers_add(&tail->pixels, pixels[i]) || !study_numbers_add(&tail->error, held[i]))
-            result = error_no_memory(err, "a tail");
+    for (size_t i = 0; i < count && result == STATUS_OK; i++) {
+        study_numbers_add(&tail->pixels, pixels[i]);
+        study_numbers_add(&tail->error, held[i]);
+    }
     return result;
 }
 
@@ -93,10 +87,9 @@ static int rising(const void *a, const void *b)
 static double error_of_region(const struct study_map *map, int worst)
 {
     const size_t count = map->values.count;
-    double *sorted = mem_memdup(map->values.items, count * sizeof *sorted), value;
+    double *sorted = must(mem_memdup(map->values.items, count * sizeof *sorted)), value;
 
-    if (!sorted)
-        return 0; /* any region will do */
+    /* any region will do */
     qsort(sorted, count, sizeof *sorted, rising);
     value = sorted[worst ? count - 1 : count / 2];
     mem_free(sorted);
@@ -134,14 +127,13 @@ static void choose_region(const struct study_map *map, int worst, uint32_t width
     out->y = corner_of(best / columns, height, crop);
 }
 
-static status add_crop(struct study_run *run, struct study_region *region, size_t point,
-                       struct error *err)
+static status add_crop(struct study_run *run, struct study_region *region, size_t point, struct error *err)
 {
     const struct image *in = &run->pairs[point][0];
     const uint32_t side = crop_side(in->width, in->height);
     struct study_crop *crop = study_add_crop(region);
     struct image codes = {0};
-    status result = crop ? shown_codes(&run->shown, &codes, in, err) : error_no_memory(err, "a crop");
+    status result = shown_codes(&run->shown, &codes, in, err);
 
     if (result == STATUS_OK) {
         struct study_picture *p = &crop->picture;
@@ -149,13 +141,11 @@ static status add_crop(struct study_run *run, struct study_region *region, size_
         crop->codes = run->study->points.items[point].codes.value;
         p->width = in->width < side ? in->width : side;
         p->height = in->height < side ? in->height : side;
-        p->rgb = mem_alloc_array((size_t)p->width * p->height, 3);
-        if (!p->rgb)
-            result = error_no_memory(err, "a crop");
-        for (size_t y = 0; result == STATUS_OK && y < p->height; y++)
+        p->rgb = must(mem_alloc_array((size_t)p->width * p->height, 3));
+        for (size_t y = 0; y < p->height; y++)
             for (size_t x = 0; x < 3 * (size_t)p->width; x++)
-                p->rgb[3 * y * p->width + x] = (uint8_t)lroundf(
-                    codes.pixels[3 * ((y + (size_t)region->y) * in->width + (size_t)region->x) + x]);
+                p->rgb[3 * y * p->width + x] =
+                    (uint8_t)lroundf(codes.pixels[3 * ((y + (size_t)region->y) * in->width + (size_t)region->x) + x]);
     }
     image_release(&codes);
     return result;
@@ -171,9 +161,7 @@ static status set_regions(struct study_run *run, size_t first, struct error *err
 
     for (int i = 0; i < REGIONS && result == STATUS_OK; i++) {
         struct study_region *region = study_add_region(run->study);
-        if (!region)
-            return error_no_memory(err, "a region");
-        result = study_text_set(&region->label, labels[i], err);
+        study_text_set(&region->label, labels[i]);
         choose_region(&run->study->tile_error, i, picture->width, picture->height, region);
         for (size_t k = 0; k < CROPS && result == STATUS_OK; k++)
             if (k == 0 || span * k / (CROPS - 1) > span * (k - 1) / (CROPS - 1))
@@ -183,7 +171,7 @@ static status set_regions(struct study_run *run, size_t first, struct error *err
 }
 
 /* Would the first points have predicted the cost of the last one? */
-static status set_predictions(struct study *s, struct error *err)
+static void set_predictions(struct study *s)
 {
     const struct study_point *last = study_last_point(s);
     const struct study_fit whole = s->fit;
@@ -192,8 +180,6 @@ static status set_predictions(struct study *s, struct error *err)
     s->predictions.count = 0;
     for (size_t k = 3; k < count; k++) {
         struct study_prediction *p = study_add_prediction(s);
-        if (!p)
-            return error_no_memory(err, "a prediction");
         study_fit_points(&s->fit, s->points.items, k);
         p->round = (double)k;
         p->core_s_then = s->points.items[k - 1].core_s;
@@ -202,7 +188,6 @@ static status set_predictions(struct study *s, struct error *err)
         p->core_s_true = last->core_s;
         s->fit = whole;
     }
-    return STATUS_OK;
 }
 
 static status measure_point(struct study_run *run, size_t point, float *pixels, struct error *err)
@@ -212,6 +197,8 @@ static status measure_point(struct study_run *run, size_t point, float *pixels, 
 
     if (result == STATUS_OK)
         run_point_error(&run->study->points.items[point], &e);
+    THEN(result,
+         run_point_reference(run, &run->study->points.items[point], &run->pairs[point][0], &run->pairs[point][1], err));
     return result;
 }
 
@@ -229,28 +216,24 @@ static status finish(struct study_run *run, struct error *err)
         return STATUS_OK; /* an earlier run's */
     image_release(&run->usual);
     result = pair_mean(&run->usual, picture, &run->pairs[last][1], err);
-    pixels = mem_alloc_array((size_t)picture->width * picture->height, sizeof *pixels);
-    if (result == STATUS_OK && !pixels)
-        result = error_no_memory(err, "errors of pixels");
-    if (result == STATUS_OK)
-        result = shown_meter(&run->shown, &run->usual, &run->request->output.tonemap,
-                             &run->request->output.tonemap_file, err);
+    pixels = must(mem_alloc_array((size_t)picture->width * picture->height, sizeof *pixels));
+    THEN(result,
+         shown_meter(&run->shown, &run->usual, &run->request->output.tonemap, &run->request->output.tonemap_file, err));
     for (size_t i = 0; i <= last && result == STATUS_OK; i++)
         if (run->pairs[i][0].pixels) {
             first = i < first ? i : first;
             result = measure_point(run, i, pixels, err);
         }
     if (result == STATUS_OK)
-        result = set_tile_errors(s, pixels, picture->width, picture->height, err);
+        set_tile_errors(s, pixels, picture->width, picture->height);
     if (result == STATUS_OK)
-        result = set_histogram(s, pixels, (size_t)picture->width * picture->height, err);
-    if (result == STATUS_OK)
-        result = set_tail(run, run->pairs[last], err);
+        set_histogram(s, pixels, (size_t)picture->width * picture->height);
+    THEN(result, set_tail(run, run->pairs[last], err));
     study_fit_points(&s->fit, s->points.items, s->points.count);
     if (result == STATUS_OK && s->regions.count == 0 && s->tile_error.values.count > 0)
         result = set_regions(run, first, err);
     if (result == STATUS_OK)
-        result = set_predictions(s, err);
+        set_predictions(s);
     mem_free(pixels);
     return result;
 }
@@ -264,13 +247,7 @@ static status add_point(struct study_run *run, uint32_t spp, struct error *err)
     status result = run_pair(run, run->request, spp, run->request->settings.seed, "main curve", pair, err);
 
     if (result == STATUS_OK) {
-        struct study_point *p = study_add_point(&s->points);
-        if (!p)
-            result = error_no_memory(err, "a point");
-        else
-            result = run_point_set(p, pair, err);
-    }
-    if (result == STATUS_OK) {
+        run_point_set(study_add_point(&s->points), pair);
         s->tail.index = pair_judge(&pair[0].figures, &pair[1].figures)->tail_index;
         s->traversal_share = pair[0].trace_s > 0 ? pair[0].trace_s / pair[0].core_s : NAN;
         for (size_t i = 0; i < 2; i++) {
@@ -278,14 +255,11 @@ static status add_point(struct study_run *run, uint32_t spp, struct error *err)
             memset(&pair[i].picture, 0, sizeof pair[i].picture);
         }
         result = pair_mean(&mean, &run->pairs[at][0], &run->pairs[at][1], err);
-        if (result == STATUS_OK)
-            result = shown_meter(&run->shown, &mean, &run->request->output.tonemap,
-                                 &run->request->output.tonemap_file, err);
-        if (result == STATUS_OK)
-            result = measure_point(run, at, NULL, err);
+        THEN(result,
+             shown_meter(&run->shown, &mean, &run->request->output.tonemap, &run->request->output.tonemap_file, err));
+        THEN(result, measure_point(run, at, NULL, err));
         study_fit_points(&s->fit, s->points.items, s->points.count);
-        if (result == STATUS_OK)
-            result = run->save(run->user, err);
+        THEN(result, run->save(run->user, err));
     }
     image_release(&mean);
     trial_release(&pair[1]);
@@ -302,8 +276,7 @@ status run_main(struct study_run *run, struct error *err)
     while (result == STATUS_OK && s->points.count < RUN_POINTS_MAX) {
         const struct study_point *last = study_last_point(s);
         const uint32_t spp = last ? (uint32_t)(2 * last->samples + 0.5) : RUN_SPP_FIRST;
-        /* Render three points for a curve even if they take long, unless they would exceed the
-         * budget. */
+        /* Render three points for a curve even if they take long, unless they would exceed the budget. */
         const double left = run_left_s(run) - (s->points.count < 3 ? 0 : until);
         if (spp > run->spp_most || (last && 2 * run_picture_s(run, spp) > left))
             break;

@@ -1,7 +1,6 @@
 /* The ways, what each sets, and whether its question arises. */
 #include "client/study/run_ways.h"
-
-#include <string.h>
+#include "common/scene/scene_effects.h"
 
 static const char *const titles[KNOB_COUNT] = {
     "Adaptive sampling", "Sampler", "Environment sampling", "Choice of lights", "Path depth", "Russian roulette",
@@ -98,8 +97,7 @@ static int arises(const struct study_run *run, const struct way *way, uint64_t s
     case KNOB_ROBUST: return way->value == 0 || s->bvh_quality != BVH_QUALITY_HIGH;
     case KNOB_FILTER: return (set & EFFECT_TEXTURE) != 0;
     /* The processors of other machines are not known here. */
-    case KNOB_ISA: return (int)s->isa == way->value ||
-                          (run->local && (isa_supported_mask() >> way->value & 1));
+    case KNOB_ISA: return (int)s->isa == way->value || (run->local && (isa_supported_mask() >> way->value & 1));
     case KNOB_PRECISION: return run->connect != NULL;
     case KNOB_EFFECT: return (set & EFFECTS_SWITCHABLE) >> way->value & 1;
     default: return 1;
@@ -108,8 +106,7 @@ static int arises(const struct study_run *run, const struct way *way, uint64_t s
 
 void plan_make(struct plan *plan, const struct study_run *run)
 {
-    const uint64_t set = scene_effects(&run->scene->scene, &run->request->settings,
-                                       run->request->first_frame, NULL);
+    const uint64_t set = scene_effects(&run->scene->scene, &run->request->settings, run->request->first_frame, NULL);
     const double mean = mean_radiance(&run->usual);
 
     plan->count = 0;
@@ -133,8 +130,7 @@ int plan_is_usual(const struct study_run *run, const struct plan *plan, size_t i
 
     return !(plan->ways[i].knob == KNOB_PRECISION && plan->ways[i].value) &&
            render_settings_equal(&request->settings, &run->request->settings) &&
-           request->output.half == run->request->output.half &&
-           request->stop.adaptive == run->request->stop.adaptive;
+           request->output.half == run->request->output.half && request->stop.adaptive == run->request->stop.adaptive;
 }
 
 void plan_drop(struct plan *plan, enum knob knob)
@@ -149,10 +145,7 @@ void plan_drop(struct plan *plan, enum knob knob)
     plan->count = kept;
 }
 
-const char *way_title(enum knob knob)
-{
-    return titles[knob];
-}
+const char *way_title(enum knob knob) { return titles[knob]; }
 
 int way_is_unbiased(const struct way *way, const struct render_settings *usual)
 {

@@ -1,6 +1,5 @@
 /* run_ways: the other ways of rendering that a study tries, and which of them a scene calls for. */
-#ifndef AZULEJO_CLIENT_STUDY_RUN_WAYS_H
-#define AZULEJO_CLIENT_STUDY_RUN_WAYS_H
+#pragma once
 
 #include "client/study/run.h"
 #include "common/scene/effects.h"
@@ -34,5 +33,3 @@ int way_is_unbiased(const struct way *way, const struct render_settings *usual);
 void plan_make(struct plan *plan, const struct study_run *run);
 void plan_drop(struct plan *plan, enum knob knob);
 int plan_is_usual(const struct study_run *run, const struct plan *plan, size_t i);
-
-#endif

@@ -8,10 +8,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "client/farm/child.h"
-#include "client/study/study_page.h"
-#include "client/study/study_plot.h"
-#include "common/base/file.h"
+#include "client/link/child.h"
+#include "client/study/page/study_page.h"
+#include "client/study/page/study_plot.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
 #include "common/base/number.h"
 
 #define CONVERTER "rsvg-convert"
@@ -42,8 +43,7 @@ static void csv_interval(struct buffer *out, const struct study_interval *v)
     csv_number(out, v->high);
 }
 
-static void csv_points(struct buffer *out, const char *title, const char *name,
-                       const study_points *points)
+static void csv_points(struct buffer *out, const char *title, const char *name, const study_points *points)
 {
     for (size_t i = 0; i < points->count; i++) {
         const struct study_point *p = &points->items[i];
@@ -62,6 +62,9 @@ static void csv_points(struct buffer *out, const char *title, const char *name,
         csv_number(out, p->top_share);
         buffer_puts(out, ",");
         csv_text(out, p->reason);
+        csv_interval(out, &p->seeds);
+        csv_interval(out, &p->relmse);
+        csv_interval(out, &p->flip);
         buffer_puts(out, "\r\n");
     }
 }
@@ -69,7 +72,8 @@ static void csv_points(struct buffer *out, const char *title, const char *name,
 void study_csv(struct buffer *out, const struct study *s)
 {
     buffer_puts(out, "question,choice,core_s,wall_s,samples,rays,codes,codes_low,codes_high,psnr_db,"
-                     "rmse,rmse_low,rmse_high,reliable,top_share,reason\r\n");
+                     "rmse,rmse_low,rmse_high,reliable,top_share,reason,seeds,seeds_low,seeds_high,"
+                     "relmse,relmse_low,relmse_high,flip,flip_low,flip_high\r\n");
     csv_points(out, "", "main", &s->points);
     for (size_t i = 0; i < s->questions.count; i++)
         for (size_t k = 0; k < s->questions.items[i].choices.count; k++)
@@ -91,11 +95,11 @@ static status read_all(int fd, struct buffer *out, struct error *err)
         if (got < 0)
             return error_set(err, STATUS_ERR_IO, CONVERTER ": %s", strerror(errno));
         if (out->size + (size_t)got > PNG_BYTES_MAX)
-            return error_set(err, STATUS_ERR_LIMIT, CONVERTER " writes more than %d bytes",
-                             (int)PNG_BYTES_MAX);
+            return error_set(err, STATUS_ERR_LIMIT, CONVERTER " writes more than %d bytes", (int)PNG_BYTES_MAX);
         buffer_append(out, block, (size_t)got);
     }
-    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a plot");
+    must_hold(out);
+    return STATUS_OK;
 }
 
 static status run_converter(char *program, char *svg, struct buffer *png, struct error *err)
@@ -119,8 +123,7 @@ static status run_converter(char *program, char *svg, struct buffer *png, struct
         if (result == STATUS_OK && child.wait_status != 0) {
             char how[128];
             child_describe_end(&child, how, sizeof how);
-            result = error_set(err, STATUS_ERR_INCOMPLETE, "%s: %s %s, so there is no PNG of it", svg,
-                               CONVERTER, how);
+            result = error_set(err, STATUS_ERR_INCOMPLETE, "%s: %s %s, so there is no PNG of it", svg, CONVERTER, how);
         }
     }
     if (ends[0] >= 0)
@@ -135,8 +138,7 @@ static status convert(const char *program, struct buffer *path, struct error *er
     status result;
 
     buffer_puts(&program_path, program);
-    if (!buffer_ok(&program_path))
-        return error_no_memory(err, "a path");
+    must_hold(&program_path);
     result = run_converter((char *)program_path.data, (char *)path->data, &png, err);
     if (result == STATUS_OK) {
         memcpy(path->data + path->size - 3, "png", 3);
@@ -150,15 +152,15 @@ static status convert(const char *program, struct buffer *path, struct error *er
 /* ---- all files ----------------------------------------------------------------------------- */
 
 /* Write `text` to STEM + `end`, unless `made`, the status of making them, is a failure. */
-static status put_file(const char *page, const char *end, const struct buffer *text, status made,
-                       struct buffer *path, struct error *err)
+static status put_file(const char *page, const char *end, const struct buffer *text, status made, struct buffer *path,
+                       struct error *err)
 {
     if (made != STATUS_OK)
         return made;
     buffer_clear(path);
     buffer_printf(path, "%.*s%s", (int)(strlen(page) - strlen(".html")), page, end);
-    if (!buffer_ok(path) || !buffer_ok(text))
-        return error_no_memory(err, "the study's files");
+    must_hold(path);
+    must_hold(text);
     return file_write_atomic(buffer_text(path), text->data, text->size, err);
 }
 
@@ -179,8 +181,8 @@ static status write_plots(const struct study *s, const char *page, struct error 
             continue;
         buffer_clear(&text);
         buffer_printf(&end, "-%s.svg", study_figure_names[f]);
-        result = put_file(page, buffer_text(&end), &text,
-                          study_figure_file(&text, s, (enum study_figure)f, err), &path, err);
+        study_figure_file(&text, s, (enum study_figure)f);
+        result = put_file(page, buffer_text(&end), &text, STATUS_OK, &path, err);
         if (result == STATUS_OK && program.size && !missing.code) {
             result = convert(buffer_text(&program), &path, err);
             if (result == STATUS_ERR_INCOMPLETE) {

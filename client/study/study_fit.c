@@ -1,60 +1,42 @@
-/* The power law through measured points, and whether it would have predicted them. */
+/* The law of prices (common/accuracy/price.h) through measured points. */
 #include <math.h>
 
 #include "client/study/run.h"
+#include "common/accuracy/price.h"
 
-/* ln of a point's error, and its uncertainty. */
-static int log_point(const struct study_point *p, double *x, double *y, double *weight)
+enum { POINTS_MIN = 3 };
+
+static struct study_interval interval_of(struct accuracy_estimate e)
 {
-    double width = (p->codes.high - p->codes.low) / (2 * p->codes.value * 1.96);
+    return (struct study_interval){e.value, e.lo, e.hi};
+}
 
-    if (!(p->core_s > 0) || !(p->codes.value > 0))
-        return 0;
-    *x = log(p->core_s);
-    *y = log(p->codes.value);
-    /* At least 2 %: the law is only a model, and one point must not outweigh all others. */
-    width = isfinite(width) ? fmax(width, 0.02) : 1;
-    *weight = 1 / (width * width);
-    return 1;
+/* Points whose work is not known have it by their time, with no start. */
+static struct price_point price_point_of(const struct study_point *p, int work_known)
+{
+    return (struct price_point){
+        .core_s = p->core_s, .samples = work_known ? p->samples : p->core_s, .rays = work_known ? p->rays : 0,
+        .figures = {.known = 1, .display_error = p->codes.value, .display_lo = p->codes.low, .display_hi = p->codes.high}};
 }
 
 void study_fit_points(struct study_fit *fit, const struct study_point *points, size_t count)
 {
-    double w_sum = 0, x_mean = 0, y_mean = 0, xx = 0, xy = 0, squares = 0;
-    double slope, scatter, t, at_pivot;
-    unsigned used = 0;
-    double x, y, w;
+    struct price_point known[RUN_POINTS_MAX];
+    struct prices prices;
+    size_t used = 0;
+    int work_known = 1;
 
-    *fit = (struct study_fit){{NAN, NAN, NAN}, NAN, {NAN, NAN, NAN}};
+    *fit = (struct study_fit){{NAN, NAN, NAN}, NAN, NAN, {NAN, NAN, NAN}};
     for (size_t i = 0; i < count; i++)
-        if (log_point(&points[i], &x, &y, &w)) {
-            w_sum += w;
-            x_mean += w * x;
-            y_mean += w * y;
-            used++;
-        }
-    if (used < 3)
+        work_known &= points[i].samples > 0;
+    for (size_t i = 0; i < count && used < RUN_POINTS_MAX; i++)
+        if (points[i].core_s > 0 && points[i].codes.value > 0)
+            known[used++] = price_point_of(&points[i], work_known);
+    if (used < POINTS_MIN)
         return;
-    x_mean /= w_sum;
-    y_mean /= w_sum;
-    for (size_t i = 0; i < count; i++)
-        if (log_point(&points[i], &x, &y, &w)) {
-            xx += w * (x - x_mean) * (x - x_mean);
-            xy += w * (x - x_mean) * (y - y_mean);
-        }
-    if (!(xx > 0))
-        return;
-    slope = xy / xx;
-    for (size_t i = 0; i < count; i++)
-        if (log_point(&points[i], &x, &y, &w))
-            squares += w * pow(y - y_mean - slope * (x - x_mean), 2);
-    /* The points' own uncertainty, or their scatter around the law if that is larger. */
-    scatter = sqrt(fmax(1, squares / (used - 2)));
-    t = scatter > 1 ? student_t95(used - 2) : 1.96;
-    at_pivot = t * scatter / sqrt(w_sum);
-    fit->exponent = (struct study_interval){-slope, -slope - t * scatter / sqrt(xx),
-                                            -slope + t * scatter / sqrt(xx)};
-    fit->pivot_core_s = exp(x_mean);
-    fit->codes_at_pivot = (struct study_interval){exp(y_mean), exp(y_mean - at_pivot),
-                                                  exp(y_mean + at_pivot)};
+    prices_fit(&prices, known, used, ALLOCATION_DISPLAY);
+    fit->exponent = interval_of(accuracy_curve_exponent(&prices.curve));
+    fit->pivot_core_s = prices.core_s;
+    fit->start_core_s = fmax(0, prices.core_s - prices.work * prices.work_core_s);
+    fit->codes_at_pivot = interval_of(accuracy_curve_error(&prices.curve, prices.work));
 }

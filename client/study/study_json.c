@@ -5,7 +5,8 @@
 #include <string.h>
 
 #include "client/terminal/json.h"
-#include "client/study/study_fields.h"
+#include "client/study/data/study_fields.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
 
@@ -35,7 +36,8 @@ static json_t *picture_json(const char *at, struct error *err)
         return json_null();
     if (study_picture_png(&png, &picture, err) == STATUS_OK) {
         study_base64(&text, png.data, png.size);
-        value = buffer_ok(&text) ? json_string(buffer_text(&text)) : NULL;
+        must_hold(&text);
+        value = json_string(buffer_text(&text));
     }
     buffer_release(&text);
     buffer_release(&png);
@@ -73,24 +75,14 @@ static json_t *field_json(const struct study_field *f, const char *at, struct er
     char *text;
 
     switch (f->kind) {
-    case STUDY_NUMBER:
-        memcpy(&number, at, sizeof number);
-        return json_number(number);
-    case STUDY_FLAG:
-        memcpy(&flag, at, sizeof flag);
-        return json_boolean(flag);
-    case STUDY_TEXT:
-        memcpy(&text, at, sizeof text);
-        return text ? json_text(text) : json_null();
-    case STUDY_INTERVAL:
-        return interval_json(at);
-    case STUDY_PIXELS:
-        return picture_json(at, err);
-    case STUDY_PART:
-        return part_json(at, f->shape, err);
+    case STUDY_NUMBER: memcpy(&number, at, sizeof number); return json_number(number);
+    case STUDY_FLAG: memcpy(&flag, at, sizeof flag); return json_boolean(flag);
+    case STUDY_TEXT: memcpy(&text, at, sizeof text); return text ? json_text(text) : json_null();
+    case STUDY_INTERVAL: return interval_json(at);
+    case STUDY_PIXELS: return picture_json(at, err);
+    case STUDY_PART: return part_json(at, f->shape, err);
     case STUDY_NUMBERS:
-    case STUDY_ITEMS:
-        return list_json(f, at, err);
+    case STUDY_ITEMS: return list_json(f, at, err);
     }
     return NULL;
 }
@@ -116,13 +108,11 @@ status study_write(struct buffer *out, const struct study *s, struct error *err)
     status result = STATUS_OK;
 
     if (!whole || json_object_update(whole, body) != 0)
-        result = inner.text[0] ? error_set(err, inner.code, "%s", inner.text)
-                               : error_no_memory(err, "a study as JSON");
+        result = error_set(err, inner.code, "%s", inner.text);
     else
         json_write(out, whole);
     buffer_puts(out, "\n");
-    if (result == STATUS_OK && !buffer_ok(out))
-        result = error_no_memory(err, "a study as JSON");
+    must_hold(out);
     json_decref(whole);
     json_decref(body);
     return result;
@@ -136,13 +126,11 @@ struct reader {
     struct error *err;
 };
 
-static status part_read(struct reader *r, void *part, const struct study_shape *shape,
-                        const json_t *object);
+static status part_read(struct reader *r, void *part, const struct study_shape *shape, const json_t *object);
 
 static status refuse(struct reader *r, const char *wanted)
 {
-    return error_set(r->err, STATUS_ERR_INPUT,
-                     "%s: %s is not %s; make the study again, or correct the file", r->name,
+    return error_set(r->err, STATUS_ERR_INPUT, "%s: %s is not %s; make the study again, or correct the file", r->name,
                      r->place[0] ? r->place : "the document", wanted);
 }
 
@@ -157,8 +145,8 @@ static status interval_read(struct reader *r, char *at, const json_t *value)
     struct study_interval v;
 
     if (json_array_size(value) != 3 || !number_read(json_array_get(value, 0), &v.value) ||
-        !number_read(json_array_get(value, 1), &v.low) ||
-        !number_read(json_array_get(value, 2), &v.high) || v.low > v.high)
+        !number_read(json_array_get(value, 1), &v.low) || !number_read(json_array_get(value, 2), &v.high) ||
+        v.low > v.high)
         return refuse(r, "[value, low, high]");
     memcpy(at, &v, sizeof v);
     return STATUS_OK;
@@ -172,9 +160,7 @@ static status text_read(struct reader *r, char *at, const json_t *value)
         return STATUS_OK;
     if (!json_is_string(value) || json_string_length(value) > STUDY_TEXT_MAX)
         return refuse(r, "a text of at most 4096 bytes");
-    text = mem_strdup(json_string_value(value));
-    if (!text)
-        return error_no_memory(r->err, "a study's text");
+    text = must(mem_strdup(json_string_value(value)));
     memcpy(at, &text, sizeof text);
     return STATUS_OK;
 }
@@ -182,7 +168,7 @@ static status text_read(struct reader *r, char *at, const json_t *value)
 /* Decode base64; *size_bytes is set. NULL: invalid, or out of memory. */
 static uint8_t *base64_read(const char *text, size_t length, size_t *size_bytes)
 {
-    uint8_t *bytes = length % 4 == 0 && length < 1 << 28 ? mem_alloc(length / 4 * 3 + 1) : NULL;
+    uint8_t *bytes = length % 4 == 0 && length < 1 << 28 ? must(mem_alloc(length / 4 * 3 + 1)) : NULL;
     int got = bytes ? EVP_DecodeBlock(bytes, (const uint8_t *)text, (int)length) : -1;
 
     if (got < 0) {
@@ -203,9 +189,7 @@ static status picture_read(struct reader *r, char *at, const json_t *value)
 
     if (json_is_null(value))
         return STATUS_OK;
-    png = json_is_string(value)
-              ? base64_read(json_string_value(value), json_string_length(value), &size_bytes)
-              : NULL;
+    png = json_is_string(value) ? base64_read(json_string_value(value), json_string_length(value), &size_bytes) : NULL;
     if (!png)
         return refuse(r, "a PNG file in base64");
     result = png_decode(&image, png, size_bytes, r->place, r->err);
@@ -224,8 +208,7 @@ static status picture_read(struct reader *r, char *at, const json_t *value)
     return result;
 }
 
-static status list_read(struct reader *r, const struct study_field *f, char *at,
-                        const json_t *value)
+static status list_read(struct reader *r, const struct study_field *f, char *at, const json_t *value)
 {
     const size_t most = f->kind == STUDY_NUMBERS ? STUDY_NUMBERS_MAX : STUDY_LIST_MAX;
     const size_t place = strlen(r->place);
@@ -234,8 +217,8 @@ static status list_read(struct reader *r, const struct study_field *f, char *at,
     if (!json_is_array(value))
         return refuse(r, "a list");
     if (json_array_size(value) > most)
-        return error_set(r->err, STATUS_ERR_LIMIT, "%s: %s has %zu entries, more than %zu", r->name,
-                         r->place, json_array_size(value), most);
+        return error_set(r->err, STATUS_ERR_LIMIT, "%s: %s has %zu entries, more than %zu", r->name, r->place,
+                         json_array_size(value), most);
     for (size_t i = 0; i < json_array_size(value) && result == STATUS_OK; i++) {
         const json_t *entry = json_array_get(value, i);
 
@@ -244,20 +227,17 @@ static status list_read(struct reader *r, const struct study_field *f, char *at,
             double number;
             if (!number_read(entry, &number))
                 result = refuse(r, "a number or null");
-            else if (!study_numbers_add(at, number))
-                result = error_no_memory(r->err, "a study");
+            else
+                study_numbers_add(at, number);
         } else {
-            void *item = study_list_add(at, f->shape, most);
-            result = item ? part_read(r, item, f->shape, entry)
-                          : error_no_memory(r->err, "a study");
+            result = part_read(r, study_list_add(at, f->shape, most), f->shape, entry);
         }
     }
     r->place[place] = 0;
     return result;
 }
 
-static status field_read(struct reader *r, const struct study_field *f, char *at,
-                         const json_t *value)
+static status field_read(struct reader *r, const struct study_field *f, char *at, const json_t *value)
 {
     double number;
     int flag;
@@ -274,24 +254,18 @@ static status field_read(struct reader *r, const struct study_field *f, char *at
         flag = json_is_true(value);
         memcpy(at, &flag, sizeof flag);
         return STATUS_OK;
-    case STUDY_TEXT:
-        return text_read(r, at, value);
-    case STUDY_INTERVAL:
-        return interval_read(r, at, value);
-    case STUDY_PIXELS:
-        return picture_read(r, at, value);
-    case STUDY_PART:
-        return part_read(r, at, f->shape, value);
+    case STUDY_TEXT: return text_read(r, at, value);
+    case STUDY_INTERVAL: return interval_read(r, at, value);
+    case STUDY_PIXELS: return picture_read(r, at, value);
+    case STUDY_PART: return part_read(r, at, f->shape, value);
     case STUDY_NUMBERS:
-    case STUDY_ITEMS:
-        return list_read(r, f, at, value);
+    case STUDY_ITEMS: return list_read(r, f, at, value);
     }
     return STATUS_OK;
 }
 
 /* A missing field stays unknown, so files of an older release stay readable. */
-static status part_read(struct reader *r, void *part, const struct study_shape *shape,
-                        const json_t *object)
+static status part_read(struct reader *r, void *part, const struct study_shape *shape, const json_t *object)
 {
     const size_t place = strlen(r->place);
     status result = STATUS_OK;
@@ -315,10 +289,9 @@ static status tail_check(const struct study *s, const char *name, struct error *
 {
     if (s->tail.pixels.count == s->tail.error.count)
         return STATUS_OK;
-    return error_set(
-        err, STATUS_ERR_INPUT,
-        "%s: tail has %zu pixels for %zu errors; make the study again, or correct the file", name,
-        s->tail.pixels.count, s->tail.error.count);
+    return error_set(err, STATUS_ERR_INPUT,
+                     "%s: tail has %zu pixels for %zu errors; make the study again, or correct the file", name,
+                     s->tail.pixels.count, s->tail.error.count);
 }
 
 static status maps_check(const struct study *s, const char *name, struct error *err)
@@ -327,9 +300,8 @@ static status maps_check(const struct study *s, const char *name, struct error *
 
     for (size_t i = 0; i < 2; i++) {
         const struct study_map *m = maps[i];
-        if (m->values.count && !(m->columns >= 1 && m->rows >= 1 &&
-                                 m->columns == floor(m->columns) && m->rows == floor(m->rows) &&
-                                 m->columns * m->rows == (double)m->values.count))
+        if (m->values.count && !(m->columns >= 1 && m->rows >= 1 && m->columns == floor(m->columns) &&
+                                 m->rows == floor(m->rows) && m->columns * m->rows == (double)m->values.count))
             return error_set(err, STATUS_ERR_INPUT,
                              "%s: %s has %zu values, which is not its columns times its rows; make "
                              "the study again, or correct the file",
@@ -338,8 +310,7 @@ static status maps_check(const struct study *s, const char *name, struct error *
     return STATUS_OK;
 }
 
-status study_read(struct study *s, const char *json, size_t size_bytes, const char *name,
-                  struct error *err)
+status study_read(struct study *s, const char *json, size_t size_bytes, const char *name, struct error *err)
 {
     struct reader r = {.name = name, .err = err};
     json_error_t where;
@@ -347,8 +318,8 @@ status study_read(struct study *s, const char *json, size_t size_bytes, const ch
     status result;
 
     if (!whole)
-        return error_set(err, STATUS_ERR_INPUT, "%s: line %d: %s; it is not a study's JSON file",
-                         name, where.line, where.text);
+        return error_set(err, STATUS_ERR_INPUT, "%s: line %d: %s; it is not a study's JSON file", name, where.line,
+                         where.text);
     if (json_integer_value(json_object_get(whole, FORMAT_KEY)) != FORMAT_VERSION)
         result = error_set(err, STATUS_ERR_INPUT,
                            "%s: it is not a study that this release of azulejo can read (\"%s\" is "
@@ -356,10 +327,8 @@ status study_read(struct study *s, const char *json, size_t size_bytes, const ch
                            name, FORMAT_KEY, FORMAT_VERSION);
     else
         result = part_read(&r, s, &study_shape_study, whole);
-    if (result == STATUS_OK)
-        result = maps_check(s, name, err);
-    if (result == STATUS_OK)
-        result = tail_check(s, name, err);
+    THEN(result, maps_check(s, name, err));
+    THEN(result, tail_check(s, name, err));
     json_decref(whole);
     return result;
 }

@@ -3,7 +3,8 @@
 #include <stdio.h>
 
 #include "client/study/study_files.h"
-#include "client/study/study_words.h"
+#include "client/study/data/study_words.h"
+#include "client/terminal/must.h"
 #include "client/terminal/table.h"
 
 enum { CHOICE_LINES = 3, COLUMNS_MAX = 5 };
@@ -13,7 +14,7 @@ static const double errors[] = {50, 20, 5, 2, 1};
 static void add_cell(struct table *t, struct buffer *text)
 {
     table_add(t, "%s", buffer_text(text));
-    t->failed |= text->failed;
+    must_hold(text);
     buffer_clear(text);
 }
 
@@ -49,13 +50,12 @@ static void add_row(struct table *t, const struct study *s, double codes)
     buffer_release(&text);
 }
 
-static status print_costs(const struct study *s, struct error *err)
+static void print_costs(const struct study *s)
 {
     char workers[64];
     const char *titles[COLUMNS_MAX] = {">ERROR", ">CORE-SECONDS", ">TIME"};
     size_t columns = 3;
     struct table table;
-    status result;
 
     snprintf(workers, sizeof workers, ">WORKERS FOR %s", s->deadline ? s->deadline : "THE DEADLINE");
     if (s->price_core_hour >= 0)
@@ -65,9 +65,8 @@ static status print_costs(const struct study *s, struct error *err)
     table_init(&table, titles, columns);
     for (size_t i = 0; i < sizeof errors / sizeof errors[0]; i++)
         add_row(&table, s, errors[i]);
-    result = table_print(&table, err);
+    table_print(&table);
     table_release(&table);
-    return result;
 }
 
 /* Print a line from a buffer, without control characters, and empty the buffer. */
@@ -106,10 +105,9 @@ static void print_choices(const struct study *s, struct buffer *text)
     }
 }
 
-status study_print(const struct study *s, struct error *err)
+void study_print(const struct study *s)
 {
     struct buffer text = BUFFER_INIT;
-    status result = STATUS_OK;
 
     study_say_headline(&text, s);
     if (s->points.count) {
@@ -118,11 +116,8 @@ status study_print(const struct study *s, struct error *err)
     }
     print_line(&text);
     if (study_has_fit(s))
-        result = print_costs(s, err);
-    if (result == STATUS_OK)
-        print_choices(s, &text);
-    if (result == STATUS_OK && !buffer_ok(&text))
-        result = error_no_memory(err, "the study's lines");
+        print_costs(s);
+    print_choices(s, &text);
+    must_hold(&text);
     buffer_release(&text);
-    return result;
 }

@@ -4,10 +4,7 @@
 #include <stdio.h>
 #include <time.h>
 
-static int decimals_for(double value)
-{
-    return value < 9.995 ? 2 : value < 99.95 ? 1 : 0;
-}
+static int decimals_for(double value) { return value < 9.995 ? 2 : value < 99.95 ? 1 : 0; }
 
 const char *format_count(char out[FORMAT_SIZE], double value)
 {
@@ -46,8 +43,7 @@ const char *format_duration(char out[FORMAT_SIZE], double seconds)
     if (whole < 60)
         snprintf(out, FORMAT_SIZE, "%llu s", (unsigned long long)whole);
     else if (whole < 3600)
-        snprintf(out, FORMAT_SIZE, "%llu:%02llu", (unsigned long long)(whole / 60),
-                 (unsigned long long)(whole % 60));
+        snprintf(out, FORMAT_SIZE, "%llu:%02llu", (unsigned long long)(whole / 60), (unsigned long long)(whole % 60));
     else if (whole < 2 * 86400)
         snprintf(out, FORMAT_SIZE, "%llu:%02llu:%02llu", (unsigned long long)(whole / 3600),
                  (unsigned long long)(whole / 60 % 60), (unsigned long long)(whole % 60));
@@ -62,8 +58,7 @@ const char *format_time(char out[FORMAT_SIZE], int64_t seconds)
     time_t when = (time_t)seconds;
     struct tm local;
 
-    if (seconds <= 0 || !localtime_r(&when, &local) ||
-        strftime(out, FORMAT_SIZE, "%Y-%m-%d %H:%M:%S", &local) == 0)
+    if (seconds <= 0 || !localtime_r(&when, &local) || strftime(out, FORMAT_SIZE, "%Y-%m-%d %H:%M:%S", &local) == 0)
         snprintf(out, FORMAT_SIZE, "-");
     return out;
 }

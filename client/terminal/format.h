@@ -1,6 +1,5 @@
 /* format: numbers and durations as people read them. Each fills `out` and returns it. */
-#ifndef AZULEJO_CLIENT_FORMAT_H
-#define AZULEJO_CLIENT_FORMAT_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -20,5 +19,3 @@ const char *format_time(char out[FORMAT_SIZE], int64_t seconds);
 
 /* Replace control characters, so that hostile text cannot speak to a terminal. */
 void text_disarm(char *text);
-
-#endif

@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include "client/terminal/must.h"
 #include "client/terminal/parse.h"
 #include "common/base/memory.h"
 #include "common/scene/settings.h"
@@ -59,13 +60,10 @@ status frame_list_parse(const char *text, struct frame_list *out, struct error *
                              "a step if you like, as in 1,5,10-100x10",
                              text);
         if (last < first)
-            return error_set(err, STATUS_ERR_USAGE, "--frames: %s: the first is after the last",
-                             text);
+            return error_set(err, STATUS_ERR_USAGE, "--frames: %s: the first is after the last", text);
         if ((last - first) / step + out->count >= SETTINGS_FRAMES_MAX)
-            return error_set(err, STATUS_ERR_USAGE, "--frames: %s: more than %d frames", text,
-                             SETTINGS_FRAMES_MAX);
-        if (!MEM_GROW(out->items, capacity, out->count + (last - first) / step + 1))
-            return error_no_memory(err, "a list of frames");
+            return error_set(err, STATUS_ERR_USAGE, "--frames: %s: more than %d frames", text, SETTINGS_FRAMES_MAX);
+        MUST_GROW(out->items, capacity, out->count + (last - first) / step + 1);
         for (; first <= last; first += step)
             out->items[out->count++] = (uint32_t)first;
         if (*at == 0)
@@ -87,17 +85,14 @@ void frame_list_ends(struct frame_list *list)
 }
 
 /* The list is as if --frames had named every frame. */
-static status all_ends(uint32_t first, uint32_t last, struct frame_list *out, struct error *err)
+static void all_ends(uint32_t first, uint32_t last, struct frame_list *out)
 {
-    out->items = mem_alloc_array(3, sizeof *out->items);
-    if (!out->items)
-        return error_no_memory(err, "a list of frames");
+    out->items = must(mem_alloc_array(3, sizeof *out->items));
     out->items[out->count++] = first;
     if (last - first > 1)
         out->items[out->count++] = first + (last - first) / 2;
     if (last > first)
         out->items[out->count++] = last;
-    return STATUS_OK;
 }
 
 status frame_choice_check(const struct frame_choice *choice, struct error *err)
@@ -110,21 +105,19 @@ status frame_choice_check(const struct frame_choice *choice, struct error *err)
     return result;
 }
 
-status frame_choice_of(const struct frame_choice *choice, uint32_t first, uint32_t last,
-                       struct frame_list *out, struct error *err)
+status frame_choice_of(const struct frame_choice *choice, uint32_t first, uint32_t last, struct frame_list *out,
+                       struct error *err)
 {
-    status result;
-
     *out = (struct frame_list){0};
-    if (!choice->list)
-        return choice->first_middle_last ? all_ends(first, last, out, err) : STATUS_OK;
-    result = frame_list_parse(choice->list, out, err);
-    if (result != STATUS_OK)
-        return result;
+    if (!choice->list) {
+        if (choice->first_middle_last)
+            all_ends(first, last, out);
+        return STATUS_OK;
+    }
+    TRY(frame_list_parse(choice->list, out, err));
     for (size_t i = 0; i < out->count; i++)
         if (out->items[i] < first || out->items[i] > last)
-            return error_set(err, STATUS_ERR_USAGE,
-                             "--frames: the job has frames %u to %u, not %u", first, last,
+            return error_set(err, STATUS_ERR_USAGE, "--frames: the job has frames %u to %u, not %u", first, last,
                              out->items[i]);
     if (choice->first_middle_last)
         frame_list_ends(out);

@@ -1,10 +1,10 @@
 #include "client/terminal/moment.h"
 
 #include <stdio.h>
-#include <string.h>
 #include <time.h>
 
 #include "common/accuracy/stop.h"
+#include "common/base/duration.h"
 
 enum { DAY_S = 24 * 3600 };
 
@@ -84,8 +84,8 @@ static int64_t parse_date(const char *text)
 
     if (at && *at == 0)
         return seconds_of(&tm, 1);
-    if (!at || (*at != 'T' && *at != ' ') || !(at = time_of_day(at + 1, &tm)) ||
-        !(at = zone(at, &local, &east_s)) || *at)
+    if (!at || (*at != 'T' && *at != ' ') || !(at = time_of_day(at + 1, &tm)) || !(at = zone(at, &local, &east_s)) ||
+        *at)
         return -1;
     when = seconds_of(&tm, local);
     return when < 0 ? when : when - east_s;
@@ -124,7 +124,7 @@ status moment_parse(const char *option, const char *text, int64_t now, int64_t *
         *out = parse_date(text);
     if (*out >= 0)
         return STATUS_OK;
-    if (stop_duration_parse(option, text, &length_ms, &unused) == STATUS_OK) {
+    if (duration_parse_ms(option, text, 1, STOP_LIMIT_MS_MAX, &length_ms, &unused) == STATUS_OK) {
         *out = now + (int64_t)((length_ms + 999) / 1000);
         return STATUS_OK;
     }
@@ -132,6 +132,23 @@ status moment_parse(const char *option, const char *text, int64_t now, int64_t *
                      "%s: '%.64s' is not a time: give 18:00, '2026-03-01 18:00', 2026-03-01T18:00:00Z, or 10m or 2h "
                      "from now",
                      option, text);
+}
+
+status moment_parse_past(const char *option, const char *text, int64_t now, int64_t *out, struct error *err)
+{
+    int is_time = parse_time(text, now) >= 0;
+    status s = moment_parse(option, text, now, out, err);
+
+    if (s != STATUS_OK)
+        return error_set(err, s, "%s: '%.64s' is not a time: give 18:00, '2026-03-01 18:00', 2026-03-01T18:00:00Z, or 10m or "
+                         "2h for so long ago", option, text);
+    if (is_time)
+        *out -= *out > now ? DAY_S : 0;
+    else if (parse_date(text) < 0)
+        *out = now - (*out - now);
+    if (*out > now)
+        return error_set(err, STATUS_ERR_USAGE, "%s: '%.64s' has not come yet", option, text);
+    return STATUS_OK;
 }
 
 const char *moment_text(char out[FORMAT_SIZE], int64_t when, int64_t now)

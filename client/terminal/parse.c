@@ -1,11 +1,8 @@
 #include "client/terminal/parse.h"
 
-#include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "common/base/memory.h"
 #include "common/film/tiles.h"
 #include "common/scene/effects.h"
 #include "common/scene/settings.h"
@@ -32,12 +29,9 @@ status parse_size(const char *text, uint32_t *width, uint32_t *height, struct er
     const char *at = parse_digits(text, UINT32_MAX, &w);
 
     if (!at || (*at != 'x' && *at != 'X') || !(at = parse_digits(at + 1, UINT32_MAX, &h)) || *at)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--size: '%s' is not a size, write WIDTHxHEIGHT as in 1280x720", text);
-    if (w < 1 || h < 1 || w > SETTINGS_SIZE_MAX || h > SETTINGS_SIZE_MAX ||
-        w * h > SETTINGS_PIXELS_MAX)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--size: %s: each side must be 1..%d and the whole at most %d pixels",
+        return error_set(err, STATUS_ERR_USAGE, "--size: '%s' is not a size, write WIDTHxHEIGHT as in 1280x720", text);
+    if (w < 1 || h < 1 || w > SETTINGS_SIZE_MAX || h > SETTINGS_SIZE_MAX || w * h > SETTINGS_PIXELS_MAX)
+        return error_set(err, STATUS_ERR_USAGE, "--size: %s: each side must be 1..%d and the whole at most %d pixels",
                          text, SETTINGS_SIZE_MAX, SETTINGS_PIXELS_MAX);
     *width = (uint32_t)w;
     *height = (uint32_t)h;
@@ -65,18 +59,15 @@ status parse_region(const char *text, struct tile_rect *out, struct error *err)
     return STATUS_OK;
 }
 
-status parse_parameter(const char *text, char *name, size_t name_size, const char **value,
-                       struct error *err)
+status parse_parameter(const char *text, char *name, size_t name_size, const char **value, struct error *err)
 {
     const char *equals = strchr(text, '=');
     size_t length = equals ? (size_t)(equals - text) : 0;
 
     if (length == 0 || !equals[1])
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--tonemap-param: '%s' is not a parameter, write NAME=VALUE", text);
+        return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s' is not a parameter, write NAME=VALUE", text);
     if (length >= name_size)
-        return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': the name is too long",
-                         text);
+        return error_set(err, STATUS_ERR_USAGE, "--tonemap-param: '%s': the name is too long", text);
     memcpy(name, text, length);
     name[length] = 0;
     *value = equals + 1;
@@ -86,8 +77,7 @@ status parse_parameter(const char *text, char *name, size_t name_size, const cha
 /* The names of a list, each turned into a bit of *set; `find` returns -1 for an unknown one, which
  * is put into `unknown`. */
 enum { NAME_SIZE = 64 };
-static int parse_names(const char *text, int (*find)(const char *name), uint64_t *set,
-                       char unknown[NAME_SIZE])
+static int parse_names(const char *text, int (*find)(const char *name), uint64_t *set, char unknown[NAME_SIZE])
 {
     for (const char *at = text;; at++) {
         size_t length = strcspn(at, ","), kept = length < NAME_SIZE ? length : NAME_SIZE - 1;
@@ -113,8 +103,7 @@ static int effect_find(const char *name)
     if (found >= 0)
         return EFFECTS_SWITCHABLE >> found & 1 ? found : -1;
     for (int i = 0; i < EFFECT_COUNT && *name; i++) {
-        if (!(EFFECTS_SWITCHABLE >> i & 1) ||
-            !strstr(settings_effects_text((uint64_t)1 << i, text), name))
+        if (!(EFFECTS_SWITCHABLE >> i & 1) || !strstr(settings_effects_text((uint64_t)1 << i, text), name))
             continue;
         if (found >= 0)
             return -1;
@@ -128,21 +117,8 @@ status parse_effects(const char *text, uint64_t *set, struct error *err)
     char unknown[NAME_SIZE], known[SETTINGS_TEXT_SIZE];
 
     if (!parse_names(text, effect_find, set, unknown))
-        return error_set(err, STATUS_ERR_USAGE,
-                         "--without: '%s' is not an effect that can be left out; these can: %s",
+        return error_set(err, STATUS_ERR_USAGE, "--without: '%s' is not an effect that can be left out; these can: %s",
                          unknown, settings_effects_text(EFFECTS_SWITCHABLE, known));
-    return STATUS_OK;
-}
-
-status parse_aovs(const char *text, uint32_t *set, struct error *err)
-{
-    char unknown[NAME_SIZE], known[SETTINGS_TEXT_SIZE];
-    uint64_t bits = *set;
-
-    if (!parse_names(text, aov_parse, &bits, unknown))
-        return error_set(err, STATUS_ERR_USAGE, "--aov: '%s' is unknown; known are %s", unknown,
-                         settings_aovs_text((1u << AOV_COUNT) - 1, known));
-    *set = (uint32_t)bits;
     return STATUS_OK;
 }
 
@@ -163,8 +139,7 @@ status parse_formats(const char *text, unsigned *formats, struct error *err)
 
     if (!parse_names(text, format_find, &bits, unknown))
         return error_set(err, STATUS_ERR_USAGE,
-                         "--format: '%s' is not one of exr, png and jpg; write a list as in exr,png",
-                         unknown);
+                         "--format: '%s' is not one of exr, png and jpg; write a list as in exr,png", unknown);
     *formats = (unsigned)bits;
     return STATUS_OK;
 }
@@ -174,8 +149,7 @@ status parse_job(const char *text, uint64_t *job, struct error *err)
     const char *at = parse_digits(text, INT64_MAX, job);
 
     if (!at || *at || *job == 0)
-        return error_set(err, STATUS_ERR_USAGE,
-                         "'%s' is not a job number ('azulejo list' prints them)", text);
+        return error_set(err, STATUS_ERR_USAGE, "'%s' is not a job number ('azulejo list' prints them)", text);
     return STATUS_OK;
 }
 

@@ -1,13 +1,13 @@
 #include "client/terminal/progress.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "client/terminal/table.h"
-#include "common/base/clock.h"
+#include "common/system/clock.h"
+#include "common/cli/terminal.h"
 #include "protocol/message.h"
 
 #define PLAIN_INTERVAL_NS (5 * NS_PER_SECOND)

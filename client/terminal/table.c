@@ -7,11 +7,13 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
+#include "common/cli/terminal.h"
 #include "protocol/message.h"
 
 #define CUT_MARK ".."
-enum { CUT_MIN = 8, COLUMNS_DEFAULT = 80, ROWS_DEFAULT = 24 };
+enum { CUT_MIN = 8 };
 
 void table_init(struct table *t, const char *const *titles, size_t column_count)
 {
@@ -52,44 +54,16 @@ void text_cut(char *text, size_t columns)
     }
 }
 
-size_t terminal_columns(int fd)
-{
-    struct winsize size;
-    const char *columns = getenv("COLUMNS");
-    long named = columns ? strtol(columns, NULL, 10) : 0;
-
-    if (ioctl(fd, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
-        return size.ws_col;
-    return named > 0 && named < 10000 ? (size_t)named : COLUMNS_DEFAULT;
-}
-
-size_t terminal_rows(int fd)
-{
-    struct winsize size;
-    const char *lines = getenv("LINES");
-    long named = lines ? strtol(lines, NULL, 10) : 0;
-
-    if (ioctl(fd, TIOCGWINSZ, &size) == 0 && size.ws_row > 0)
-        return size.ws_row;
-    return named > 0 && named < 10000 ? (size_t)named : ROWS_DEFAULT;
-}
-
 void table_add(struct table *t, const char *format, ...)
 {
     char text[512], printable[512];
-    char *copy;
     va_list args;
 
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    copy = mem_strdup(message_text(printable, sizeof printable, text));
-    if (!copy || !MEM_GROW(t->cells, t->cell_capacity, t->cell_count + 1)) {
-        mem_free(copy);
-        t->failed = 1;
-        return;
-    }
-    t->cells[t->cell_count++] = copy;
+    MUST_GROW(t->cells, t->cell_capacity, t->cell_count + 1);
+    t->cells[t->cell_count++] = must(mem_strdup(message_text(printable, sizeof printable, text)));
 }
 
 /* `mark`: the first letter of the column's title. */
@@ -147,14 +121,12 @@ static void print_with_notes(const struct table *t, const size_t *widths, const 
     }
 }
 
-status table_print(const struct table *t, struct error *err)
+void table_print(const struct table *t)
 {
     size_t widths[TABLE_COLUMNS_MAX] = {0};
     int marked[TABLE_COLUMNS_MAX] = {0};
     int notes = t->titles[t->column_count - 1][0] == '~' && isatty(STDOUT_FILENO);
 
-    if (t->failed)
-        return error_no_memory(err, "a table");
     for (size_t c = 0; c < t->column_count; c++) {
         marked[c] = strchr("><~", t->titles[c][0]) != NULL;
         widths[c] = text_columns(t->titles[c] + marked[c]);
@@ -170,7 +142,7 @@ status table_print(const struct table *t, struct error *err)
         fit(t, widths, terminal_columns(STDOUT_FILENO));
     if (notes) {
         print_with_notes(t, widths, marked);
-        return STATUS_OK;
+        return;
     }
     for (size_t c = 0; c < t->column_count; c++)
         print_cell(t->titles[c] + marked[c], widths[c], t->titles[c][0], c + 1 == t->column_count);
@@ -178,5 +150,4 @@ status table_print(const struct table *t, struct error *err)
         size_t c = i % t->column_count;
         print_cell(t->cells[i], widths[c], t->titles[c][0], c + 1 == t->column_count);
     }
-    return STATUS_OK;
 }

@@ -118,8 +118,7 @@ static void fill_square(struct image *image, uint32_t x, uint32_t y, uint32_t si
                 image->pixels[((size_t)row * image->width + column) * image->channels + c] = value;
 }
 
-void text_draw(struct image *image, uint32_t x, uint32_t y, uint32_t scale, float value,
-               const char *text)
+void text_draw(struct image *image, uint32_t x, uint32_t y, uint32_t scale, float value, const char *text)
 {
     for (; *text; text++, x += TEXT_ADVANCE * scale) {
         unsigned char code = (unsigned char)*text;

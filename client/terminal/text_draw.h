@@ -1,7 +1,6 @@
 /* text_draw: draws text on a picture in a built-in bitmap font, so that it has the same bits on
  * every machine and needs no installed fonts. ASCII; any other byte is drawn as '?'. */
-#ifndef AZULEJO_CLIENT_TEXT_DRAW_H
-#define AZULEJO_CLIENT_TEXT_DRAW_H
+#pragma once
 
 #include "common/image/image.h"
 
@@ -15,7 +14,4 @@ uint32_t text_draw_width(const char *text, uint32_t scale);
 
 /* Every lit pixel of the font becomes a square of `scale` pixels with this value in all channels,
  * x and y being the upper left corner. What lies outside the picture is left out. */
-void text_draw(struct image *image, uint32_t x, uint32_t y, uint32_t scale, float value,
-               const char *text);
-
-#endif
+void text_draw(struct image *image, uint32_t x, uint32_t y, uint32_t scale, float value, const char *text);

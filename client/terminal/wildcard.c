@@ -19,7 +19,4 @@ int wildcard_fits(const char *text, const char *name)
     return fnmatch(pattern, name, FNM_NOESCAPE) == 0;
 }
 
-int wildcard_is(const char *text)
-{
-    return strpbrk(text, "*?") != NULL;
-}
+int wildcard_is(const char *text) { return strpbrk(text, "*?") != NULL; }

@@ -34,21 +34,12 @@ const struct allocation_rules allocation_rules = {
 
 /* ---- errors in bins ----------------------------------------------------------------------------- */
 
-static double log2_of(double x)
-{
-    return det_log_d(x) / LN_2;
-}
+static double log2_of(double x) { return det_log_d(x) / LN_2; }
 
-static double exp2_of(double x)
-{
-    return det_exp_d(x * LN_2);
-}
+static double exp2_of(double x) { return det_exp_d(x * LN_2); }
 
 /* log2(x) / 2 in fixed point. */
-static int32_t log2_root(double x)
-{
-    return (int32_t)floor(log2_of(x) * (LOG_ONE / 2) + 0.5);
-}
+static int32_t log2_root(double x) { return (int32_t)floor(log2_of(x) * (LOG_ONE / 2) + 0.5); }
 
 /* How much of bin `bin` lies below a place on the scale of bins. Within a bin errors are spread
  * evenly on the logarithmic scale; within bin 0, which begins at 0, linearly. */
@@ -60,10 +51,7 @@ static double part_below(uint32_t bin, double place)
 }
 
 /* The place of an error in codes on the scale of bins: bin i is i .. i + 1. */
-static double place_of(double log2_codes)
-{
-    return 2 * (log2_codes - LOG_CODES_BIN);
-}
+static double place_of(double log2_codes) { return 2 * (log2_codes - LOG_CODES_BIN); }
 
 /* The error in codes that QUANTILE of the pixels stay below, when the errors of counts[i][] are
  * multiplied by sqrt(factor[i]). */
@@ -173,15 +161,13 @@ static uint32_t passes_max(const struct allocation_round *round)
     uint32_t level = round->in->level, ratio = rules_of(round->in)->ratio_max;
     uint32_t passes = level_passes(level);
 
-    while (passes < PASSES_MAX &&
-           pass_samples(passes + 1) <= (uint64_t)ratio * (2u << level))
+    while (passes < PASSES_MAX && pass_samples(passes + 1) <= (uint64_t)ratio * (2u << level))
         passes++;
     return passes;
 }
 
 /* Passes of a tile from this round alone, ignoring what was wanted before. */
-static uint32_t passes_at(const struct allocation_round *round, uint32_t tile, uint32_t lambda,
-                          uint32_t most)
+static uint32_t passes_at(const struct allocation_round *round, uint32_t tile, uint32_t lambda, uint32_t most)
 {
     int32_t log_samples = round->strength[tile] + round->offset + (int32_t)lambda;
     uint32_t passes = level_passes(round->in->level);
@@ -191,8 +177,7 @@ static uint32_t passes_at(const struct allocation_round *round, uint32_t tile, u
     return passes;
 }
 
-static uint32_t wanted_at(const struct allocation_round *round, uint32_t tile, uint32_t lambda,
-                          uint32_t most)
+static uint32_t wanted_at(const struct allocation_round *round, uint32_t tile, uint32_t lambda, uint32_t most)
 {
     uint32_t passes = passes_at(round, tile, lambda, most);
 
@@ -258,8 +243,7 @@ static void find_strengths(struct allocation_round *round, int32_t *weakest, int
     }
 }
 
-status allocation_round(struct allocation_round *out, const struct allocation_input *in,
-                        struct error *err)
+status allocation_round(struct allocation_round *out, const struct allocation_input *in, struct error *err)
 {
     int32_t weakest, strongest;
     uint32_t first = level_passes(in->level), most;
@@ -269,8 +253,7 @@ status allocation_round(struct allocation_round *out, const struct allocation_in
     out->tiles = tile_count(in->width, in->height);
     out->strength = mem_alloc_array(out->tiles, sizeof *out->strength);
     if (!out->strength)
-        return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for the sample counts of %u tiles",
-                         out->tiles);
+        return error_set(err, STATUS_ERR_NO_MEMORY, "out of memory for the sample counts of %u tiles", out->tiles);
     for (uint32_t p = 1; p < PASSES_MAX; p++) /* the geometric mean of two boundaries */
         out->steps[p] = log2_root((double)pass_samples(p) * pass_samples(p + 1));
     find_strengths(out, &weakest, &strongest);
@@ -294,8 +277,7 @@ void allocation_round_release(struct allocation_round *round)
 
 /* Pixels by the standard deviation of their error, from a group's levels: those of counts[i][] are
  * multiplied by sqrt(factor[i]). */
-static void add_spreads(struct spreads *out, uint64_t (*counts)[LEVEL_SPREADS], const double *factor,
-                        uint32_t rows)
+static void add_spreads(struct spreads *out, uint64_t (*counts)[LEVEL_SPREADS], const double *factor, uint32_t rows)
 {
     for (uint32_t i = 0; i < rows; i++)
         for (uint32_t b = 0; b < LEVEL_SPREADS; b++)
@@ -303,29 +285,62 @@ static void add_spreads(struct spreads *out, uint64_t (*counts)[LEVEL_SPREADS], 
                 spreads_add(out, level_spread(b) * (float)sqrt(factor[i]), counts[i][b]);
 }
 
-/* The display error as in a picture's figures. The tiles list only pixels that have one. */
-static double display_error(struct spreads *spreads, const struct allocation_input *in)
+/* In LEVEL_SPREAD_ONE of a pixel: what sees the subject of the tile, at `level`. */
+static uint64_t tile_subject(const struct allocation_input *in, const struct film_level *tiles, uint32_t level,
+                             uint32_t tile)
 {
-    uint64_t pixels = (uint64_t)in->width * in->height * LEVEL_SPREAD_ONE;
+    double samples = pixels_of(in, tile) * level_samples(level);
+
+    return (uint64_t)((double)tiles[tile].subject / samples * pixels_of(in, tile) * LEVEL_SPREAD_ONE + 0.5);
+}
+
+static uint64_t frame_subject(const struct allocation_input *in, const struct film_level *tiles, uint32_t level)
+{
+    uint64_t sum = 0;
+
+    for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
+        sum += tile_subject(in, tiles, level, t);
+    return sum;
+}
+
+/* Add the tile's pixels that see the subject, the noisiest first, as a picture's figures do. `all`: the frame is nothing
+ * but background. */
+static void add_seen(uint64_t counts[LEVEL_SPREADS], const struct allocation_input *in, const struct film_level *tiles,
+                     uint32_t level, uint32_t tile, int all)
+{
+    uint64_t left = all ? UINT64_MAX : tile_subject(in, tiles, level, tile);
+
+    for (uint32_t b = LEVEL_SPREADS; b > 0 && left > 0; b--) {
+        uint64_t more = tiles[tile].spreads[b - 1];
+        more = more < left ? more : left;
+        counts[b - 1] += more;
+        left -= more;
+    }
+}
+
+/* The display error as in a picture's figures. The tiles list only pixels that have one; `subject` counts all that see
+ * it, 0: none does, so all count. */
+static double display_error(struct spreads *spreads, const struct allocation_input *in, uint64_t subject)
+{
+    uint64_t pixels = subject ? subject : (uint64_t)in->width * in->height * LEVEL_SPREAD_ONE;
 
     spreads->count = spreads->count > pixels ? spreads->count : pixels;
     return spreads_quantile(spreads, DISPLAY_BEYOND);
 }
 
 /* The squared error of a level by a measure, up to a factor. */
-static double level_square(const struct allocation_input *in, const struct film_level *tiles,
+static double level_square(const struct allocation_input *in, const struct film_level *tiles, uint32_t level,
                            enum allocation_measure measure, struct spreads *spreads)
 {
     double sum = 0, unmoved = 1;
 
     if (measure == ALLOCATION_DISPLAY) {
-        uint64_t counts[1][LEVEL_SPREADS] = {{0}};
+        uint64_t counts[1][LEVEL_SPREADS] = {{0}}, subject = frame_subject(in, tiles, level);
         for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
-            for (uint32_t b = 0; b < LEVEL_SPREADS; b++)
-                counts[0][b] += tiles[t].spreads[b];
+            add_seen(counts[0], in, tiles, level, t, subject == 0);
         memset(spreads, 0, sizeof *spreads);
         add_spreads(spreads, counts, &unmoved, 1);
-        sum = display_error(spreads, in);
+        sum = display_error(spreads, in, subject);
         return sum * sum;
     }
     for (uint32_t t = 0; t < tile_count(in->width, in->height); t++)
@@ -334,17 +349,14 @@ static double level_square(const struct allocation_input *in, const struct film_
 }
 
 /* The squared error falls as 1 / n^exponent: faster than 1 / n for soft light, slower for rare
- * light. The last doubling gives the exponent. */
-static double exponent_of(const struct allocation_input *in, enum allocation_measure measure,
-                          struct spreads *spreads)
+ * light. The last doubling gives the exponent: `now` and `before` are the squares of its levels. */
+static double exponent_of(const struct allocation_input *in, double now, double before)
 {
     const struct allocation_rules *rules = rules_of(in);
-    double now = level_square(in, in->tiles, measure, spreads), exponent = 1;
+    double exponent = 1;
 
-    if (in->previous && now > 0) {
-        double before = level_square(in, in->previous, measure, spreads);
+    if (in->previous && now > 0)
         exponent = before > 0 ? log2_of(before / now) : rules->exponent_min;
-    }
     return exponent < rules->exponent_min   ? rules->exponent_min
            : exponent > rules->exponent_max ? rules->exponent_max
                                             : exponent;
@@ -358,36 +370,41 @@ static double cautious_exponent(const struct allocation_input *in, double expone
     return exponent < rules->exponent_min ? rules->exponent_min : exponent;
 }
 
-/* Squared error of the combined picture over that of one group at the level, for each number of
- * passes of both. In linear radiance two groups halve it. In codes that would be too little: where
+/* Squared error of the combined picture over what one group says at the level, for each number of
+ * passes of both. That is corrected for the correlation of halves (common/film/levels.h) in linear
+ * radiance only: in codes it is too small as often as too large. In linear radiance two groups halve it. In codes that would be too little: where
  * a sample is rare and bright, the light that it adds hides some of its own error. There two groups
  * count as what they are, twice the samples. */
-static void shrinkage(const struct allocation_round *round, enum allocation_measure measure,
-                      double *factor, struct spreads *spreads)
+static void shrinkage(const struct allocation_round *round, enum allocation_measure measure, double *factor,
+                      struct spreads *spreads)
 {
-    double floor_samples = (double)(2u << round->in->level);
-    double exponent = exponent_of(round->in, measure, spreads);
+    const struct allocation_input *in = round->in;
+    double floor_samples = (double)(2u << in->level);
+    double now = level_square(in, in->tiles, in->level, measure, spreads);
+    double before = in->previous ? level_square(in, in->previous, in->level - 1, measure, spreads) : 0;
+    double exponent = exponent_of(in, now, before);
     double joined = measure == ALLOCATION_RMSE ? 0.5 : det_pow_d(0.5, exponent);
-    double further = cautious_exponent(round->in, exponent);
+    double own = measure == ALLOCATION_RMSE ? level_correction(now, before) : 1;
+    double further = cautious_exponent(in, exponent);
 
     factor[0] = 1;
     for (uint32_t p = 1; p <= PASSES_MAX; p++)
-        factor[p] = joined * det_pow_d(floor_samples / pass_samples(p), further);
+        factor[p] = own * joined * det_pow_d(floor_samples / pass_samples(p), further);
 }
 
 /* Each tile's spreads moved by its factor. */
-static double predict_display(const struct allocation_round *round, uint32_t lambda,
-                              const double *factor, struct spreads *spreads)
+static double predict_display(const struct allocation_round *round, uint32_t lambda, const double *factor,
+                              struct spreads *spreads)
 {
-    uint64_t counts[PASSES_MAX + 1][LEVEL_SPREADS] = {{0}};
+    const struct allocation_input *in = round->in;
+    uint64_t counts[PASSES_MAX + 1][LEVEL_SPREADS] = {{0}}, subject = frame_subject(in, in->tiles, in->level);
     uint32_t most = passes_max(round);
 
     for (uint32_t t = 0; t < round->tiles; t++)
-        for (uint32_t b = 0; b < LEVEL_SPREADS; b++)
-            counts[wanted_at(round, t, lambda, most)][b] += round->in->tiles[t].spreads[b];
+        add_seen(counts[wanted_at(round, t, lambda, most)], in, in->tiles, in->level, t, subject == 0);
     memset(spreads, 0, sizeof *spreads);
     add_spreads(spreads, counts, factor, PASSES_MAX + 1);
-    return display_error(spreads, round->in);
+    return display_error(spreads, in, subject);
 }
 
 /* The squared errors of the tiles, in part replaced by the mean of their 3x3 tiles. A tile whose
@@ -411,8 +428,7 @@ static double mixed_square(const struct allocation_input *in, uint32_t tile, int
     return (1 - MIXED) * own + MIXED * sum / pixels * pixels_of(in, tile);
 }
 
-static double predict_square(const struct allocation_round *round, uint32_t lambda,
-                             const double *factor, int linear)
+static double predict_square(const struct allocation_round *round, uint32_t lambda, const double *factor, int linear)
 {
     uint32_t most = passes_max(round);
     double sum = 0;
@@ -422,8 +438,7 @@ static double predict_square(const struct allocation_round *round, uint32_t lamb
     return sum;
 }
 
-double allocation_predict(const struct allocation_round *round, enum allocation_measure measure,
-                          uint32_t lambda)
+double allocation_predict(const struct allocation_round *round, enum allocation_measure measure, uint32_t lambda)
 {
     double pixels = (double)round->in->width * round->in->height;
     double factor[PASSES_MAX + 1], radiance = 0, square;
@@ -431,13 +446,11 @@ double allocation_predict(const struct allocation_round *round, enum allocation_
 
     shrinkage(round, measure, factor, &spreads);
     switch (measure) {
-    case ALLOCATION_DISPLAY:
-        return predict_display(round, lambda, factor, &spreads);
+    case ALLOCATION_DISPLAY: return predict_display(round, lambda, factor, &spreads);
     case ALLOCATION_PSNR:
         square = predict_square(round, lambda, factor, 0) / (3 * pixels);
         return square > 0 ? 4.34294481903251827651 * det_log_d(255.0 * 255.0 / square) : INFINITY;
-    case ALLOCATION_RMSE:
-        break;
+    case ALLOCATION_RMSE: break;
     }
     for (uint32_t t = 0; t < round->tiles; t++)
         radiance += round->in->tiles[t].radiance;
@@ -447,8 +460,7 @@ double allocation_predict(const struct allocation_round *round, enum allocation_
     return radiance > 0 ? 100 * sqrt(square) / (radiance / (3 * pixels)) : INFINITY;
 }
 
-static int meets(const struct allocation_round *round, const struct allocation_target *target,
-                 uint32_t lambda)
+static int meets(const struct allocation_round *round, const struct allocation_target *target, uint32_t lambda)
 {
     double error = allocation_predict(round, target->measure, lambda);
     double room = 1 - rules_of(round->in)->margin;
@@ -458,13 +470,12 @@ static int meets(const struct allocation_round *round, const struct allocation_t
     return error <= target->value * room;
 }
 
-int allocation_target(const struct allocation_round *round, const struct allocation_target *target,
-                      uint32_t *lambda)
+int allocation_target(const struct allocation_round *round, const struct allocation_target *target, uint32_t *lambda)
 {
     uint32_t low = 0, high = round->full;
 
     *lambda = round->full;
-    if (!meets(round, target, round->full))
+    if (round->in->level == 0 || !meets(round, target, round->full))
         return 0;
     while (low < high) {
         uint32_t middle = low + (high - low) / 2;

@@ -1,6 +1,5 @@
 /* quantile: quantiles of many non-negative numbers, and of a mixture of normal errors. */
-#ifndef AZULEJO_ACCURACY_QUANTILE_H
-#define AZULEJO_ACCURACY_QUANTILE_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -23,7 +22,10 @@ void spreads_add(struct spreads *s, float deviation, uint64_t times);
  * standard deviation. */
 double spreads_quantile(const struct spreads *s, double beyond);
 
+/* The value that a share `beyond` of the deviations themselves exceeds, to 1/64 octave. */
+double spreads_largest(const struct spreads *s, double beyond);
+
 /* 1 - erf(x), x >= 0; relative error below 1e-12 up to x = 20. */
 double complement_erf(double x);
-
-#endif
+/* The same from a table, to 3e-12; 0 from x = 6 on. */
+double complement_erf_quick(double x);

@@ -9,8 +9,8 @@
 
 enum { SCHEDULE_VERSION = 1 };
 
-status schedule_encode(struct buffer *text, uint32_t width, uint32_t height, uint32_t spp,
-                       const uint8_t *passes, struct error *err)
+status schedule_encode(struct buffer *text, uint32_t width, uint32_t height, uint32_t spp, const uint8_t *passes,
+                       struct error *err)
 {
     uLong count = (uLong)tile_count(width, height) * GROUPS;
     uLongf packed_bytes = compressBound(count);
@@ -52,14 +52,13 @@ static status check_passes(const uint8_t *passes, uint32_t tiles, uint32_t spp, 
 {
     for (uint32_t i = 0; i < tiles * GROUPS; i++)
         if (passes[i] > pass_count(spp, i % GROUPS))
-            return error_set(err, STATUS_ERR_INPUT,
-                             "the schedule is damaged: tile %u has more than %u samples a pixel",
+            return error_set(err, STATUS_ERR_INPUT, "the schedule is damaged: tile %u has more than %u samples a pixel",
                              i / GROUPS, spp);
     return STATUS_OK;
 }
 
-status schedule_decode(const char *text, uint32_t *width, uint32_t *height, uint32_t *spp,
-                       struct buffer *passes, struct error *err)
+status schedule_decode(const char *text, uint32_t *width, uint32_t *height, uint32_t *spp, struct buffer *passes,
+                       struct error *err)
 {
     struct buffer packed = BUFFER_INIT;
     unsigned version = 0;
@@ -72,13 +71,12 @@ status schedule_decode(const char *text, uint32_t *width, uint32_t *height, uint
     if (sscanf(text, "%u %ux%u %u %n", &version, width, height, spp, &begins) != 4 || begins == 0)
         return error_set(err, STATUS_ERR_INPUT, "the schedule is damaged");
     if (version != SCHEDULE_VERSION)
-        return error_set(err, STATUS_ERR_INPUT,
-                         "the schedule is of version %u; this release reads %d", version,
+        return error_set(err, STATUS_ERR_INPUT, "the schedule is of version %u; this release reads %d", version,
                          SCHEDULE_VERSION);
-    if (*width < 1 || *height < 1 || *width > SETTINGS_SIZE_MAX || *height > SETTINGS_SIZE_MAX ||
-        *spp < 1 || *spp > SETTINGS_SPP_MAX)
-        return error_set(err, STATUS_ERR_INPUT, "the schedule is damaged: %ux%u pixels, %u samples",
-                         *width, *height, *spp);
+    if (*width < 1 || *height < 1 || *width > SETTINGS_SIZE_MAX || *height > SETTINGS_SIZE_MAX || *spp < 1 ||
+        *spp > SETTINGS_SPP_MAX)
+        return error_set(err, STATUS_ERR_INPUT, "the schedule is damaged: %ux%u pixels, %u samples", *width, *height,
+                         *spp);
     count = (uLongf)tile_count(*width, *height) * GROUPS;
     space = buffer_append_space(&packed, strlen(text + begins) + 1);
     out = space ? buffer_append_space(passes, count) : NULL;

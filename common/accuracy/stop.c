@@ -20,8 +20,7 @@ static const struct {
 };
 enum { MEASURES = sizeof measures / sizeof measures[0] };
 
-static status check_target(const struct allocation_target *target, enum status code,
-                           struct error *err)
+static status check_target(const struct allocation_target *target, enum status code, struct error *err)
 {
     unsigned measure = (unsigned)target->measure;
 
@@ -34,13 +33,14 @@ static status check_target(const struct allocation_target *target, enum status c
     return STATUS_OK;
 }
 
+#define ROW(o, ...) SETTING_ROW(stop_rules, __VA_ARGS__)
+const struct setting stop_rules_rows[STOP_COUNT] = {STOP_RULES(OPTION_ROW, ROW, )};
+
 status stop_rules_validate(const struct stop_rules *rules, struct error *err)
 {
-    if (rules->spp_min > SETTINGS_SPP_MAX)
-        return error_set(err, STATUS_ERR_INPUT, "at least %u samples a pixel: at most %d can be had",
-                         rules->spp_min, SETTINGS_SPP_MAX);
-    if (rules->time_limit_ms > STOP_LIMIT_MS_MAX || rules->core_limit_ms > STOP_LIMIT_MS_MAX)
-        return error_set(err, STATUS_ERR_INPUT, "a limit of more than 34 years");
+    for (int i = 0; i < STOP_COUNT; i++)
+        if (setting_check(&stop_rules_rows[i], rules, err) != STATUS_OK)
+            return STATUS_ERR_INPUT;
     return rules->has_target ? check_target(&rules->target, STATUS_ERR_INPUT, err) : STATUS_OK;
 }
 
@@ -96,14 +96,6 @@ const char *stop_rules_text(char out[STOP_RULES_TEXT_SIZE], const struct stop_ru
     return out;
 }
 
-/* ---- durations ------------------------------------------------------------------------------ */
-
-status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,
-                           struct error *err)
-{
-    return duration_parse_ms(option, text, 1, STOP_LIMIT_MS_MAX, out_ms, err);
-}
-
 /* ---- ends ----------------------------------------------------------------------------------- */
 
 const char *frame_end_text(enum frame_end end)
@@ -117,18 +109,8 @@ const char *frame_end_text(enum frame_end end)
         [FRAME_END_CANCEL] = "cut short",
         [FRAME_END_SCHEDULE] = "ended by the schedule",
         [FRAME_END_FINISH] = "finished early",
+        [FRAME_END_MISSED] = "ended by the target error, which its picture misses,",
     };
 
     return (unsigned)end < FRAME_END_COUNT ? texts[end] : "cut short";
-}
-
-const char *frame_end_word(enum frame_end end)
-{
-    static const char *const words[FRAME_END_COUNT] = {
-        [FRAME_END_NONE] = "none",     [FRAME_END_CAP] = "samples",
-        [FRAME_END_TARGET] = "target", [FRAME_END_TIME] = "time-limit",
-        [FRAME_END_CORES] = "core-limit", [FRAME_END_CANCEL] = "cancel",
-        [FRAME_END_SCHEDULE] = "schedule", [FRAME_END_FINISH] = "finish"};
-
-    return (unsigned)end < FRAME_END_COUNT ? words[end] : "cancel";
 }

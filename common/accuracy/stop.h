@@ -1,18 +1,17 @@
 /* stop: when a frame has enough samples, and which tiles get them.
  *
- * The first rule that is met ends the frame. The cap on a pixel's samples is not here but in
- * render_settings.spp, because workers need it: it determines which passes are short.
- * Samples that depend on a clock (time_limit_ms, core_limit_ms) cannot be reproduced from the
- * rules; the frame then keeps its schedule (schedule.h).
+ * The first rule that is met ends the frame. The cap on a pixel's samples is not here but in render_settings.spp,
+ * because workers need it: it determines which passes are short. Samples that depend on a clock (time_limit_ms,
+ * core_limit_ms) cannot be reproduced from the rules; the frame then keeps its schedule (schedule.h).
  */
-#ifndef AZULEJO_ACCURACY_STOP_H
-#define AZULEJO_ACCURACY_STOP_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "common/accuracy/allocate.h"
 #include "common/base/status.h"
+#include "common/schema/settings.h"
 
 enum {
     STOP_TEXT_SIZE = 64,
@@ -21,19 +20,28 @@ enum {
 #define STOP_LIMIT_MS_MAX ((uint64_t)1 << 40) /* 34 years */
 
 struct stop_rules {
-    uint32_t spp_min;                /* no rule except a clock's ends the frame earlier; 0: none */
     int has_target;
     struct allocation_target target; /* error of the picture */
-    uint64_t time_limit_ms;          /* since the frame's first lease; 0: none */
-    uint64_t core_limit_ms;          /* CPU time of all its results; 0: none */
     int adaptive;                    /* tiles get samples in rounds, where they help most */
+#define STOP_OPTION(...)
+#define STOP_SETTING(o, KIND, type, name, ...) type name;
+    STOP_RULES(STOP_OPTION, STOP_SETTING, )
+#undef STOP_OPTION
+#undef STOP_SETTING
 };
 
+enum stop_name {
+#define STOP_OPTION(o, name, ...) STOP_##name,
+#define STOP_SETTING(o, KIND, type, name, ...) STOP_##name,
+    STOP_RULES(STOP_OPTION, STOP_SETTING, )
+#undef STOP_OPTION
+#undef STOP_SETTING
+    STOP_COUNT
+};
+extern const struct setting stop_rules_rows[STOP_COUNT];
+
 /* Is the frame rendered in rounds? If not, every tile gets all that the cap allows. */
-static inline int stop_has_rounds(const struct stop_rules *rules)
-{
-    return rules->adaptive || rules->has_target;
-}
+static inline int stop_has_rounds(const struct stop_rules *rules) { return rules->adaptive || rules->has_target; }
 
 /* Does any rule but the cap on samples end a frame? */
 static inline int stop_ends_a_frame(const struct stop_rules *rules)
@@ -45,8 +53,7 @@ static inline int stop_ends_a_frame(const struct stop_rules *rules)
 status stop_rules_validate(const struct stop_rules *rules, struct error *err) MUST_CHECK;
 
 /* "2/255", "1%", "45dB". ERR_USAGE. */
-status stop_target_parse(const char *text, struct allocation_target *out, struct error *err)
-    MUST_CHECK;
+status stop_target_parse(const char *text, struct allocation_target *out, struct error *err) MUST_CHECK;
 const char *stop_target_text(char out[STOP_TEXT_SIZE], const struct allocation_target *target);
 /* Does `a` demand a better picture than `b`? Only targets of one measure compare. */
 int stop_target_is_stricter(const struct allocation_target *a, const struct allocation_target *b);
@@ -54,10 +61,6 @@ int stop_target_is_stricter(const struct allocation_target *a, const struct allo
 /* "2/255, at most 4096 samples a pixel, 10m a frame", for people. */
 enum { STOP_RULES_TEXT_SIZE = 192 };
 const char *stop_rules_text(char out[STOP_RULES_TEXT_SIZE], const struct stop_rules *rules, uint32_t spp);
-
-/* "90s", "10m", "1.5h", "2d". `option` is named in the error, ERR_USAGE. */
-status stop_duration_parse(const char *option, const char *text, uint64_t *out_ms,
-                           struct error *err) MUST_CHECK;
 
 /* Why a frame's samples ended. The numbers are the wire's FrameEnd and the store's. */
 enum frame_end {
@@ -69,6 +72,7 @@ enum frame_end {
     FRAME_END_CANCEL,   /* also for older frames about which nothing else is known */
     FRAME_END_SCHEDULE, /* it has what another picture's schedule says */
     FRAME_END_FINISH,   /* a person wanted the picture now */
+    FRAME_END_MISSED,   /* reported in place of TARGET if the picture's error is larger; never stored */
     FRAME_END_COUNT
 };
 /* It has the samples that were requested. */
@@ -78,7 +82,3 @@ static inline int frame_end_is_whole(enum frame_end end)
 }
 /* "ended by the time limit", for people; after it: how many samples. */
 const char *frame_end_text(enum frame_end end);
-/* "time-limit", for programs. */
-const char *frame_end_word(enum frame_end end);
-
-#endif

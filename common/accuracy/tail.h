@@ -4,8 +4,7 @@
  * Zhang and Stephens (2009), its k shrunk towards 0.5 by ten observations, and compared with the
  * threshold of Vehtari, Simpson, Gelman, Yao and Gabry (2024): below min(1 - 1/log10 S, 0.7) a mean
  * of S samples is reliable; from k = 0.5 on there is no finite variance. */
-#ifndef AZULEJO_ACCURACY_TAIL_H
-#define AZULEJO_ACCURACY_TAIL_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -30,5 +29,3 @@ double tail_index_limit(double samples);
 /* k of the union of the lists, using only values larger than the last entry of every full list, so
  * that none is missing. NaN: too little is known. */
 double accuracy_tails_index(const struct accuracy_tails *tails);
-
-#endif

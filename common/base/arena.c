@@ -13,10 +13,7 @@ struct arena_block {
     _Alignas(16) uint8_t bytes[];
 };
 
-void arena_init(struct arena *arena)
-{
-    memset(arena, 0, sizeof *arena);
-}
+void arena_init(struct arena *arena) { memset(arena, 0, sizeof *arena); }
 
 void arena_release(struct arena *arena)
 {

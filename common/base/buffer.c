@@ -6,15 +6,19 @@
 
 #include "common/base/memory.h"
 
-void buffer_init(struct buffer *b)
-{
-    memset(b, 0, sizeof *b);
-}
+void buffer_init(struct buffer *b) { memset(b, 0, sizeof *b); }
 
 void buffer_release(struct buffer *b)
 {
     mem_free(b->data);
     buffer_init(b);
+}
+
+void buffer_wipe(struct buffer *b)
+{
+    if (b->data) /* the C library wants a pointer also where there is nothing to wipe */
+        explicit_bzero(b->data, b->capacity);
+    buffer_release(b);
 }
 
 void buffer_clear(struct buffer *b)
@@ -31,8 +35,7 @@ void buffer_reserve(struct buffer *b, size_t more_bytes)
 
     if (b->failed)
         return;
-    if (__builtin_add_overflow(b->size, more_bytes, &needed) ||
-        __builtin_add_overflow(needed, (size_t)1, &needed) ||
+    if (__builtin_add_overflow(b->size, more_bytes, &needed) || __builtin_add_overflow(needed, (size_t)1, &needed) ||
         !MEM_GROW(b->data, b->capacity, needed))
         b->failed = 1;
 }
@@ -79,10 +82,7 @@ void buffer_printf(struct buffer *b, const char *format, ...)
     va_end(again);
 }
 
-void buffer_puts(struct buffer *b, const char *text)
-{
-    buffer_append(b, text, strlen(text));
-}
+void buffer_puts(struct buffer *b, const char *text) { buffer_append(b, text, strlen(text)); }
 
 void buffer_consume(struct buffer *b, size_t size_bytes)
 {
@@ -96,7 +96,4 @@ void buffer_consume(struct buffer *b, size_t size_bytes)
         b->data[b->size] = 0;
 }
 
-const char *buffer_text(const struct buffer *b)
-{
-    return b->data ? (const char *)b->data : "";
-}
+const char *buffer_text(const struct buffer *b) { return b->data ? (const char *)b->data : ""; }

@@ -1,6 +1,5 @@
 /* bytes_text: numbers of bytes as people read them. */
-#ifndef AZULEJO_BASE_BYTES_TEXT_H
-#define AZULEJO_BASE_BYTES_TEXT_H
+#pragma once
 
 #include <stdint.h>
 
@@ -8,5 +7,3 @@ enum { BYTES_TEXT_SIZE = 32 };
 
 /* "512 B", "12.3 GiB"; fills `out` and returns it. */
 const char *bytes_text(char out[BYTES_TEXT_SIZE], uint64_t bytes);
-
-#endif

@@ -60,8 +60,7 @@ void digest_stream_free(struct digest_stream *s)
     mem_free(s);
 }
 
-static status add_file(struct digest_stream *s, int fd, uint64_t *size_bytes, const char *path,
-                       struct error *err)
+static status add_file(struct digest_stream *s, int fd, uint64_t *size_bytes, const char *path, struct error *err)
 {
     uint8_t piece[65536];
 
@@ -88,8 +87,8 @@ status digest_of_file(struct digest *out, uint64_t *size_bytes, const char *path
     memset(out, 0, sizeof *out);
     *size_bytes = 0;
     if (fd < 0)
-        return error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO,
-                         "%s: cannot be read: %s", path, strerror(errno));
+        return error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO, "%s: cannot be read: %s", path,
+                         strerror(errno));
     s = digest_stream_new();
     result = s ? add_file(s, fd, size_bytes, path, err) : error_no_memory(err, "a digest");
     close(fd);

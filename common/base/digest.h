@@ -1,6 +1,5 @@
 /* digest: SHA-256 (OpenSSL's EVP), the name of every blob. */
-#ifndef AZULEJO_BASE_DIGEST_H
-#define AZULEJO_BASE_DIGEST_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -23,8 +22,7 @@ status digest_stream_final(struct digest_stream *s, struct digest *out) MUST_CHE
 void digest_stream_free(struct digest_stream *s);
 
 /* Of a file's bytes, of which there are *size_bytes. ERR_NOT_FOUND if there is no file, ERR_IO. */
-status digest_of_file(struct digest *out, uint64_t *size_bytes, const char *path,
-                      struct error *err) MUST_CHECK;
+status digest_of_file(struct digest *out, uint64_t *size_bytes, const char *path, struct error *err) MUST_CHECK;
 
 int digest_equal(const struct digest *a, const struct digest *b);
 
@@ -33,5 +31,3 @@ void digest_to_hex(const struct digest *d, char hex[DIGEST_HEX_SIZE]);
 
 /* ERR_INPUT unless `hex` is exactly 64 hexadecimal digits. */
 status digest_from_hex(struct digest *out, const char *hex) MUST_CHECK;
-
-#endif

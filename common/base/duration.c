@@ -12,8 +12,8 @@ static const struct {
 } units[] = {{"d", 86400}, {"h", 3600}, {"m", 60}, {"s", 1}, {"w", 7 * 86400}};
 enum { UNITS = sizeof units / sizeof units[0] };
 
-status duration_parse_ms(const char *option, const char *text, uint64_t least_ms, uint64_t most_ms,
-                         uint64_t *ms, struct error *err)
+status duration_parse_ms(const char *option, const char *text, uint64_t least_ms, uint64_t most_ms, uint64_t *ms,
+                         struct error *err)
 {
     char *end;
     double value = strtod(text, &end);
@@ -25,8 +25,8 @@ status duration_parse_ms(const char *option, const char *text, uint64_t least_ms
             return STATUS_OK;
         }
     }
-    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a length of time: give 90s, 10m, 1.5h or 30d",
-                     option, text);
+    return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a length of time: give 90s, 10m, 1.5h or 30d", option,
+                     text);
 }
 
 status duration_parse(const char *option, const char *text, int64_t *seconds, struct error *err)
@@ -45,7 +45,6 @@ const char *duration_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
     for (int i = 0; i < 4 && unit == 3 && seconds != 0; i++)
         if (seconds % units[i].seconds == 0)
             unit = i;
-    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 "%s", seconds / units[unit].seconds,
-             units[unit].unit);
+    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 "%s", seconds / units[unit].seconds, units[unit].unit);
     return out;
 }

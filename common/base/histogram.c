@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 
 const double histogram_bounds_s[HISTOGRAM_CLASSES] = {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05,    0.1,
                                                       0.25,  0.5,    1,     2.5,  5,     10, INFINITY};

@@ -1,6 +1,5 @@
 /* histogram: how long something took, counted in classes. It only grows. */
-#ifndef AZULEJO_BASE_HISTOGRAM_H
-#define AZULEJO_BASE_HISTOGRAM_H
+#pragma once
 
 #include <stdint.h>
 
@@ -16,5 +15,3 @@ struct histogram {
 };
 
 void histogram_add(struct histogram *histogram, uint64_t ns);
-
-#endif

@@ -1,6 +1,5 @@
 /* json_quote: text as a JSON string, without allocation. */
-#ifndef AZULEJO_BASE_JSON_QUOTE_H
-#define AZULEJO_BASE_JSON_QUOTE_H
+#pragma once
 
 #include <stddef.h>
 
@@ -10,5 +9,3 @@
 /* Write `text` in quotes, at most its first `most` bytes, to out[JSON_QUOTE_SIZE(most)]. Bytes that are not UTF-8 become
  * U+FFFD. Returns how many bytes were written, without the 0. */
 size_t json_quote(char *out, const char *text, size_t most);
-
-#endif

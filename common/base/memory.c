@@ -22,10 +22,7 @@ void mem_fault_arm(long successes, long failures)
     atomic_store(&fault_armed, successes >= 0);
 }
 
-long mem_fault_count(void)
-{
-    return atomic_load(&fault_count);
-}
+long mem_fault_count(void) { return atomic_load(&fault_count); }
 
 static int fault_hits(void)
 {
@@ -99,10 +96,7 @@ void mem_advise_large_pages(void *block, size_t size_bytes)
 #endif
 }
 
-char *mem_strdup(const char *text)
-{
-    return mem_memdup(text, strlen(text) + 1);
-}
+char *mem_strdup(const char *text) { return mem_memdup(text, strlen(text) + 1); }
 
 void *mem_memdup(const void *data, size_t size_bytes)
 {
@@ -113,10 +107,7 @@ void *mem_memdup(const void *data, size_t size_bytes)
     return copy;
 }
 
-void mem_free(void *block)
-{
-    free(block);
-}
+void mem_free(void *block) { free(block); }
 
 void mem_trim(void)
 {

@@ -4,8 +4,7 @@
  * fault tests use it to reach every out-of-memory path. Memory is plain malloc memory: mem_free()
  * accepts NULL and anything from these functions.
  */
-#ifndef AZULEJO_BASE_MEMORY_H
-#define AZULEJO_BASE_MEMORY_H
+#pragma once
 
 #include <stddef.h>
 
@@ -19,12 +18,10 @@ void *mem_calloc(size_t count, size_t size_bytes) __attribute__((malloc, warn_un
 void *mem_alloc_array(size_t count, size_t size_bytes) __attribute__((malloc, warn_unused_result));
 
 /* Resize; on failure returns NULL and leaves the old block untouched. */
-void *mem_realloc_array(void *old, size_t count, size_t size_bytes)
-    __attribute__((warn_unused_result));
+void *mem_realloc_array(void *old, size_t count, size_t size_bytes) __attribute__((warn_unused_result));
 
 /* Memory aligned to `alignment` bytes (a power of two); free with mem_free(). */
-void *mem_alloc_aligned(size_t alignment, size_t size_bytes)
-    __attribute__((malloc, warn_unused_result));
+void *mem_alloc_aligned(size_t alignment, size_t size_bytes) __attribute__((malloc, warn_unused_result));
 
 /* Ask for large pages under a block that will be read at random, before it is written: otherwise
  * every other texel of a texture would cost a page table walk. Only a hint. */
@@ -45,15 +42,10 @@ void mem_fault_arm(long successes, long failures);
 long mem_fault_count(void);
 
 /* *out = a * b, false on overflow. */
-static inline int mem_size_mul(size_t a, size_t b, size_t *out)
-{
-    return !__builtin_mul_overflow(a, b, out);
-}
+static inline int mem_size_mul(size_t a, size_t b, size_t *out) { return !__builtin_mul_overflow(a, b, out); }
 
 /* Grow a typed array to hold at least `needed` elements; 0 when out of memory.
  * Usage: if (!MEM_GROW(items, capacity, count + 1)) return error_no_memory(...). */
 #define MEM_GROW(array, capacity, needed) \
     mem_grow_((void **)&(array), &(capacity), (needed), sizeof *(array))
 int mem_grow_(void **array, size_t *capacity, size_t needed, size_t size_bytes);
-
-#endif

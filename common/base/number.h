@@ -1,6 +1,5 @@
 /* number: numbers as the shortest text that reads back as the same value. */
-#ifndef AZULEJO_BASE_NUMBER_H
-#define AZULEJO_BASE_NUMBER_H
+#pragma once
 
 enum { NUMBER_TEXT_SIZE = 32 };
 
@@ -11,5 +10,3 @@ const char *number_text(char out[NUMBER_TEXT_SIZE], double value);
 /* The double with the shortest text that reads back as this float: 0.1, not 0.10000000149011612.
  * Values that are not finite are returned unchanged. */
 double number_of_float(float value);
-
-#endif

@@ -4,14 +4,12 @@
  *     {
  *         if (SAFEGUARD(MIS_OVERFLOW)) ...
  *
- * In an ordinary build SAFEGUARD(...) is the constant 1 and nothing of this file is left. In the
- * build of `make numerics` (SAFEGUARDS=1) one safeguard at a time is off: the one that the environment
- * variable AZULEJO_SAFEGUARD_OFF names, or numbers. tests/numerics/safeguards.py runs the tests
- * so, and fails where none of them notices. A switch stands inside the one function that is the
- * safeguard, not at its callers.
+ * In an ordinary build SAFEGUARD(...) is the constant 1 and nothing of this file is left. In the build of `make
+ * numerics` (SAFEGUARDS=1) one safeguard at a time is off: the one that the environment variable AZULEJO_SAFEGUARD_OFF
+ * names, or numbers. tests/numerics/safeguards.py runs the tests so, and fails where none of them notices. A switch
+ * stands inside the one function that is the safeguard, not at its callers.
  */
-#ifndef AZULEJO_BASE_SAFEGUARD_H
-#define AZULEJO_BASE_SAFEGUARD_H
+#pragma once
 
 /* X(NAME, what it prevents): the sentence says what goes wrong without it. */
 #define SAFEGUARD_MAP(X)        \
@@ -38,6 +36,8 @@
     X(OWN_EDGE, "one long triangle of a mesh spoils the shadows of its short ones")              \
     X(AIM_AT_END, "a shadow ray from an edge misses the wall before a lamp")                      \
     X(REFINE_FIRST, "of faces closer than float's error the second is met first")                 \
+    X(NEAR_FACES, "of faces closer than float's error no one asks which comes first")             \
+    X(NEAR_SHAPES, "of a sphere and a face closer than float's error no one asks which comes first") \
     X(CONTACT_TOGETHER, "of faces in contact some are skipped, some crossed twice")               \
     X(LEAK_REPAIR, "rays slip out of closed meshes at vertices")                                  \
     X(LEAK_SHADOW, "light slips into closed meshes at vertices")                                  \
@@ -95,11 +95,9 @@
 
 /* Lamps, environment maps, media, textures: worker/render/{light,medium,texture}. */
 #define SAFEGUARDS_OF_LIGHT(X) \
-    X(MAP_ROW_END, "a map's row whose first texel outshines the rest ends in a cell that takes all samples") \
     X(MAP_DARK_CELLS, "texels too dark for the importance table are never sampled, and their light is lost") \
     X(MAP_RADIANCE, "a map with infinite texels makes samples that are not finite") \
     X(MAP_POLE, "a map's zenith is looked up in steps of 3e-4 radians") \
-    X(MAP_SEAM, "a sun on the map's seam loses the light on its far side") \
     X(LAMP_DISTANCE, "a lamp that touches the surface it lights counts as a fault") \
     X(PORTAL_SOLID_ANGLE, "a small window's solid angle cancels, and its light is too bright or too dark") \
     X(SPHERE_LAMP_FAR, "a spherical lamp far away is too bright, too dark or black") \
@@ -141,7 +139,6 @@
     X(RMSE_OF_BLACK, "a black picture has a relative error of 0 / 0") \
     X(PSNR_OF_EQUAL, "a picture without noise has no interval of its PSNR") \
     X(DISPLAY_OF_EQUAL, "a picture without noise has no interval of its display error") \
-    X(LONE_OF_BLACK, "one black pixel hides that a picture's light was met by chance only") \
     X(ERF_TAIL, "cancellation: pixels with little noise spoil the display error") \
     X(CURVE_POINT, "one frame without an error makes the time left unknown")
 
@@ -185,6 +182,4 @@ extern const char *const safeguard_names[SAFEGUARD_COUNT];
 /* Set before main, and constant from then on. -1: all safeguards are on. */
 extern int safeguard_off;
 #define SAFEGUARD(name) (safeguard_off != SAFEGUARD_##name)
-#endif
-
 #endif

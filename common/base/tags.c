@@ -5,15 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int is_tag_character(unsigned char c)
-{
-    return isalnum(c) || c == '-' || c == '_' || c == '.';
-}
+static int is_tag_character(unsigned char c) { return isalnum(c) || c == '-' || c == '_' || c == '.'; }
 
-static int by_name(const void *a, const void *b)
-{
-    return strcmp(a, b);
-}
+static int by_name(const void *a, const void *b) { return strcmp(a, b); }
 
 status tags_parse(const char *text, char out[TAGS_TEXT_MAX + 1], struct error *err)
 {
@@ -28,8 +22,8 @@ status tags_parse(const char *text, char out[TAGS_TEXT_MAX + 1], struct error *e
             good++;
         if (length == 0 || good < length || length > TAG_MAX)
             return error_set(err, STATUS_ERR_USAGE,
-                             "'%.64s': a tag has 1 to %d letters, digits, '-', '_' or '.', as in big,gpu",
-                             text, TAG_MAX);
+                             "'%.64s': a tag has 1 to %d letters, digits, '-', '_' or '.', as in big,gpu", text,
+                             TAG_MAX);
         if (count == TAGS_MAX)
             return error_set(err, STATUS_ERR_USAGE, "'%.64s...': at most %d tags", text, TAGS_MAX);
         snprintf(names[count++], sizeof names[0], "%.*s", (int)length, at);

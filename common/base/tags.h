@@ -1,6 +1,5 @@
 /* tags: words that workers are marked with and jobs ask for, as in "big,gpu". */
-#ifndef AZULEJO_BASE_TAGS_H
-#define AZULEJO_BASE_TAGS_H
+#pragma once
 
 #include <stddef.h>
 
@@ -19,5 +18,3 @@ status tags_parse(const char *text, char out[TAGS_TEXT_MAX + 1], struct error *e
 /* Is every tag of `wanted` in `tags`? If not, `missing` gets the first that is not. Both are as made by
  * tags_parse; "" has none. */
 int tags_have(const char *tags, const char *wanted, char missing[TAG_MAX + 1]);
-
-#endif

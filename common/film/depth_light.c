@@ -6,10 +6,9 @@
 #include "common/math/elementary.h"
 #include "common/scene/settings.h"
 
-/* How fast throughput decreases per vertex is measured on (N/4, N/2] and (N/2, N]. From one to the other it
- * slows down: not at all where it is geometric, by 1/2 in a power law (the walk in a medium without end); what is
- * outside of these is noise. Behind N it is taken to slow down once more, and then to stay: what has bounds ends
- * geometrically. */
+/* How fast throughput decreases per vertex is measured on (N/4, N/2] and (N/2, N]. From one to the other it slows down:
+ * not at all where it is geometric, by 1/2 in a power law (the walk in a medium without end); what is outside of these
+ * is noise. Behind N it is taken to slow down once more, and then to stay: what has bounds ends geometrically. */
 #define SLOWING_MIN 0.5
 #define SLOWING_MAX 1.0
 
@@ -68,10 +67,7 @@ static double decay_rate(double before, double after, uint32_t vertices)
 }
 
 /* Rounded: sums over frames depend in their last bits on which was done first. */
-static double share_of(double part, double all)
-{
-    return part < INFINITY ? round(part / all * 1e6) / 1e6 : 1;
-}
+static double share_of(double part, double all) { return part < INFINITY ? round(part / all * 1e6) / 1e6 : 1; }
 
 /* Double the depth until it takes little enough. */
 static void look_deeper(struct depth_report *report, const struct depth_light *light, uint32_t max_depth)
@@ -86,13 +82,11 @@ static void look_deeper(struct depth_report *report, const struct depth_light *l
         const uint32_t twice = depth > 0 ? 2 * depth : 1;
         depth = twice < SETTINGS_DEPTH_MAX ? twice : SETTINGS_DEPTH_MAX;
         report->deeper = depth;
-        report->deeper_share =
-            share_of(report->share * det_exp_d(-late * slowing * (depth - max_depth)), 1);
+        report->deeper_share = share_of(report->share * det_exp_d(-late * slowing * (depth - max_depth)), 1);
     } while (report->deeper_share > DEPTH_SHARE_ENOUGH && depth < SETTINGS_DEPTH_MAX);
 }
 
-struct depth_report depth_light_report(const struct depth_light *light, uint64_t samples,
-                                       uint32_t max_depth)
+struct depth_report depth_light_report(const struct depth_light *light, uint64_t samples, uint32_t max_depth)
 {
     /* The share of a black picture is that of one of little light. */
     const double seen = light->sum[DEPTH_SEEN] > 0 ? light->sum[DEPTH_SEEN] : 1;
@@ -119,8 +113,7 @@ static void percent_text(char out[PERCENT_SIZE], double share, int digits)
         snprintf(out, PERCENT_SIZE, "%.*g", digits, percent);
 }
 
-const char *depth_report_text(char out[DEPTH_TEXT_SIZE], const struct depth_report *report,
-                              uint32_t max_depth)
+const char *depth_report_text(char out[DEPTH_TEXT_SIZE], const struct depth_report *report, uint32_t max_depth)
 {
     char share[PERCENT_SIZE], deeper[PERCENT_SIZE];
 
@@ -128,10 +121,9 @@ const char *depth_report_text(char out[DEPTH_TEXT_SIZE], const struct depth_repo
     percent_text(deeper, report->deeper_share, 1);
     if (report->deeper)
         snprintf(out, DEPTH_TEXT_SIZE,
-                 "light ended by depth: %s %% of the picture (--max-depth %u; %u would leave %s %%)", share,
-                 max_depth, report->deeper, deeper);
+                 "light ended by depth: %s %% of the picture (--max-depth %u; %u would leave %s %%)", share, max_depth,
+                 report->deeper, deeper);
     else
-        snprintf(out, DEPTH_TEXT_SIZE, "light ended by depth: %s %% of the picture (--max-depth %u)", share,
-                 max_depth);
+        snprintf(out, DEPTH_TEXT_SIZE, "light ended by depth: %s %% of the picture (--max-depth %u)", share, max_depth);
     return out;
 }

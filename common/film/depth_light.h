@@ -13,8 +13,7 @@
  *
  * The sums are part of a unit's result. Those of a film (film_work) are weighted so that each pixel counts alike.
  */
-#ifndef AZULEJO_FILM_DEPTH_LIGHT_H
-#define AZULEJO_FILM_DEPTH_LIGHT_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -44,10 +43,10 @@ int depth_light_is_valid(const struct depth_light *light);
 
 /* What is said of them. */
 struct depth_report {
-    double share;          /* of the light of a picture without a limit, 0..1, that the limit took */
-    uint32_t deeper;       /* the least of 2N, 4N, ... up to SETTINGS_DEPTH_MAX that would take at most
+    double share;        /* of the light of a picture without a limit, 0..1, that the limit took */
+    uint32_t deeper;     /* the least of 2N, 4N, ... up to SETTINGS_DEPTH_MAX that would take at most
                               DEPTH_SHARE_ENOUGH, or else that limit; 0: `share` is no more itself, or N is the limit */
-    double deeper_share;   /* what that would take */
+    double deeper_share; /* what that would take */
 };
 
 /* Shares above this are reported in summaries, and what a depth may take to be recommended. */
@@ -55,12 +54,8 @@ struct depth_report {
 #define DEPTH_SHARE_ENOUGH 0.01
 
 /* Of `samples` samples with this --max-depth. */
-struct depth_report depth_light_report(const struct depth_light *light, uint64_t samples,
-                                       uint32_t max_depth);
+struct depth_report depth_light_report(const struct depth_light *light, uint64_t samples, uint32_t max_depth);
 
 enum { DEPTH_TEXT_SIZE = 160 };
 /* "light ended by depth: 12 % of the picture (--max-depth 8; 32 would leave 1 %)". Returns `out`. */
-const char *depth_report_text(char out[DEPTH_TEXT_SIZE], const struct depth_report *report,
-                              uint32_t max_depth);
-
-#endif
+const char *depth_report_text(char out[DEPTH_TEXT_SIZE], const struct depth_report *report, uint32_t max_depth);

@@ -1,3 +1,4 @@
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -5,12 +6,11 @@
 #include "common/base/safeguard.h"
 #include "common/film/film_parts.h"
 
+enum { LEVEL_OF_ONE_PASS = 3 }; /* the last level whose second half is one pass */
+
 /* ---- life ----------------------------------------------------------------------------------- */
 
-struct film *film_new(uint32_t width, uint32_t height, uint32_t spp)
-{
-    return film_new_aovs(width, height, spp, 0);
-}
+struct film *film_new(uint32_t width, uint32_t height, uint32_t spp) { return film_new_aovs(width, height, spp, 0); }
 
 struct film *film_new_aovs(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs)
 {
@@ -61,6 +61,7 @@ void film_free(struct film *film)
             mem_free(group->log);
             mem_free(group->cut);
             mem_free(group->whole);
+            mem_free(group->recent);
         }
     mem_free(film->tiles);
     mem_free(film);
@@ -73,15 +74,14 @@ uint32_t film_tile_pixels(const struct film *film, uint32_t tile)
     return rect.width * rect.height;
 }
 
-/* Floats of a unit's result. */
-static size_t unit_numbers(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
+size_t film_unit_numbers(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
 {
     return tile_floats(film->width, film->height, tile, unit_aovs(film->aovs, group, pass));
 }
 
 size_t film_group_numbers(const struct film *film, uint32_t tile, uint32_t group)
 {
-    return unit_numbers(film, tile, group, 0);
+    return film_unit_numbers(film, tile, group, 0);
 }
 
 uint32_t film_samples_after(const struct film *film, uint32_t group, uint32_t passes)
@@ -102,6 +102,14 @@ static int sums_reserve(struct film_sums **sums, size_t numbers)
     return *sums != NULL;
 }
 
+/* The second half of a level that has several passes. */
+static int recent_reserve(const struct film *film, uint32_t tile, struct film_group *g, uint32_t passes)
+{
+    if (!g->recent && passes > level_passes(LEVEL_OF_ONE_PASS))
+        g->recent = mem_alloc_array(film_radiance_numbers(film, tile), sizeof *g->recent);
+    return g->recent || passes <= level_passes(LEVEL_OF_ONE_PASS);
+}
+
 int film_group_reserve(const struct film *film, uint32_t tile, uint32_t group, uint32_t passes)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
@@ -109,17 +117,13 @@ int film_group_reserve(const struct film *film, uint32_t tile, uint32_t group, u
     size_t numbers = film_group_numbers(film, tile, group);
     uint32_t levels = level_count(passes);
 
-    return ((int)passes == cut || sums_reserve(&g->whole, numbers)) &&
-           (!cut || sums_reserve(&g->cut, numbers)) &&
-           MEM_GROW(g->log, g->log_capacity, passes) &&
+    return ((int)passes == cut || sums_reserve(&g->whole, numbers)) && (!cut || sums_reserve(&g->cut, numbers)) &&
+           recent_reserve(film, tile, g, passes) && MEM_GROW(g->log, g->log_capacity, passes) &&
            MEM_GROW(g->levels, g->level_capacity, levels);
 }
 
 /* How many passes are to be folded. */
-static uint32_t group_goal(const struct film_group *g)
-{
-    return g->wanted < g->end ? g->wanted : g->end;
-}
+static uint32_t group_goal(const struct film_group *g) { return g->wanted < g->end ? g->wanted : g->end; }
 
 void film_group_set_passes(struct film *film, uint32_t index, uint32_t group, uint32_t passes)
 {
@@ -136,21 +140,30 @@ void film_group_set_passes(struct film *film, uint32_t index, uint32_t group, ui
     g->passes = passes;
 }
 
-static void measure_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
-                          uint64_t rays, const double *sums, struct film_level *out)
+/* `second`: the sums of the level's second half. */
+static void measure_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level, uint64_t rays,
+                          uint64_t subject, const double *sums, const float *second, struct film_level *out)
 {
     struct tile_rect rect = tile_rect_of(film->width, film->height, tile);
 
     out->rays = rays;
-    film_level_measure(out, sums, rect.width, rect.height, level_samples(level), &film->codes[group]);
+    out->subject = subject;
+    film_level_measure(out, sums, level > 0 ? second : NULL, rect.width, rect.height, level_samples(level),
+                       &film->codes[group]);
 }
 
-/* Of a level that was reached with whole passes only. */
-static void group_measure(const struct film *film, uint32_t tile, uint32_t group, uint32_t level)
+/* The sums of the passes since the last level, with this one, which is whole and comes after `passes`
+ * others. `recent` is used if there are several. */
+static const float *add_recent(float *recent, uint32_t passes, const float *sums, size_t count)
 {
-    struct film_group *g = &film->tiles[tile].groups[group];
-
-    measure_level(film, tile, group, level, g->whole->work.rays, g->whole->values, &g->levels[level]);
+    if (film_has_recent(passes))
+        for (size_t i = 0; i < count; i++) /* finite, as it is stored */
+            recent[i] = fmaxf(fminf(recent[i] + sums[i], FLT_MAX), -FLT_MAX);
+    else if (film_has_recent(passes + 1))
+        memcpy(recent, sums, count * sizeof *recent);
+    else
+        return sums;
+    return recent;
 }
 
 /* In double: in float the 296 passes of a million samples are off by up to 1.3e-6. */
@@ -159,10 +172,9 @@ static double film_add(double sum, float more)
     return SAFEGUARD(FILM_DOUBLE) ? sum + (double)more : (double)((float)sum + more);
 }
 
-/* A result's AOVs: those that are point-sampled are in one of a group's passes only, so they, too, may be
- * added. */
-static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass,
-                     const float *from, double *to)
+/* A result's AOVs: those that are point-sampled are in one of a group's passes only, so they, too, may be added. */
+static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass, const float *from,
+                     double *to)
 {
     uint32_t pixels = film_tile_pixels(film, tile);
     uint32_t sent = unit_aovs(film->aovs, group, pass), kept = unit_aovs(film->aovs, group, 0);
@@ -176,70 +188,106 @@ static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uin
     }
 }
 
-static void group_fold(struct film *film, uint32_t tile, uint32_t group, const float *sums,
-                       const struct tail *tail, const struct unit_work *work,
-                       struct film_log_entry entry)
+/* The group's statistics at the level that `pass`, a whole one, completes; NULL: it completes none, or they are left
+ * out. */
+static const struct film_level *group_level(struct film *film, const struct unit_result *unit,
+                                            const struct film_level *known)
 {
+    struct film_group *g = &film->tiles[unit->tile].groups[unit->group];
+    const float *recent = add_recent(g->recent, unit->pass, unit->sums, film_radiance_numbers(film, unit->tile));
+    int level = level_at(g->passes);
+    struct film_level *out = &g->levels[level < 0 ? 0 : level];
+
+    if (level < 0)
+        return NULL;
+    g->level_count = (uint32_t)level + 1;
+    if (known)
+        *out = *known;
+    else if ((uint32_t)level < film->measure_from || (level > 0 && !film->frozen[unit->group]))
+        *out = (struct film_level){.skipped = 1};
+    else
+        measure_level(film, unit->tile, unit->group, (uint32_t)level, g->whole->work.rays,
+                      g->whole->work.subject_samples, g->whole->values, recent, out);
+    film_level_count(film, unit->group, (uint32_t)level, out, 1);
+    return out->skipped ? NULL : out;
+}
+
+void film_on_fold(struct film *film, void (*fold)(void *user, const struct film_fold *fold), void *user)
+{
+    film->on_fold = fold;
+    film->on_fold_user = user;
+}
+
+void film_group_fold(struct film *film, const struct unit_result *unit, struct film_log_entry entry,
+                     const struct film_level *known)
+{
+    uint32_t tile = unit->tile, group = unit->group, pass = unit->pass;
     struct film_group *g = &film->tiles[tile].groups[group];
-    uint32_t pass = g->passes;
-    int cut = pass_is_short(film->spp, group, pass), level;
+    int cut = pass_is_short(film->spp, group, pass);
     struct film_sums *into = cut ? g->cut : g->whole;
-    size_t count = (size_t)film_tile_pixels(film, tile) * PIXEL_FLOATS;
+    const struct film_level *level;
+    size_t count = film_radiance_numbers(film, tile);
 
     for (size_t i = 0; i < count; i++)
-        into->values[i] = film_add(into->values[i], sums[i]);
+        into->values[i] = film_add(into->values[i], unit->sums[i]);
     if (film->aovs)
-        add_aovs(film, tile, group, pass, sums, into->values);
-    tail_merge(&into->tail, tail);
-    unit_work_add(&into->work, work);
-    unit_work_add(&film->work, work);
+        add_aovs(film, tile, group, pass, unit->sums, into->values);
+    tail_merge(&into->tail, &unit->tail);
+    unit_work_add(&into->work, &unit->work);
+    unit_work_add(&film->work, &unit->work);
     g->log[pass] = entry;
     film_group_set_passes(film, tile, group, pass + 1);
-    level = cut ? -1 : level_at(g->passes);
-    if (level >= 0) {
-        g->level_count = (uint32_t)level + 1;
-        film->at_level[group][level]++;
-        group_measure(film, tile, group, (uint32_t)level);
-    }
+    level = cut ? NULL : group_level(film, unit, known);
+    if (film->on_fold)
+        film->on_fold(film->on_fold_user,
+                      &(struct film_fold){.tile = tile, .group = group, .pass = pass, .deliverer = entry.deliverer,
+                                          .cost = entry.cost, .hash = entry.hash, .sums = unit->sums, .count = unit->count,
+                                          .tail = &unit->tail, .work = &unit->work, .level = level});
 }
 
 /* Begin to watch a group that has ended. 0: out of memory. */
 static int watch_reserve(const struct film *film, uint32_t tile, uint32_t group)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
-    size_t count = (size_t)film_tile_pixels(film, tile) * PIXEL_FLOATS;
+    size_t count = film_radiance_numbers(film, tile);
 
     if (g->watch)
         return 1;
-    g->watch = mem_calloc(1, sizeof *g->watch + count * sizeof *g->watch->values);
+    g->watch = mem_calloc(1, sizeof *g->watch + count * (sizeof *g->watch->values + sizeof *g->watch->recent));
     if (!g->watch)
         return 0;
+    g->watch->recent = (float *)(g->watch->values + count);
+    if (film_has_recent(g->passes))
+        memcpy(g->watch->recent, g->recent, count * sizeof *g->watch->recent);
     g->watch->passes = g->passes;
     g->watch->level_count = g->level_count;
     if (g->whole) {
         g->watch->rays = g->whole->work.rays;
+        g->watch->subject = g->whole->work.subject_samples;
         memcpy(g->watch->values, g->whole->values, count * sizeof *g->watch->values);
     }
     return 1;
 }
 
 static void watch_fold(struct film *film, uint32_t tile, uint32_t group, const float *sums,
-                       uint64_t rays)
+                       const struct unit_work *work)
 {
     struct film_watch *w = film->tiles[tile].groups[group].watch;
-    size_t count = (size_t)film_tile_pixels(film, tile) * PIXEL_FLOATS;
+    size_t count = film_radiance_numbers(film, tile);
+    const float *recent = add_recent(w->recent, w->passes, sums, count);
     int level;
 
     for (size_t i = 0; i < count; i++)
         w->values[i] = film_add(w->values[i], sums[i]);
-    w->rays += rays;
+    w->rays += work->rays;
+    w->subject += work->subject_samples;
     w->passes++;
     level = level_at(w->passes);
     if (level < 0)
         return;
     w->level_count = (uint32_t)level + 1;
-    film->at_level[group][level]++;
-    measure_level(film, tile, group, (uint32_t)level, w->rays, w->values, &w->levels[level]);
+    film->at_level[group][level]++; /* rounds read what is watched */
+    measure_level(film, tile, group, (uint32_t)level, w->rays, w->subject, w->values, recent, &w->levels[level]);
 }
 
 /* How many passes may be folded at present. */
@@ -249,16 +297,14 @@ static uint32_t group_limit(const struct film *film, const struct film_group *g,
 }
 
 /* Fold a result that may be folded; watch it if the group has ended. 0: out of memory. */
-static int group_take(struct film *film, uint32_t tile, uint32_t group, const float *sums,
-                      const struct tail *tail, const struct unit_work *work,
-                      struct film_log_entry entry)
+static int group_take(struct film *film, const struct unit_result *unit, struct film_log_entry entry)
 {
-    const struct film_group *g = &film->tiles[tile].groups[group];
+    const struct film_group *g = &film->tiles[unit->tile].groups[unit->group];
 
     if (film_group_seen(g) < g->end)
-        group_fold(film, tile, group, sums, tail, work, entry);
-    else if (watch_reserve(film, tile, group))
-        watch_fold(film, tile, group, sums, work->rays);
+        film_group_fold(film, unit, entry, NULL);
+    else if (watch_reserve(film, unit->tile, unit->group))
+        watch_fold(film, unit->tile, unit->group, unit->sums, &unit->work);
     else
         return 0;
     return 1;
@@ -270,25 +316,24 @@ static void group_fold_waiting(struct film *film, uint32_t tile, uint32_t group)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
 
-    while (g->waiting && g->waiting->pass == film_group_seen(g) &&
-           film_group_seen(g) < group_limit(film, g, group)) {
+    while (g->waiting && g->waiting->pass == film_group_seen(g) && film_group_seen(g) < group_limit(film, g, group)) {
         struct waiting *w = g->waiting;
-        (void)group_take(film, tile, group, w->sums, &w->tail, &w->work,
-                         (struct film_log_entry){
-                             .hash = w->hash, .deliverer = w->deliverer, .cost = w->cost});
+        const struct unit_result unit = {.tile = tile, .group = group, .pass = w->pass, .sums = w->sums,
+                                         .count = w->count, .tail = w->tail, .work = w->work};
+        (void)group_take(film, &unit,
+                         (struct film_log_entry){.hash = w->hash, .deliverer = w->deliverer, .cost = w->cost});
         g->waiting = w->next;
         g->waiting_count--;
         mem_free(w);
     }
 }
 
-static status group_wait(struct film_group *g, struct waiting **at, const struct unit_result *unit,
-                         uint32_t deliverer, uint64_t hash, struct error *err)
+static status group_wait(struct film_group *g, struct waiting **at, const struct unit_result *unit, uint32_t deliverer,
+                         uint64_t hash, struct error *err)
 {
     struct waiting *entry = mem_alloc(sizeof *entry + unit->count * sizeof *unit->sums);
 
-    if (!entry)
-        return error_no_memory(err, "an early tile result");
+    NEED(entry, err, "an early tile result");
     entry->pass = unit->pass;
     entry->deliverer = deliverer;
     entry->cost = 0;
@@ -303,25 +348,20 @@ static status group_wait(struct film_group *g, struct waiting **at, const struct
     return STATUS_OK;
 }
 
-static status check_result(const struct film *film, const struct unit_result *unit,
-                           struct error *err)
+static status check_result(const struct film *film, const struct unit_result *unit, struct error *err)
 {
     uint32_t tile = unit->tile, group = unit->group, pass = unit->pass;
 
     if (tile >= film->tiles_total)
-        return error_set(err, STATUS_ERR_INPUT, "tile %u: the frame has %u", tile,
-                         film->tiles_total);
+        return error_set(err, STATUS_ERR_INPUT, "tile %u: the frame has %u", tile, film->tiles_total);
     if (group >= GROUPS || pass >= film->passes_total[group])
-        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u: the frame has no pass %u", tile,
-                         group, pass);
-    if (unit->count != unit_numbers(film, tile, group, pass))
-        return error_set(err, STATUS_ERR_INPUT,
-                         "tile %u, group %u, pass %u: %zu numbers instead of %zu", tile, group,
-                         pass, unit->count, unit_numbers(film, tile, group, pass));
+        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u: the frame has no pass %u", tile, group, pass);
+    if (unit->count != film_unit_numbers(film, tile, group, pass))
+        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u, pass %u: %zu numbers instead of %zu", tile, group,
+                         pass, unit->count, film_unit_numbers(film, tile, group, pass));
     for (size_t i = 0; i < unit->count; i++)
         if (!isfinite(unit->sums[i]) && SAFEGUARD(FINITE_UNIT))
-            return error_set(err, STATUS_ERR_INPUT,
-                             "tile %u, group %u, pass %u: number %zu is not finite", tile, group,
+            return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u, pass %u: number %zu is not finite", tile, group,
                              pass, i);
     if (!tail_is_valid(&unit->tail, film_tile_pixels(film, tile)))
         return error_set(err, STATUS_ERR_INPUT,
@@ -333,8 +373,8 @@ static status check_result(const struct film *film, const struct unit_result *un
 
 /* Was the result folded, watched, or did it come and wait? Then says what this one is: it is not added
  * again. `next`: the first that waits and is not of an earlier pass; NULL: none. */
-static int is_known(const struct film_group *g, uint32_t pass, uint64_t hash,
-                    const struct waiting *next, enum film_merge_result *result)
+static int is_known(const struct film_group *g, uint32_t pass, uint64_t hash, const struct waiting *next,
+                    enum film_merge_result *result)
 {
     const struct waiting *same = next && next->pass == pass ? next : NULL;
 
@@ -355,8 +395,8 @@ static int is_early(const struct film *film, const struct film_group *g, uint32_
     return (pass > film_group_seen(g) && SAFEGUARD(PASS_ORDER)) || pass >= group_limit(film, g, group);
 }
 
-status film_merge(struct film *film, const struct unit_result *unit, uint32_t deliverer,
-                  enum film_merge_result *result, struct error *err)
+status film_merge(struct film *film, const struct unit_result *unit, uint32_t deliverer, enum film_merge_result *result,
+                  struct error *err)
 {
     struct film_group *g;
     struct waiting **at;
@@ -372,14 +412,12 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
         ;
     if (is_known(g, unit->pass, hash, *at, result))
         return STATUS_OK;
-    if (!film_group_reserve(film, unit->tile, unit->group, unit->pass + 1))
-        return error_no_memory(err, "the film");
+    NEED(film_group_reserve(film, unit->tile, unit->group, unit->pass + 1), err, "the film");
     if (is_early(film, g, unit->group, unit->pass)) {
         *result = FILM_WAITING;
         return group_wait(g, at, unit, deliverer, hash, err);
     }
-    if (!group_take(film, unit->tile, unit->group, unit->sums, &unit->tail, &unit->work,
-                    (struct film_log_entry){.hash = hash, .deliverer = deliverer}))
+    if (!group_take(film, unit, (struct film_log_entry){.hash = hash, .deliverer = deliverer}))
         return error_no_memory(err, "the film");
     group_fold_waiting(film, unit->tile, unit->group);
     *result = FILM_MERGED;
@@ -436,22 +474,36 @@ void film_freeze(struct film *film, uint32_t group, const struct film_codes *cod
     film->frozen[group] = 1;
     if (codes)
         film->codes[group] = *codes;
-    for (uint32_t i = 0; i < film->tiles_total; i++) {
-        struct film_group *g = &film->tiles[i].groups[group];
-        /* Tiles that came from disk with more passes have it. */
-        if (g->level_count == 1 && g->passes == 1 && !g->levels[0].has_codes)
-            group_measure(film, i, group, 0);
+    for (uint32_t i = 0; i < film->tiles_total; i++)
         group_fold_waiting(film, i, group);
-    }
 }
 
-int film_is_frozen(const struct film *film, uint32_t group)
+int film_is_frozen(const struct film *film, uint32_t group) { return film->frozen[group]; }
+
+const struct film_codes *film_codes_of(const struct film *film, uint32_t group)
 {
-    return film->frozen[group];
+    return film->frozen[group] && film->codes[group].codes ? &film->codes[group] : NULL;
+}
+
+void film_measure_from(struct film *film, uint32_t level) { film->measure_from = level; }
+
+void film_take_levels(struct film *film, const struct film *other)
+{
+    for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t group = 0; group < GROUPS; group++) {
+            struct film_group *g = &film->tiles[i].groups[group];
+            const struct film_group *from = &other->tiles[i].groups[group];
+            for (uint32_t k = 0; k < g->level_count && k < from->level_count; k++) {
+                if (!g->levels[k].skipped || from->levels[k].skipped)
+                    continue;
+                film_level_count(film, group, k, &g->levels[k], -1);
+                g->levels[k] = from->levels[k];
+                film_level_count(film, group, k, &g->levels[k], 1);
+            }
+        }
 }
 
 int film_wants_freeze(const struct film *film, uint32_t group)
 {
-    return !film->frozen[group] && film->passes_total[group] > 1 &&
-           film->begun[group] == film->tiles_total;
+    return !film->frozen[group] && film->passes_total[group] > 1 && film->begun[group] == film->tiles_total;
 }

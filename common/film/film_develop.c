@@ -3,6 +3,8 @@
 
 #include "common/film/film_parts.h"
 
+#define GROUPS_ALL ((1u << GROUPS) - 1)
+
 /* ---- means ---------------------------------------------------------------------------------- */
 
 /* The groups of `mask` that have samples on the tile, as a mask. */
@@ -11,12 +13,12 @@ static unsigned groups_there(const struct film *film, uint32_t tile, unsigned ma
     unsigned there = 0;
 
     for (uint32_t g = 0; g < GROUPS; g++)
-        if (film->tiles[tile].groups[g].passes > 0)
+        if (mask >> g & 1 && film->tiles[tile].groups[g].passes > 0)
             there |= 1u << g;
-    return there & mask;
+    return there;
 }
 
-static void develop_tile(const struct film *film, uint32_t index, unsigned mask, float *rgb)
+static void develop_groups(const struct film *film, uint32_t index, unsigned mask, float *rgb)
 {
     struct tile_rect rect = tile_rect_of(film->width, film->height, index);
     double means[TILE_PIXELS_MAX * 3] = {0};
@@ -32,7 +34,7 @@ static void develop_tile(const struct film *film, uint32_t index, unsigned mask,
             continue;
         samples = film_group_samples(film, index, g);
         for (size_t i = 0; i < values; i++)
-            means[i] += weight * ((film_sum(group, i) + film_sum(group, values + i)) / samples);
+            means[i] += weight * (film_sum(group, i) / samples);
     }
     for (uint32_t y = 0; y < rect.height; y++) {
         float *row = rgb + ((size_t)(rect.y + y) * film->width + rect.x) * 3;
@@ -45,65 +47,32 @@ static void develop(const struct film *film, unsigned mask, float *rgb)
 {
     memset(rgb, 0, (size_t)film->width * film->height * 3 * sizeof *rgb);
     for (uint32_t i = 0; i < film->tiles_total; i++)
-        develop_tile(film, i, mask, rgb);
+        develop_groups(film, i, mask, rgb);
 }
 
-void film_develop(const struct film *film, float *rgb)
+void film_develop(const struct film *film, float *rgb) { develop(film, GROUPS_ALL, rgb); }
+
+void film_develop_tile(const struct film *film, uint32_t tile, float *rgb)
 {
-    develop(film, (1u << GROUPS) - 1, rgb);
+    develop_groups(film, tile, GROUPS_ALL, rgb);
 }
 
-void film_develop_group(const struct film *film, uint32_t group, float *rgb)
-{
-    develop(film, 1u << group, rgb);
-}
-
-void film_replicates(const struct film *film, uint32_t r, uint32_t y, uint32_t height, float *out)
-{
-    uint32_t group = r / GROUP_REPLICATES, within = r % GROUP_REPLICATES;
-
-    memset(out, 0, (size_t)height * film->width * 3 * sizeof *out);
-    for (uint32_t i = y / TILE_SIZE * tiles_across(film->width); i < film->tiles_total; i++) {
-        struct tile_rect rect = tile_rect_of(film->width, film->height, i);
-        const struct film_group *g = &film->tiles[i].groups[group];
-        size_t first = (size_t)rect.width * rect.height * 3 * within;
-        uint32_t samples = replicate_samples(film_group_samples(film, i, group), within);
-        if (rect.y >= y + height)
-            break;
-        for (uint32_t row = 0; samples > 0 && row < rect.height && rect.y + row < y + height; row++)
-            for (uint32_t k = 0; k < rect.width * 3; k++)
-                out[((size_t)(rect.y + row - y) * film->width + rect.x) * 3 + k] =
-                    (float)(film_sum(g, first + (size_t)row * rect.width * 3 + k) / samples);
-    }
-}
+void film_develop_group(const struct film *film, uint32_t group, float *rgb) { develop(film, 1u << group, rgb); }
 
 /* ---- errors --------------------------------------------------------------------------------- */
 
-/* Squared standard error of channel `i`'s mean; negative: a group has only one replicate. */
-static double squared_error(const struct film *film, uint32_t tile, unsigned there, size_t i)
+double film_half_difference(const struct film *film, uint32_t tile, size_t i)
 {
-    size_t second = (size_t)film_tile_pixels(film, tile) * 3 + i;
-    double sum = 0;
+    const struct film_group *g = film->tiles[tile].groups;
 
-    for (uint32_t g = 0; g < GROUPS; g++) {
-        const struct film_group *group = &film->tiles[tile].groups[g];
-        uint32_t samples = film_group_samples(film, tile, g);
-        double difference;
-        if (!(there >> g & 1))
-            continue;
-        if (samples < GROUP_REPLICATES)
-            return -1;
-        difference = film_sum(group, i) / replicate_samples(samples, 0) -
-                     film_sum(group, second) / replicate_samples(samples, 1);
-        sum += difference * difference / 4;
-    }
-    return there == (1u << GROUPS) - 1 ? sum / 4 : sum;
+    return (film_sum(&g[0], i) / film_group_samples(film, tile, 0) -
+            film_sum(&g[1], i) / film_group_samples(film, tile, 1)) / 2;
 }
 
-int film_has_replicates(const struct film *film)
+int film_has_groups(const struct film *film)
 {
     for (uint32_t g = 0; g < GROUPS; g++)
-        if (film->begun[g] < film->tiles_total || group_samples(film->spp, g) < GROUP_REPLICATES)
+        if (film->begun[g] < film->tiles_total)
             return 0;
     return 1;
 }
@@ -112,21 +81,30 @@ int film_has_replicates(const struct film *film)
 
 uint32_t film_aov_channels(enum aov aov)
 {
-    return aov == AOV_SAMPLES ? 1 : aov == AOV_ERROR ? 3 : aov_channels(aov);
+    return aov == AOV_SAMPLES ? 1 : aov == AOV_ERROR || aov == AOV_VARIANCE ? 3 : aov_channels(aov);
+}
+
+/* Samples of the group that the AOV's sums are of. */
+static double aov_samples(const struct film *film, uint32_t tile, uint32_t group, enum aov aov)
+{
+    uint32_t samples = film_group_samples(film, tile, group);
+
+    return AOV_FEATURES >> aov & 1 && samples > FEATURE_SAMPLES ? FEATURE_SAMPLES : samples;
 }
 
 /* Value `c` of pixel `pixel` of a tile whose groups `there` have samples. */
-static double aov_value(const struct film *film, uint32_t tile, unsigned there, enum aov aov,
-                        size_t pixel, uint32_t c)
+static double aov_value(const struct film *film, uint32_t tile, unsigned there, enum aov aov, size_t pixel, uint32_t c)
 {
     uint32_t pixels = film_tile_pixels(film, tile);
-    double squared, value = 0;
+    double value = 0;
 
     if (aov == AOV_SAMPLES)
         return film_tile_samples(film, tile);
-    if (aov == AOV_ERROR) {
-        squared = squared_error(film, tile, there, pixel * 3 + c);
-        return squared > 0 ? sqrt(squared) : 0;
+    if (aov == AOV_ERROR)
+        return there == GROUPS_ALL ? fabs(film_half_difference(film, tile, pixel * 3 + c)) : 0;
+    if (aov == AOV_VARIANCE && there == GROUPS_ALL) {
+        value = film_half_difference(film, tile, pixel * 3 + c);
+        return value * value;
     }
     for (uint32_t g = 0; g < GROUPS; g++) {
         uint32_t kept = unit_aovs(film->aovs, g, 0);
@@ -134,16 +112,64 @@ static double aov_value(const struct film *film, uint32_t tile, unsigned there, 
         if (!(there >> g & 1) || !(kept >> aov & 1))
             continue;
         value += aov_is_point(aov) ? film_sum(&film->tiles[tile].groups[g], at)
-                                   : film_sum(&film->tiles[tile].groups[g], at) /
-                                         film_group_samples(film, tile, g) *
+                                   : film_sum(&film->tiles[tile].groups[g], at) / aov_samples(film, tile, g, aov) *
                                          (there == 1u << g ? 1 : 0.5);
     }
     return value;
 }
 
+void film_group_tile(const struct film *film, uint32_t tile, uint32_t group, int aov, float *out)
+{
+    const struct tile_rect rect = tile_rect_of(film->width, film->height, tile);
+    const size_t line = (size_t)film->width * 3;
+
+    film_group_tile_at(film, tile, group, aov, out + rect.y * line + (size_t)rect.x * 3, line);
+}
+
+void film_group_tile_at(const struct film *film, uint32_t tile, uint32_t group, int aov, float *out, size_t line)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+    const struct tile_rect rect = tile_rect_of(film->width, film->height, tile);
+    const uint32_t kept = unit_aovs(film->aovs, group, 0);
+    const int is_picture = aov == FILM_PICTURE;
+    size_t at = is_picture ? 0 : tile_aov_offset(rect.width * rect.height, kept, (enum aov)aov);
+    double samples;
+
+    if (g->passes == 0 || !(is_picture || kept >> aov & 1))
+        return;
+    samples = is_picture ? film_group_samples(film, tile, group) : aov_samples(film, tile, group, (enum aov)aov);
+    for (uint32_t y = 0; y < rect.height; y++)
+        for (uint32_t k = 0; k < rect.width * 3; k++)
+            out[y * line + k] = (float)(film_sum(g, at++) / samples);
+}
+
+void film_group_rows(const struct film *film, uint32_t group, uint32_t y, uint32_t height, float *out)
+{
+    const uint32_t across = tiles_across(film->width), end = y + height;
+
+    memset(out, 0, (size_t)height * film->width * 3 * sizeof *out);
+    for (uint32_t i = y / TILE_SIZE * across; i < film->tiles_total; i++) {
+        const struct tile_rect rect = tile_rect_of(film->width, film->height, i);
+        const struct film_group *g = &film->tiles[i].groups[group];
+        const uint32_t first = rect.y > y ? rect.y : y, last = rect.y + rect.height < end ? rect.y + rect.height : end;
+        double samples;
+        if (rect.y >= end)
+            return;
+        if (g->passes == 0)
+            continue;
+        samples = film_group_samples(film, i, group);
+        for (uint32_t row = first; row < last; row++) {
+            float *to = out + ((size_t)(row - y) * film->width + rect.x) * 3;
+            size_t at = (size_t)(row - rect.y) * rect.width * 3;
+            for (uint32_t k = 0; k < rect.width * 3; k++)
+                to[k] = (float)(film_sum(g, at++) / samples);
+        }
+    }
+}
+
 int film_tile_aov(const struct film *film, uint32_t tile, enum aov aov, float (*out)[4])
 {
-    unsigned there = groups_there(film, tile, (1u << GROUPS) - 1);
+    unsigned there = groups_there(film, tile, GROUPS_ALL);
     uint32_t pixels = film_tile_pixels(film, tile), channels = film_aov_channels(aov);
 
     if (!there)
@@ -157,24 +183,34 @@ int film_tile_aov(const struct film *film, uint32_t tile, enum aov aov, float (*
     return 1;
 }
 
-void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height,
-                      float *out)
+/* Into lines y .. y + height - 1 of the picture, of which `out` is made. */
+static void develop_tile_aov(const struct film *film, uint32_t tile, enum aov aov, uint32_t y, uint32_t height, float *out)
 {
-    uint32_t across = tiles_across(film->width), channels = film_aov_channels(aov);
-    size_t plane = (size_t)height * film->width;
+    const struct tile_rect rect = tile_rect_of(film->width, film->height, tile);
+    const unsigned there = groups_there(film, tile, GROUPS_ALL);
+    const uint32_t channels = film_aov_channels(aov);
+    const size_t plane = (size_t)height * film->width;
 
-    memset(out, 0, channels * plane * sizeof *out);
+    for (uint32_t row = 0; there && row < rect.height && rect.y + row < y + height; row++)
+        for (uint32_t x = 0; x < rect.width; x++)
+            for (uint32_t c = 0; c < channels; c++)
+                out[c * plane + (size_t)(rect.y + row - y) * film->width + rect.x + x] =
+                    (float)aov_value(film, tile, there, aov, (size_t)row * rect.width + x, c);
+}
+
+void film_develop_tile_aov(const struct film *film, uint32_t tile, enum aov aov, float *out)
+{
+    develop_tile_aov(film, tile, aov, 0, film->height, out);
+}
+
+void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height, float *out)
+{
+    const uint32_t across = tiles_across(film->width);
+
+    memset(out, 0, film_aov_channels(aov) * (size_t)height * film->width * sizeof *out);
     for (uint32_t i = y / TILE_SIZE * across; i < film->tiles_total; i++) {
-        struct tile_rect rect = tile_rect_of(film->width, film->height, i);
-        unsigned there = groups_there(film, i, (1u << GROUPS) - 1);
-        if (rect.y >= y + height)
+        if (tile_rect_of(film->width, film->height, i).y >= y + height)
             break;
-        if (!there)
-            continue;
-        for (uint32_t row = 0; row < rect.height && rect.y + row < y + height; row++)
-            for (uint32_t x = 0; x < rect.width; x++)
-                for (uint32_t c = 0; c < channels; c++)
-                    out[c * plane + (size_t)(rect.y + row - y) * film->width + rect.x + x] =
-                        (float)aov_value(film, i, there, aov, (size_t)row * rect.width + x, c);
+        develop_tile_aov(film, i, aov, y, height, out);
     }
 }

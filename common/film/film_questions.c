@@ -1,36 +1,20 @@
+#include <math.h>
 #include <string.h>
 
 #include "common/film/film_parts.h"
+#include "common/math/elementary.h"
 
-uint32_t film_width(const struct film *film)
-{
-    return film->width;
-}
+uint32_t film_width(const struct film *film) { return film->width; }
 
-uint32_t film_height(const struct film *film)
-{
-    return film->height;
-}
+uint32_t film_height(const struct film *film) { return film->height; }
 
-uint32_t film_spp(const struct film *film)
-{
-    return film->spp;
-}
+uint32_t film_spp(const struct film *film) { return film->spp; }
 
-uint32_t film_aovs(const struct film *film)
-{
-    return film->aovs;
-}
+uint32_t film_aovs(const struct film *film) { return film->aovs; }
 
-uint32_t film_tile_count(const struct film *film)
-{
-    return film->tiles_total;
-}
+uint32_t film_tile_count(const struct film *film) { return film->tiles_total; }
 
-uint32_t film_pass_count(const struct film *film, uint32_t group)
-{
-    return film->passes_total[group];
-}
+uint32_t film_pass_count(const struct film *film, uint32_t group) { return film->passes_total[group]; }
 
 uint32_t film_tile_passes(const struct film *film, uint32_t tile, uint32_t group)
 {
@@ -56,10 +40,7 @@ uint32_t film_tile_waiting(const struct film *film, uint32_t tile)
     return count;
 }
 
-uint64_t film_wanted(const struct film *film)
-{
-    return film->wanted;
-}
+uint64_t film_wanted(const struct film *film) { return film->wanted; }
 
 uint32_t film_wanted_most(const struct film *film)
 {
@@ -95,6 +76,14 @@ uint32_t film_deliverer(const struct film *film, uint32_t tile, uint32_t group, 
     return pass < g->passes ? g->log[pass].deliverer : w ? w->deliverer : 0;
 }
 
+uint64_t film_unit_hash(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+    const struct waiting *w = waiting_find(g, pass);
+
+    return pass < g->passes ? g->log[pass].hash : w ? w->hash : 0;
+}
+
 /* ---- who rendered it ------------------------------------------------------------------------- */
 
 /* In 32 bits, from the lowest: the thread, then digits and exponent of the time. */
@@ -122,12 +111,10 @@ static uint32_t cost_pack(uint32_t thread, uint64_t cpu_ns)
 
 static uint64_t cost_ns(uint32_t cost)
 {
-    return (uint64_t)(cost >> COST_THREAD_BITS & COST_DIGITS_MAX)
-           << (cost >> (COST_THREAD_BITS + COST_DIGIT_BITS));
+    return (uint64_t)(cost >> COST_THREAD_BITS & COST_DIGITS_MAX) << (cost >> (COST_THREAD_BITS + COST_DIGIT_BITS));
 }
 
-void film_note_cost(struct film *film, uint32_t tile, uint32_t group, uint32_t pass, uint32_t thread,
-                    uint64_t cpu_ns)
+void film_note_cost(struct film *film, uint32_t tile, uint32_t group, uint32_t pass, uint32_t thread, uint64_t cpu_ns)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
     struct waiting *w = g->waiting;
@@ -183,25 +170,13 @@ uint32_t film_tile_samples(const struct film *film, uint32_t tile)
     return samples;
 }
 
-uint64_t film_samples(const struct film *film)
-{
-    return film->samples;
-}
+uint64_t film_samples(const struct film *film) { return film->samples; }
 
-uint64_t film_samples_total(const struct film *film)
-{
-    return (uint64_t)film->width * film->height * film->spp;
-}
+uint64_t film_samples_total(const struct film *film) { return (uint64_t)film->width * film->height * film->spp; }
 
-int film_complete(const struct film *film)
-{
-    return film->behind == 0;
-}
+int film_complete(const struct film *film) { return film->behind == 0; }
 
-int film_covered(const struct film *film)
-{
-    return film->tiles_started == film->tiles_total;
-}
+int film_covered(const struct film *film) { return film->tiles_started == film->tiles_total; }
 
 /* A group's sums for a mean sample of the tile's. 0: it has none. */
 static int group_depth_light(const struct film_group *g, struct depth_light *mean)
@@ -263,23 +238,34 @@ struct unit_work film_work(const struct film *film)
                 work.clamped_luminance += both[k] ? both[k]->work.clamped_luminance : 0;
                 work.kept_luminance += both[k] ? both[k]->work.kept_luminance : 0;
                 for (int h = 0; ill && both[k] && h < HEALTH_KINDS; h++)
-                    health_example(&work.health, (enum health_kind)h, 0,
-                                   both[k]->work.health.first[h]);
+                    health_example(&work.health, (enum health_kind)h, 0, both[k]->work.health.first[h]);
             }
         }
     return work;
 }
 
-uint64_t film_rays(const struct film *film)
-{
-    return film->work.rays;
-}
+uint64_t film_rays(const struct film *film) { return film->work.rays; }
 
 uint64_t film_tile_rays(const struct film *film, uint32_t tile, uint32_t group)
 {
     const struct film_group *g = &film->tiles[tile].groups[group];
 
     return (g->whole ? g->whole->work.rays : 0) + (g->cut ? g->cut->work.rays : 0);
+}
+
+double film_tile_subject(const struct film *film, uint32_t tile)
+{
+    uint64_t samples = 0, subject = 0;
+
+    for (uint32_t i = 0; i < GROUPS; i++) {
+        const struct film_group *g = &film->tiles[tile].groups[i];
+        const struct film_sums *both[2] = {g->whole, g->cut};
+        for (int k = 0; k < 2; k++) {
+            samples += both[k] ? both[k]->work.samples : 0;
+            subject += both[k] ? both[k]->work.subject_samples : 0;
+        }
+    }
+    return samples > 0 ? (double)subject / (double)samples : 0;
 }
 
 void film_tail(const struct film *film, uint32_t tile, uint32_t group, struct tail *out)
@@ -293,8 +279,7 @@ void film_tail(const struct film *film, uint32_t tile, uint32_t group, struct ta
         tail_merge(out, &g->cut->tail);
 }
 
-int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level,
-               struct film_level *out)
+int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t level, struct film_level *out)
 {
     const struct film_group *g = &film->tiles[tile].groups[group];
 
@@ -304,7 +289,7 @@ int film_level(const struct film *film, uint32_t tile, uint32_t group, uint32_t 
         *out = g->watch->levels[level];
     else
         return 0;
-    return 1;
+    return !out->skipped;
 }
 
 int film_level_is_complete(const struct film *film, uint32_t group, uint32_t level)
@@ -312,9 +297,40 @@ int film_level_is_complete(const struct film *film, uint32_t group, uint32_t lev
     return film->at_level[group][level] == film->tiles_total;
 }
 
-double film_covered_share(const struct film *film)
+int film_level_is_skipped(const struct film *film, uint32_t group, uint32_t level)
 {
-    return (double)film->tiles_started / (double)film->tiles_total;
+    return film->skipped[group][level] > 0;
+}
+
+int film_has_skipped(const struct film *film)
+{
+    for (uint32_t g = 0; g < GROUPS; g++)
+        for (uint32_t k = 0; k < LEVELS_MAX; k++)
+            if (film->skipped[g][k] > 0)
+                return 1;
+    return 0;
+}
+
+double film_covered_share(const struct film *film) { return (double)film->tiles_started / (double)film->tiles_total; }
+
+double film_unevenness(const struct film *film)
+{
+    double sum = 0, squares = 0, count = 0;
+
+    for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t g = 0; g < GROUPS; g++) {
+            uint32_t passes = film_tile_passes(film, i, g), wanted = film_tile_wanted(film, i, g), begin, has, wants;
+            double half;
+            if (passes == 0 || wanted == 0)
+                continue;
+            pass_range(film->spp, g, passes - 1, &begin, &has);
+            pass_range(film->spp, g, (wanted > passes ? wanted : passes) - 1, &begin, &wants);
+            half = det_log_d((double)has / wants) / 2;
+            sum += half;
+            squares += half * half;
+            count++;
+        }
+    return count > 0 ? sqrt(fmax(squares / count - sum * sum / count / count, 0)) : 0;
 }
 
 struct film_coverage film_coverage(const struct film *film)

@@ -14,8 +14,7 @@ _Static_assert(PASSES_MAX < 1 << HEALTH_PASS_BITS, "a key holds every pass");
 _Static_assert(TILE_PIXELS_MAX <= 1 << HEALTH_PIXEL_BITS, "a key holds every pixel of a tile");
 _Static_assert(SETTINGS_SPP_MAX <= 1 << HEALTH_SAMPLE_BITS, "a key holds every sample");
 /* Tiles at the rims are smaller than TILE_PIXELS_MAX: at most one more along each side. */
-_Static_assert(SETTINGS_PIXELS_MAX / TILE_PIXELS_MAX + 2 * SETTINGS_SIZE_MAX / TILE_SIZE + 1 <=
-                   1 << HEALTH_TILE_BITS,
+_Static_assert(SETTINGS_PIXELS_MAX / TILE_PIXELS_MAX + 2 * SETTINGS_SIZE_MAX / TILE_SIZE + 1 <= 1 << HEALTH_TILE_BITS,
                "a key holds every tile");
 
 uint64_t health_key(struct health_place p)
@@ -50,8 +49,7 @@ void health_example(struct health *health, enum health_kind kind, uint32_t frame
 {
     uint64_t have = health->first[kind];
 
-    if (key == 0 || (have != 0 && (frame > health->frame[kind] ||
-                                   (frame == health->frame[kind] && key >= have))))
+    if (key == 0 || (have != 0 && (frame > health->frame[kind] || (frame == health->frame[kind] && key >= have))))
         return;
     health->first[kind] = key;
     health->frame[kind] = frame;
@@ -86,8 +84,7 @@ int health_is_ill(const struct health *health)
     return any != 0;
 }
 
-const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key,
-                              struct tile_rect picture)
+const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key, struct tile_rect picture)
 {
     struct health_place p;
     struct tile_rect rect;
@@ -97,9 +94,13 @@ const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key,
         return out;
     rect = tile_rect_of(picture.width, picture.height, p.tile);
     snprintf(out, HEALTH_TEXT_SIZE, "pass %u, tile %u, pixel %u,%u, sample %u", p.pass, p.tile,
-             picture.x + rect.x + p.pixel % rect.width, picture.y + rect.y + p.pixel / rect.width,
-             p.sample);
+             picture.x + rect.x + p.pixel % rect.width, picture.y + rect.y + p.pixel / rect.width, p.sample);
     return out;
+}
+
+int health_is_told(const struct health *health, enum health_kind kind, uint64_t samples)
+{
+    return health->count[kind] > 0 && (double)health->count[kind] >= HEALTH_SHARE_TOLD * (double)samples;
 }
 
 const char *health_text(char out[HEALTH_TEXT_SIZE], const struct health *health, enum health_kind kind,
@@ -112,7 +113,7 @@ const char *health_text(char out[HEALTH_TEXT_SIZE], const struct health *health,
     if (with_frame)
         snprintf(frame, sizeof frame, "frame %u, ", health->frame[kind]);
     snprintf(out, HEALTH_TEXT_SIZE, "%" PRIu64 " %s%s%s%.96s", health->count[kind],
-             health->count[kind] == 1 ? row->one : row->many, first[0] ? "; first: " : "",
-             first[0] ? frame : "", first);
+             health->count[kind] == 1 ? row->one : row->many, first[0] ? "; first: " : "", first[0] ? frame : "",
+             first);
     return out;
 }

@@ -8,8 +8,7 @@
  * is the same whatever the order in which results arrive. A sample's number counts both groups:
  * sample i of group g is number i * GROUPS + g.
  */
-#ifndef AZULEJO_FILM_HEALTH_H
-#define AZULEJO_FILM_HEALTH_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -109,8 +108,7 @@ int health_place_of(uint64_t key, struct health_place *out);
 
 /* Sums of counts, the lesser of both examples: exact in any order. */
 void health_add(struct health *sum, const struct health *more);
-/* Counts only: *sum must contain *less. The examples stay; a film finds the least one again among its
- * tiles. */
+/* Counts only: *sum must contain *less. The examples stay; a film finds the least one again among its tiles. */
 void health_subtract(struct health *sum, const struct health *less);
 /* Keep the lesser of this example and that of `kind`; a key of 0 is ignored. */
 void health_example(struct health *health, enum health_kind kind, uint32_t frame, uint64_t key);
@@ -119,6 +117,10 @@ void health_of_frame(struct health *health, uint32_t frame);
 /* Is anything counted? */
 int health_is_ill(const struct health *health);
 
+/* Is so much of it in a picture of `samples` samples that people can see it? Less is in JSON, header and manifest only. */
+#define HEALTH_SHARE_TOLD 1e-5
+int health_is_told(const struct health *health, enum health_kind kind, uint64_t samples);
+
 enum { HEALTH_TEXT_SIZE = 256 };
 /* "3 samples were not finite and count as black; first: pass 0, tile 12, pixel 33,40, sample 5" of a
  * picture (settings_rect). `with_frame`: the frame is named, too. Returns `out`. */
@@ -126,7 +128,4 @@ const char *health_text(char out[HEALTH_TEXT_SIZE], const struct health *health,
                         struct tile_rect picture, int with_frame);
 /* The example alone, "pass 0, tile 12, pixel 33,40, sample 5", with the pixel's place in the whole picture; ""
  * where none is known or the tile is outside the picture. Returns `out`. */
-const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key,
-                              struct tile_rect picture);
-
-#endif
+const char *health_first_text(char out[HEALTH_TEXT_SIZE], uint64_t key, struct tile_rect picture);

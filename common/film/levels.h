@@ -1,11 +1,16 @@
-/* levels: how much the two replicates of a group differ on a tile, at a level.
+/* levels: how much the two halves of a group's sequence differ on a tile, at a level.
  *
- * Level k is the moment at which a group has 2^(k+1) samples of each pixel, 2^k in each replicate.
- * A film computes its statistics at that moment and keeps them: they are a function of the group's
- * samples up to that level and of nothing else.
+ * Level k is the moment at which a group has 2^(k+1) samples of each pixel. Half A are those of level k - 1, half B
+ * those since then. A film computes its statistics at that moment and keeps them: they are a function of the group's
+ * samples up to that level and of nothing else. Level 0 has no halves.
+ *
+ * Halves of a scrambled sequence are negatively correlated. With V_k the variance of the mean at level k, and A and B
+ * exchangeable, the mean of (A - B)^2 / 4 is V_(k-1) - V_k. With independent samples that is V_k. A sequence whose
+ * variance falls to a share r a doubling has V_k = r / (1 - r) times it. The ratio of two levels' statistics is the r
+ * of the doubling before, and r grows towards 1/2 as the sequence's advantage wears off, so level_correction() takes
+ * the mean of that ratio and 1/2. What it is worth is measured: docs/ALLOCATION.md.
  */
-#ifndef AZULEJO_FILM_LEVELS_H
-#define AZULEJO_FILM_LEVELS_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -17,15 +22,17 @@ enum {
 };
 
 struct film_level {
-    uint64_t rays;       /* of the group on the tile, up to this level */
-    double radiance;     /* sum over pixels of R + G + B of the group's mean */
-    double linear;       /* sum over pixels and RGB of (A - B)^2 / 4, in linear radiance */
-    float display;       /* sum over pixels of e^2 in codes, e = the largest channel's |a - b| / 2 */
-    int has_codes;       /* everything in codes is known */
+    uint64_t rays;             /* of the group on the tile, up to this level */
+    uint64_t subject;          /* of the group's samples on the tile, up to this level: subject_samples (unit.h) */
+    double radiance;           /* sum over pixels of R + G + B of the group's mean */
+    double linear;             /* sum over pixels and RGB of (A - B)^2 / 4, in linear radiance */
+    float display;             /* sum over pixels of e^2 in codes, e = the largest channel's |a - b| / 2 */
+    int16_t has_codes;         /* everything in codes is known; never at level 0 */
+    int16_t skipped;           /* not measured (film_measure_from): the rest is 0 */
     uint16_t bins[LEVEL_BINS]; /* pixels by level_bin(e) */
     /* As a picture of this group alone reports it (common/accuracy/figures.h): codes of its mean
      * with half of A - B added and subtracted, minus those of the mean. */
-    float channels;      /* sum over pixels and channels of the squares' mean */
+    float channels;                  /* sum over pixels and channels of the squares' mean */
     uint16_t spreads[LEVEL_SPREADS]; /* pixels by the standard deviation that they share with their
                           * neighbours on the tile; each is divided between the two nearest of
                           * level_spread(i). Smaller ones than the first are left out */
@@ -48,9 +55,12 @@ struct film_codes {
 /* sRGB at 0 EV: for a picture without an operator. */
 void film_codes_plain(void *user, const float *rgb, uint32_t count, float *codes);
 
-/* From the sums of both replicates, [2][height][width][3], of `samples` samples together. Sets all
- * fields except rays; without codes it leaves those in codes 0. width, height <= TILE_SIZE. */
-void film_level_measure(struct film_level *out, const double *sums, uint32_t width, uint32_t height,
-                        uint32_t samples, const struct film_codes *codes);
+/* From the sums of `samples` samples, [height][width][3], and of the second half of them; NULL: there
+ * are no halves, and no errors. Sets all fields except rays and subject; without codes or halves it leaves those
+ * in codes 0. width, height <= TILE_SIZE. */
+void film_level_measure(struct film_level *out, const double *sums, const float *second, uint32_t width,
+                        uint32_t height, uint32_t samples, const struct film_codes *codes);
 
-#endif
+/* The variance of a group's mean over what a level says, from the same sum of squares at this level and
+ * at the one before (0: not known): 1 for independent samples, at least a third. */
+double level_correction(double now, double before);

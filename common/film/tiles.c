@@ -1,9 +1,6 @@
 #include "common/film/tiles.h"
 
-uint32_t tile_count(uint32_t width, uint32_t height)
-{
-    return tiles_across(width) * tiles_across(height);
-}
+uint32_t tile_count(uint32_t width, uint32_t height) { return tiles_across(width) * tiles_across(height); }
 
 struct tile_rect tile_rect_of(uint32_t width, uint32_t height, uint32_t index)
 {
@@ -43,6 +40,8 @@ uint32_t unit_aovs(uint32_t aovs, uint32_t group, uint32_t pass)
 
     for (int aov = 0; aov < AOV_COUNT; aov++)
         points |= (uint32_t)(aov_is_point((enum aov)aov) != 0) << aov;
+    if (pass >= FEATURE_PASSES)
+        aovs &= ~AOV_FEATURES;
     return group == 0 && pass == 0 ? aovs : aovs & ~points;
 }
 
@@ -84,15 +83,9 @@ int pass_is_short(uint32_t spp, uint32_t group, uint32_t index)
     return pass_boundary(index) > group_samples(spp, group);
 }
 
-uint32_t level_passes(uint32_t level)
-{
-    return pass_count(GROUPS * level_samples(level), 0);
-}
+uint32_t level_passes(uint32_t level) { return pass_count(GROUPS * level_samples(level), 0); }
 
-uint32_t level_count(uint32_t passes)
-{
-    return passes ? 31 - (uint32_t)__builtin_clz(pass_boundary(passes - 1)) : 0;
-}
+uint32_t level_count(uint32_t passes) { return passes ? 31 - (uint32_t)__builtin_clz(pass_boundary(passes - 1)) : 0; }
 
 int level_at(uint32_t passes)
 {

@@ -8,6 +8,7 @@ void unit_work_add(struct unit_work *sum, const struct unit_work *more)
     sum->samples += more->samples;
     sum->rays += more->rays;
     sum->vertices += more->vertices;
+    sum->subject_samples += more->subject_samples;
     sum->leaked_rays += more->leaked_rays;
     health_add(&sum->health, &more->health);
     sum->clamped_samples += more->clamped_samples;
@@ -21,6 +22,7 @@ void unit_work_subtract(struct unit_work *sum, const struct unit_work *less)
     sum->samples -= less->samples;
     sum->rays -= less->rays;
     sum->vertices -= less->vertices;
+    sum->subject_samples -= less->subject_samples;
     sum->leaked_rays -= less->leaked_rays;
     health_subtract(&sum->health, &less->health);
     sum->clamped_samples -= less->clamped_samples;
@@ -61,8 +63,7 @@ void tail_merge(struct tail *tail, const struct tail *more)
 
     while (merged.count < TAIL_MAX && (i < tail->count || j < more->count)) {
         const struct tail_entry *a = &tail->entries[i], *b = &more->entries[j];
-        int take_first = j == more->count ||
-                         (i < tail->count && entry_before(a, b->value, b->pixel));
+        int take_first = j == more->count || (i < tail->count && entry_before(a, b->value, b->pixel));
         merged.entries[merged.count++] = take_first ? *a : *b;
         *(take_first ? &i : &j) += 1;
     }
@@ -108,7 +109,7 @@ static uint64_t double_bits(double value)
 uint64_t unit_hash(const struct unit_result *unit)
 {
     const struct unit_work *w = &unit->work;
-    const uint64_t counts[] = {w->samples, w->rays, w->vertices, w->leaked_rays, w->clamped_samples,
+    const uint64_t counts[] = {w->samples, w->rays, w->vertices, w->subject_samples, w->leaked_rays, w->clamped_samples,
                                double_bits(w->clamped_luminance), double_bits(w->kept_luminance),
                                unit->tail.count};
     uint64_t hash = 0x243f6a8885a308d3ull ^ unit->count;

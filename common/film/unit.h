@@ -3,8 +3,7 @@
  * All of it is a pure function of the unit's name, the scene and the settings: two results of one
  * unit must be equal byte for byte, including the counts. Measurements (times) are not part of it.
  */
-#ifndef AZULEJO_FILM_UNIT_H
-#define AZULEJO_FILM_UNIT_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -16,7 +15,10 @@
 /* Work done, and its faults. */
 struct unit_work {
     uint64_t samples, rays, vertices;
-    uint64_t leaked_rays;      /* slipped through something closed: traced again */
+    /* Samples whose camera ray met a medium, or a surface that did not merely shine brighter than all that it
+     * reflects: neither the background nor a lamp seen directly. */
+    uint64_t subject_samples;
+    uint64_t leaked_rays; /* slipped through something closed: traced again */
     HEALTH_COUNTERS;
     /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that they
      * lost and of what was kept. 0 where nothing is clamped. */
@@ -34,12 +36,12 @@ double unit_work_clamped_share(const struct unit_work *work);
 /* A sample's contribution: its luminance, and the pixel of its tile (row-major). */
 struct tail_entry {
     float value;
-    uint16_t pixel, spare;     /* spare is 0 */
+    uint16_t pixel, spare; /* spare is 0 */
 };
 
 /* The largest contributions, descending, ties by pixel; only positive ones. */
 struct tail {
-    uint32_t count;            /* 0..TAIL_MAX */
+    uint32_t count; /* 0..TAIL_MAX */
     struct tail_entry entries[TAIL_MAX];
 };
 
@@ -57,7 +59,7 @@ int tail_is_valid(const struct tail *tail, uint32_t pixels);
 
 struct unit_result {
     uint32_t tile, group, pass;
-    const float *sums;         /* as tile_floats() with unit_aovs() */
+    const float *sums; /* as tile_floats() with unit_aovs() */
     size_t count;
     struct tail tail;
     struct unit_work work;
@@ -66,5 +68,3 @@ struct unit_result {
 /* Not cryptographic: it detects faults, not forgery. */
 uint64_t unit_hash(const struct unit_result *unit);
 uint64_t hash_bytes(const uint8_t *data, size_t size_bytes);
-
-#endif

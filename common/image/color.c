@@ -1,9 +1,11 @@
 #include "common/image/color.h"
 
 #include <pthread.h>
+#include <string.h>
 
 #include "common/math/curve_table.h"
 #include "common/math/elementary.h"
+#include "common/math/lanes.h"
 
 /* Where the curve's linear part ends. With the standard's rounded constants the power part begins
  * 2.6e-8 below the line's end; it is held there, so that the curve never decreases. */
@@ -17,8 +19,7 @@ float srgb_encode(float linear)
         return 1.0f;
     if (linear <= LINE_END)
         return LINE_SLOPE * linear;
-    return fmaxf((float)fmin(1.055 * det_pow_d((double)linear, 1.0 / 2.4) - 0.055, 1.0),
-                 LINE_SLOPE * LINE_END);
+    return fmaxf((float)fmin(1.055 * det_pow_d((double)linear, 1.0 / 2.4) - 0.055, 1.0), LINE_SLOPE * LINE_END);
 }
 
 float srgb_decode(float encoded)
@@ -49,25 +50,58 @@ static void encode_table_build(void)
     curve_table_build(&encode_table, encode_pieces, ENCODE_FIRST, -ENCODE_FIRST, srgb_power, NULL);
 }
 
-static float encode_quickly(float linear)
+/* curve_table_at() of each. */
+static inline lanes table_at(const struct curve_table *table, lanes x)
 {
-    float code;
+    lanes piece[4], t, value, end;
+    lane_masks bits, index;
 
-    if (!(linear > 0.0f)) /* NaN too */
-        return 0.0f;
-    if (linear >= 1.0f)
-        return 1.0f;
-    if (linear <= LINE_END)
-        return LINE_SLOPE * linear;
-    code = curve_table_at(&encode_table, linear);
-    return code > LINE_SLOPE * LINE_END ? code : LINE_SLOPE * LINE_END;
+    x = lanes_larger(x, lanes_of(table->low));
+    x = lanes_smaller(x, lanes_of(table->high));
+    bits = (lane_masks)x;
+    index = (bits >> 16) - (int32_t)table->start;
+    t = __builtin_convertvector(bits & 0xffff, lanes) * 0x1p-16f;
+    for (int i = 0; i < 4; i++)
+        memcpy(&piece[i], table->pieces[index[i]], sizeof piece[i]);
+    lanes low01 = __builtin_shufflevector(piece[0], piece[1], 0, 4, 1, 5);
+    lanes low23 = __builtin_shufflevector(piece[2], piece[3], 0, 4, 1, 5);
+    lanes high01 = __builtin_shufflevector(piece[0], piece[1], 2, 6, 3, 7);
+    lanes high23 = __builtin_shufflevector(piece[2], piece[3], 2, 6, 3, 7);
+    lanes start = __builtin_shufflevector(low01, low23, 0, 1, 4, 5);
+    lanes slope = __builtin_shufflevector(low01, low23, 2, 3, 6, 7);
+    lanes bend = __builtin_shufflevector(high01, high23, 0, 1, 4, 5);
+    end = __builtin_shufflevector(high01, high23, 2, 3, 6, 7);
+    value = start + t * (slope + t * bend);
+    value = lanes_larger(value, start);
+    return lanes_smaller(value, end);
+}
+
+static inline lanes encode_four(lanes linear)
+{
+    lanes x = lanes_larger(linear, lanes_of(0)); /* NaN too */
+    lanes power = table_at(&encode_table, x), corner = lanes_of(LINE_SLOPE * LINE_END);
+
+    power = lanes_larger(power, corner);
+    power = lanes_choose(x < 1.0f, power, lanes_of(1));
+    return lanes_choose(x <= LINE_END, LINE_SLOPE * x, power);
 }
 
 void srgb_encode_row(float *values, size_t count)
 {
+    lanes four = {0};
+    size_t i = 0;
+
     pthread_once(&encode_table_once, encode_table_build);
-    for (size_t i = 0; i < count; i++)
-        values[i] = encode_quickly(values[i]);
+    for (; i + 4 <= count; i += 4) {
+        memcpy(&four, values + i, sizeof four);
+        four = encode_four(four);
+        memcpy(values + i, &four, sizeof four);
+    }
+    if (i == count)
+        return;
+    memcpy(&four, values + i, (count - i) * sizeof *values);
+    four = encode_four(four);
+    memcpy(values + i, &four, (count - i) * sizeof *values);
 }
 
 static float decode_table[256];
@@ -103,8 +137,7 @@ static int rgb_to_xyz(const struct color_primaries *p, double m[3][3])
     white[1] = 1.0;
     white[2] = (1.0 - p->white[0] - p->white[1]) / p->white[1];
     for (int i = 0; i < 3; i++) {
-        double scale =
-            inverse[i][0] * white[0] + inverse[i][1] * white[1] + inverse[i][2] * white[2];
+        double scale = inverse[i][0] * white[0] + inverse[i][1] * white[1] + inverse[i][2] * white[2];
 
         for (int row = 0; row < 3; row++)
             m[row][i] *= scale;
@@ -193,8 +226,8 @@ int color_white_to_d65(const double white[2], double out[3][3])
 {
     double to_xyz[3][3], from_xyz[3][3];
 
-    if (!(white[1] > 1e-6) || !rgb_to_xyz(&color_rec709, to_xyz) ||
-        !color_matrix_invert(to_xyz, from_xyz) || !adapt_white(white, color_rec709.white, out))
+    if (!(white[1] > 1e-6) || !rgb_to_xyz(&color_rec709, to_xyz) || !color_matrix_invert(to_xyz, from_xyz) ||
+        !adapt_white(white, color_rec709.white, out))
         return 0;
     multiply(out, to_xyz, out);
     multiply(from_xyz, out, out);
@@ -205,8 +238,7 @@ int color_to_rec709(const struct color_primaries *from, double out[3][3])
 {
     double source[3][3], target[3][3], adaptation[3][3];
 
-    if (!rgb_to_xyz(from, source) || !rgb_to_xyz(&color_rec709, target) ||
-        !color_matrix_invert(target, target))
+    if (!rgb_to_xyz(from, source) || !rgb_to_xyz(&color_rec709, target) || !color_matrix_invert(target, target))
         return 0;
     /* XYZ itself is a coordinate system, not a device: its white says nothing about the intended
      * viewing light of the scene. */

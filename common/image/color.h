@@ -1,6 +1,5 @@
 /* color: the sRGB transfer function and colour spaces, deterministic (common/math/elementary). */
-#ifndef AZULEJO_IMAGE_COLOR_H
-#define AZULEJO_IMAGE_COLOR_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -35,5 +34,3 @@ int color_white_to_d65(const double white[2], double out[3][3]);
 
 /* 0 when singular. `out` may be `m`. */
 int color_matrix_invert(const double m[3][3], double out[3][3]);
-
-#endif

@@ -15,6 +15,8 @@ static int starts_with(const uint8_t *data, size_t size_bytes, const void *magic
 
 enum image_format image_format_of(const uint8_t *data, size_t size_bytes)
 {
+    uint32_t size[3];
+
     if (starts_with(data, size_bytes, "\x89PNG\r\n\x1a\n", 8))
         return IMAGE_PNG;
     if (starts_with(data, size_bytes, "\xff\xd8\xff", 3))
@@ -23,10 +25,16 @@ enum image_format image_format_of(const uint8_t *data, size_t size_bytes)
         return IMAGE_HDR;
     if (starts_with(data, size_bytes, "\x76\x2f\x31\x01", 4))
         return IMAGE_EXR;
-    if (starts_with(data, size_bytes, "RIFF", 4) && size_bytes >= 12 &&
-        memcmp(data + 8, "WEBP", 4) == 0)
+    if (starts_with(data, size_bytes, "RIFF", 4) && size_bytes >= 12 && memcmp(data + 8, "WEBP", 4) == 0)
         return IMAGE_WEBP;
-    return IMAGE_UNKNOWN;
+    if (pfm_size(data, size_bytes, &size[0], &size[1]))
+        return IMAGE_PFM;
+    return tga_size(data, size_bytes, &size[0], &size[1], &size[2]) ? IMAGE_TGA : IMAGE_UNKNOWN;
+}
+
+int image_format_is_float(enum image_format format)
+{
+    return format == IMAGE_HDR || format == IMAGE_EXR || format == IMAGE_PFM;
 }
 
 /* Two passes, because the replacement for infinity is known only after the first. */
@@ -67,9 +75,8 @@ static void repair_pixels(struct image *image, struct image_repairs *repairs)
             image->pixels[i] = largest;
 }
 
-static status decode_floats(struct image *out, const uint8_t *data, size_t size_bytes,
-                            const char *name, int alpha, struct image_repairs *repairs,
-                            struct error *err)
+static status decode_floats(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, int alpha,
+                            struct image_repairs *repairs, struct error *err)
 {
     struct image_repairs here = {0, 0, 0};
     status st;
@@ -77,22 +84,20 @@ static status decode_floats(struct image *out, const uint8_t *data, size_t size_
     memset(out, 0, sizeof *out);
     switch (image_format_of(data, size_bytes)) {
     case IMAGE_EXR:
-        st = alpha ? exr_decode_alpha(out, data, size_bytes, name, err)
-                   : exr_decode(out, data, size_bytes, name, err);
+        st = alpha ? exr_decode_alpha(out, data, size_bytes, name, err) : exr_decode(out, data, size_bytes, name, err);
         break;
-    case IMAGE_HDR:
-        st = hdr_decode(out, data, size_bytes, name, err);
-        break;
+    case IMAGE_HDR: st = hdr_decode(out, data, size_bytes, name, err); break;
+    case IMAGE_PFM: st = pfm_decode(out, data, size_bytes, name, err); break;
     case IMAGE_PNG:
     case IMAGE_JPEG:
     case IMAGE_WEBP:
+    case IMAGE_TGA:
         return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: this is a PNG, JPEG or WebP, which cannot hold light; "
+                         "%s: this is a PNG, JPEG, WebP or TGA, which cannot hold light; "
                          "give an OpenEXR (.exr) or Radiance (.hdr) file",
                          name);
     default:
-        return error_set(err, STATUS_ERR_INPUT,
-                         "%s: neither an OpenEXR nor a Radiance file (its first bytes say so)",
+        return error_set(err, STATUS_ERR_INPUT, "%s: neither an OpenEXR nor a Radiance file (its first bytes say so)",
                          name);
     }
     if (st != STATUS_OK)
@@ -106,8 +111,8 @@ static status decode_floats(struct image *out, const uint8_t *data, size_t size_
     return STATUS_OK;
 }
 
-status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes,
-                        const char *name, struct image_repairs *repairs, struct error *err)
+status image_decode_hdr(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                        struct image_repairs *repairs, struct error *err)
 {
     return decode_floats(out, data, size_bytes, name, 0, repairs, err);
 }
@@ -151,8 +156,8 @@ static void drop_alpha(struct image *image)
         image->pixels = less;
 }
 
-status image_decode_float(struct image *out, const uint8_t *data, size_t size_bytes,
-                          const char *name, struct image_repairs *repairs, struct error *err)
+status image_decode_float(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                          struct image_repairs *repairs, struct error *err)
 {
     status st = decode_floats(out, data, size_bytes, name, 1, repairs, err);
 
@@ -161,19 +166,15 @@ status image_decode_float(struct image *out, const uint8_t *data, size_t size_by
     return st;
 }
 
-status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes,
-                      const char *name, struct error *err)
+status image_decode_8(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     memset(out, 0, sizeof *out);
     switch (image_format_of(data, size_bytes)) {
-    case IMAGE_PNG:
-        return png_decode(out, data, size_bytes, name, err);
-    case IMAGE_JPEG:
-        return jpeg_decode(out, data, size_bytes, name, err);
-    case IMAGE_WEBP:
-        return webp_decode(out, data, size_bytes, name, err);
+    case IMAGE_PNG: return png_decode(out, data, size_bytes, name, err);
+    case IMAGE_JPEG: return jpeg_decode(out, data, size_bytes, name, err);
+    case IMAGE_WEBP: return webp_decode(out, data, size_bytes, name, err);
+    case IMAGE_TGA: return tga_decode(out, data, size_bytes, name, err);
     default:
-        return error_set(err, STATUS_ERR_INPUT,
-                         "%s: none of PNG, JPEG and WebP (its first bytes say so)", name);
+        return error_set(err, STATUS_ERR_INPUT, "%s: none of PNG, JPEG, WebP and TGA (its first bytes say so)", name);
     }
 }

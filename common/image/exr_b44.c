@@ -1,13 +1,11 @@
-/* B44 and B44A, decoded here because OpenEXRCore 3.1.5 decodes them wrongly for pictures whose
- * sides are not multiples of four and for channels that are not halves.
+/* B44 and B44A, decoded here because OpenEXRCore 3.1.5 decodes them wrongly for pictures whose sides are not multiples
+ * of four and for channels that are not halves.
  *
- * A chunk holds channel after channel. Channels that are not HALF are stored unchanged. A HALF
- * channel is divided into blocks of 4 x 4 samples, in rows, those past the edges padded. A block
- * takes 14 bytes: the first sample (16 bits, most significant first), a shift (6 bits), and 15
- * differences of 6 bits in the order below; or 3 bytes, if the shift is 13 or more: all samples are
- * the first one (B44A's flat block). Samples are in an order-preserving code: positive halves with
- * the top bit set, negative ones complemented. (OpenEXR's technical introduction, "Data
- * Compression".)
+ * A chunk holds channel after channel. Channels that are not HALF are stored unchanged. A HALF channel is divided into
+ * blocks of 4 x 4 samples, in rows, those past the edges padded. A block takes 14 bytes: the first sample (16 bits,
+ * most significant first), a shift (6 bits), and 15 differences of 6 bits in the order below; or 3 bytes, if the shift
+ * is 13 or more: all samples are the first one (B44A's flat block). Samples are in an order-preserving code: positive
+ * halves with the top bit set, negative ones complemented. (OpenEXR's technical introduction, "Data Compression".)
  */
 #include <string.h>
 
@@ -21,10 +19,7 @@ struct b44_input {
     const uint8_t *at, *end;
 };
 
-static uint16_t from_ordered(uint16_t code)
-{
-    return code & 0x8000 ? code & 0x7fff : (uint16_t)~code;
-}
+static uint16_t from_ordered(uint16_t code) { return code & 0x8000 ? code & 0x7fff : (uint16_t)~code; }
 
 /* 0 when the chunk ends too early. */
 static int read_block(struct b44_input *in, uint16_t samples[BLOCK_SAMPLES])
@@ -54,8 +49,7 @@ static int read_block(struct b44_input *in, uint16_t samples[BLOCK_SAMPLES])
             two |= in->at[bit / 8 + 1];
         difference = (int)(two >> (10 - bit % 8) & 0x3f) - 0x20;
         /* The first column goes down from the sample above, the others from the left. */
-        codes[order[i]] = (uint16_t)(codes[order[i] - (order[i] % 4 == 0 ? 4 : 1)] +
-                                     difference * (1 << shift));
+        codes[order[i]] = (uint16_t)(codes[order[i] - (order[i] % 4 == 0 ? 4 : 1)] + difference * (1 << shift));
     }
     for (int i = 0; i < BLOCK_SAMPLES; i++)
         samples[i] = from_ordered(codes[i]);
@@ -74,8 +68,8 @@ static uint16_t undo_exponential(uint16_t coded)
 }
 
 /* One channel of the chunk: its samples of line y go to out + y * line_stride. */
-static exr_result_t decode_channel(const exr_coding_channel_info_t *channel, int32_t height,
-                                   uint8_t *out, size_t line_stride, struct b44_input *in)
+static exr_result_t decode_channel(const exr_coding_channel_info_t *channel, int32_t height, uint8_t *out,
+                                   size_t line_stride, struct b44_input *in)
 {
     size_t line_bytes = (size_t)channel->width * (size_t)channel->bytes_per_element;
 
@@ -98,7 +92,7 @@ static exr_result_t decode_channel(const exr_coding_channel_info_t *channel, int
 
                 if (to_y < height && to_x < channel->width)
                     bytes_put16(out + (size_t)to_y * line_stride + 2 * (size_t)to_x,
-                             channel->p_linear ? undo_exponential(samples[i]) : samples[i]);
+                                channel->p_linear ? undo_exponential(samples[i]) : samples[i]);
             }
         }
     return EXR_ERR_SUCCESS;
@@ -120,8 +114,7 @@ exr_result_t exr_b44_decompress(exr_decode_pipeline_t *pipeline)
     for (int c = 0; c < pipeline->channel_count; c++) {
         const exr_coding_channel_info_t *channel = &pipeline->channels[c];
 
-        if (channel->x_samples != 1 || channel->y_samples != 1 ||
-            channel->width != pipeline->chunk.width)
+        if (channel->x_samples != 1 || channel->y_samples != 1 || channel->width != pipeline->chunk.width)
             return EXR_ERR_FEATURE_NOT_IMPLEMENTED;
         line_stride += (size_t)channel->width * (size_t)channel->bytes_per_element;
     }
@@ -130,8 +123,8 @@ exr_result_t exr_b44_decompress(exr_decode_pipeline_t *pipeline)
     for (int c = 0; result == EXR_ERR_SUCCESS && c < pipeline->channel_count; c++) {
         const exr_coding_channel_info_t *channel = &pipeline->channels[c];
 
-        result = decode_channel(channel, pipeline->chunk.height,
-                                (uint8_t *)pipeline->unpacked_buffer + start, line_stride, &in);
+        result = decode_channel(channel, pipeline->chunk.height, (uint8_t *)pipeline->unpacked_buffer + start,
+                                line_stride, &in);
         start += (size_t)channel->width * (size_t)channel->bytes_per_element;
     }
     return result;

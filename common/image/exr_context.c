@@ -27,17 +27,12 @@ static void *stream_alloc(size_t size_bytes)
     return block;
 }
 
-static void stream_free(void *block)
-{
-    mem_free(block);
-}
+static void stream_free(void *block) { mem_free(block); }
 
-static void stream_complain(exr_const_context_t context, exr_result_t code, const char *text)
+static void stream_complain(exr_const_context_t context UNUSED, exr_result_t code UNUSED, const char *text)
 {
     struct exr_stream *stream = current_stream;
 
-    (void)context;
-    (void)code;
     if (!stream || stream->message[0] != 0)
         return;
     snprintf(stream->message, sizeof stream->message, "%s", text);
@@ -46,14 +41,12 @@ static void stream_complain(exr_const_context_t context, exr_result_t code, cons
             *c = '?';
 }
 
-static int64_t stream_read(exr_const_context_t context, void *user, void *out, uint64_t size_bytes,
-                           uint64_t offset, exr_stream_error_func_ptr_t complain)
+static int64_t stream_read(exr_const_context_t context UNUSED, void *user, void *out, uint64_t size_bytes,
+                           uint64_t offset, exr_stream_error_func_ptr_t complain UNUSED)
 {
     const struct exr_stream *stream = user;
     size_t left;
 
-    (void)context;
-    (void)complain;
     if (offset >= stream->size_bytes)
         return 0;
     left = stream->size_bytes - (size_t)offset;
@@ -63,24 +56,20 @@ static int64_t stream_read(exr_const_context_t context, void *user, void *out, u
     return (int64_t)size_bytes;
 }
 
-static int64_t stream_size(exr_const_context_t context, void *user)
+static int64_t stream_size(exr_const_context_t context UNUSED, void *user)
 {
     const struct exr_stream *stream = user;
 
-    (void)context;
     return (int64_t)stream->size_bytes;
 }
 
 /* The library returns to the offset table, so not all writes are at the end. */
-static int64_t stream_write(exr_const_context_t context, void *user, const void *data,
-                            uint64_t size_bytes, uint64_t offset,
-                            exr_stream_error_func_ptr_t complain)
+static int64_t stream_write(exr_const_context_t context UNUSED, void *user, const void *data, uint64_t size_bytes,
+                            uint64_t offset, exr_stream_error_func_ptr_t complain UNUSED)
 {
     struct exr_stream *stream = user;
     size_t end;
 
-    (void)context;
-    (void)complain;
     if (__builtin_add_overflow(offset, size_bytes, &end))
         return -1;
     if (end > stream->out->size) {
@@ -127,8 +116,7 @@ exr_result_t exr_stream_finish(exr_context_t *context)
     return result;
 }
 
-status exr_stream_error(const struct exr_stream *stream, exr_result_t result, const char *name,
-                        struct error *err)
+status exr_stream_error(const struct exr_stream *stream, exr_result_t result, const char *name, struct error *err)
 {
     const char *why = stream->message[0] ? stream->message : exr_get_error_code_as_string(result);
 
@@ -141,10 +129,7 @@ status exr_stream_error(const struct exr_stream *stream, exr_result_t result, co
                          name, EXR_BLOCK_BYTES_MAX >> 20);
     switch (result) {
     case EXR_ERR_FEATURE_NOT_IMPLEMENTED:
-        return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: OpenEXR cannot read this kind of file (%s)", name, why);
-    default:
-        return error_set(err, STATUS_ERR_INPUT, "%s: the OpenEXR file is damaged or cut short (%s)",
-                         name, why);
+        return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: OpenEXR cannot read this kind of file (%s)", name, why);
+    default: return error_set(err, STATUS_ERR_INPUT, "%s: the OpenEXR file is damaged or cut short (%s)", name, why);
     }
 }

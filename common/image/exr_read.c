@@ -1,18 +1,13 @@
 /* OpenEXR pictures, through OpenEXRCore from memory.
  *
- * The data window counts: its pixels are the picture, wherever it lies in the display window,
- * because an environment map does not need a frame around it. In a tiled file with several levels
- * the finest is read. Channels in order of preference: R, G and B outside layers (a missing one is
- * 0); Y alone; R, G and B of a layer. Alpha is the one beside them, and is read only on request.
- * A chromaticities attribute other than Rec. 709's is honoured.
+ * The data window counts: its pixels are the picture, wherever it lies in the display window, because an environment
+ * map does not need a frame around it. In a tiled file with several levels the finest is read. Channels in order of
+ * preference: R, G and B outside layers (a missing one is 0); Y alone; R, G and B of a layer. Alpha is the one beside
+ * them, and is read only on request. A chromaticities attribute other than Rec. 709's is honoured.
  */
-#include <limits.h>
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "common/base/bytes.h"
-#include "common/base/memory.h"
 #include "common/image/color.h"
 #include "common/image/exr_context.h"
 #include "common/image/half.h"
@@ -23,9 +18,9 @@ enum { LAYER_NAME_MAX = 256, PARTS_MAX = 1024 };
 /* Which channels of the list make red, green and blue; -1 for none. */
 struct selection {
     int rgb[3];
-    int alpha;        /* -1: none, or not asked for */
-    int luminance;    /* Y is replicated: rgb[] are all Y */
-    int chroma;       /* Y with RY and BY */
+    int alpha;     /* -1: none, or not asked for */
+    int luminance; /* Y is replicated: rgb[] are all Y */
+    int chroma;    /* Y with RY and BY */
     int in_layer;
 };
 
@@ -50,22 +45,19 @@ static status fail(struct exr_reader *r, exr_result_t result, struct error *err)
 
 /* ---- which part, which channels ---------------------------------------------------------- */
 
-static int find_channel(const exr_attr_chlist_t *list, const char *prefix, size_t prefix_length,
-                        const char *name)
+static int find_channel(const exr_attr_chlist_t *list, const char *prefix, size_t prefix_length, const char *name)
 {
     for (int i = 0; i < list->num_channels; i++) {
         const char *have = list->entries[i].name.str;
 
-        if (have && strncmp(have, prefix, prefix_length) == 0 &&
-            strcmp(have + prefix_length, name) == 0)
+        if (have && strncmp(have, prefix, prefix_length) == 0 && strcmp(have + prefix_length, name) == 0)
             return i;
     }
     return -1;
 }
 
 /* R, G and B of `prefix` ("" or "layer."); 1 when all are there. */
-static int select_rgb(const exr_attr_chlist_t *list, const char *prefix, size_t prefix_length,
-                      struct selection *s)
+static int select_rgb(const exr_attr_chlist_t *list, const char *prefix, size_t prefix_length, struct selection *s)
 {
     static const char *const names[3] = {"R", "G", "B"};
     int found = 0;
@@ -109,13 +101,18 @@ static int select_layer(const exr_attr_chlist_t *list, struct selection *s)
     return found;
 }
 
+static const char view_layer[] = "ViewLayer.";
+
 static int select_channels(const exr_attr_chlist_t *list, const char *wanted, struct selection *s)
 {
     int y;
 
     *s = (struct selection){{-1, -1, -1}, -1, 0, 0, 0};
     if (wanted) {
-        s->rgb[0] = s->rgb[1] = s->rgb[2] = find_channel(list, "", 0, wanted);
+        s->rgb[0] = find_channel(list, "", 0, wanted);
+        if (s->rgb[0] < 0) /* as Blender names it */
+            s->rgb[0] = find_channel(list, view_layer, sizeof view_layer - 1, wanted);
+        s->rgb[1] = s->rgb[2] = s->rgb[0];
         s->luminance = s->in_layer = 1;
         return s->rgb[0] >= 0;
     }
@@ -140,8 +137,7 @@ static status find_part(struct exr_reader *r, struct error *err)
     if (result != EXR_ERR_SUCCESS)
         return fail(r, result, err);
     if (count > PARTS_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%s: %d parts are more than %d", r->name, count,
-                         (int)PARTS_MAX);
+        return error_set(err, STATUS_ERR_LIMIT, "%s: %d parts are more than %d", r->name, count, (int)PARTS_MAX);
     for (int part = 0; part < count; part++) {
         result = exr_get_storage(r->context, part, &r->storage);
         if (result == EXR_ERR_SUCCESS &&
@@ -162,12 +158,12 @@ static status find_part(struct exr_reader *r, struct error *err)
             return STATUS_OK;
     }
     if (deep)
-        return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: deep OpenEXR pictures are not supported; flatten it first", r->name);
+        return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: deep OpenEXR pictures are not supported; flatten it first",
+                         r->name);
     if (r->wanted)
         return error_set(err, STATUS_ERR_NOT_FOUND, "%s: no part has a channel %s", r->name, r->wanted);
-    return error_set(err, STATUS_ERR_UNSUPPORTED,
-                     "%s: no part has channels R, G, B or Y, nor a layer with R, G, B", r->name);
+    return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: no part has channels R, G, B or Y, nor a layer with R, G, B",
+                     r->name);
 }
 
 /* ---- sizes, before memory is taken -------------------------------------------------------- */
@@ -178,27 +174,19 @@ static status find_part(struct exr_reader *r, struct error *err)
 static double expansion_max(exr_compression_t compression)
 {
     switch (compression) {
-    case EXR_COMPRESSION_NONE:
-        return 1;
-    case EXR_COMPRESSION_RLE:
-        return 128;
+    case EXR_COMPRESSION_NONE: return 1;
+    case EXR_COMPRESSION_RLE: return 128;
     case EXR_COMPRESSION_ZIPS:
-    case EXR_COMPRESSION_ZIP:
-        return 1100;
-    case EXR_COMPRESSION_PIZ:
-        return 600;
-    case EXR_COMPRESSION_PXR24:
-        return 1500;
+    case EXR_COMPRESSION_ZIP: return 1100;
+    case EXR_COMPRESSION_PIZ: return 600;
+    case EXR_COMPRESSION_PXR24: return 1500;
     case EXR_COMPRESSION_B44:
-    case EXR_COMPRESSION_B44A:
-        return 16;
-    default:
-        return 100000;
+    case EXR_COMPRESSION_B44A: return 16;
+    default: return 100000;
     }
 }
 
-static status check_sizes(struct exr_reader *r, uint32_t *width, uint32_t *height,
-                          struct error *err)
+static status check_sizes(struct exr_reader *r, uint32_t *width, uint32_t *height, struct error *err)
 {
     int64_t w = (int64_t)r->window.max.x - r->window.min.x + 1;
     int64_t h = (int64_t)r->window.max.y - r->window.min.y + 1;
@@ -210,8 +198,7 @@ static status check_sizes(struct exr_reader *r, uint32_t *width, uint32_t *heigh
     if (w < 1 || h < 1)
         return error_set(err, STATUS_ERR_INPUT, "%s: the data window is empty", r->name);
     if (w > IMAGE_SIDE_MAX || h > IMAGE_SIDE_MAX)
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "%s: %lld x %lld pixels: no side may be longer than %d", r->name,
+        return error_set(err, STATUS_ERR_LIMIT, "%s: %lld x %lld pixels: no side may be longer than %d", r->name,
                          (long long)w, (long long)h, (int)IMAGE_SIDE_MAX);
     result = exr_get_chunk_count(r->context, r->part, &chunks);
     if (result != EXR_ERR_SUCCESS)
@@ -220,10 +207,9 @@ static status check_sizes(struct exr_reader *r, uint32_t *width, uint32_t *heigh
         const exr_attr_chlist_entry_t *c = &r->channels->entries[i];
 
         if (c->x_sampling < 1 || c->y_sampling < 1)
-            return error_set(err, STATUS_ERR_INPUT, "%s: a channel's sampling is not positive",
-                             r->name);
-        raw_bytes += (double)(w / c->x_sampling) * (double)(h / c->y_sampling) *
-                     (c->pixel_type == EXR_PIXEL_HALF ? 2 : 4);
+            return error_set(err, STATUS_ERR_INPUT, "%s: a channel's sampling is not positive", r->name);
+        raw_bytes +=
+            (double)(w / c->x_sampling) * (double)(h / c->y_sampling) * (c->pixel_type == EXR_PIXEL_HALF ? 2 : 4);
     }
     /* A chunk takes 8 bytes in the offset table and as many before its data, at least. */
     if (chunks < 1 || r->stream.size_bytes / 16 < (size_t)chunks ||
@@ -242,18 +228,15 @@ static status check_sizes(struct exr_reader *r, uint32_t *width, uint32_t *heigh
 static float read_sample(const uint8_t *p, int type)
 {
     switch (type) {
-    case EXR_PIXEL_HALF:
-        return half_to_float(bytes_get16(p));
-    case EXR_PIXEL_FLOAT:
-        return bytes_get_float(p);
-    default:
-        return (float)bytes_get32(p); /* by value, as OpenEXR converts */
+    case EXR_PIXEL_HALF: return half_to_float(bytes_get16(p));
+    case EXR_PIXEL_FLOAT: return bytes_get_float(p);
+    default: return (float)bytes_get32(p); /* by value, as OpenEXR converts */
     }
 }
 
 /* A pixel (x, y) of the picture from column `x` of one line of channel `channel`. */
-static void store_line(struct exr_reader *r, int channel, int type, const uint8_t *line,
-                       int64_t x0, int64_t y, int32_t width)
+static void store_line(struct exr_reader *r, int channel, int type, const uint8_t *line, int64_t x0, int64_t y,
+                       int32_t width)
 {
     int size = type == EXR_PIXEL_HALF ? 2 : 4;
 
@@ -280,8 +263,8 @@ static exr_result_t unpack_chunk(exr_decode_pipeline_t *pipeline)
 
     if (r->storage == EXR_STORAGE_TILED) {
         uint32_t tile_width = 0, tile_height = 0;
-        exr_result_t result = exr_get_tile_descriptor(pipeline->context, r->part, &tile_width,
-                                                      &tile_height, NULL, NULL);
+        exr_result_t result =
+            exr_get_tile_descriptor(pipeline->context, r->part, &tile_width, &tile_height, NULL, NULL);
         if (result != EXR_ERR_SUCCESS)
             return result;
         x0 = (int64_t)pipeline->chunk.start_x * tile_width;
@@ -314,8 +297,8 @@ static exr_result_t unpack_chunk(exr_decode_pipeline_t *pipeline)
 }
 
 /* Decode one chunk; the first call sets the pipeline up. */
-static exr_result_t decode_chunk(struct exr_reader *r, exr_decode_pipeline_t *pipeline,
-                                 const exr_chunk_info_t *chunk, int *started)
+static exr_result_t decode_chunk(struct exr_reader *r, exr_decode_pipeline_t *pipeline, const exr_chunk_info_t *chunk,
+                                 int *started)
 {
     exr_result_t result;
 
@@ -336,8 +319,7 @@ static exr_result_t decode_chunk(struct exr_reader *r, exr_decode_pipeline_t *pi
     return exr_decoding_run(r->context, r->part, pipeline);
 }
 
-static exr_result_t decode_scan_lines(struct exr_reader *r, exr_decode_pipeline_t *pipeline,
-                                      int *started)
+static exr_result_t decode_scan_lines(struct exr_reader *r, exr_decode_pipeline_t *pipeline, int *started)
 {
     int32_t lines = 0;
     exr_result_t result = exr_get_scanlines_per_chunk(r->context, r->part, &lines);
@@ -355,12 +337,10 @@ static exr_result_t decode_scan_lines(struct exr_reader *r, exr_decode_pipeline_
     return result;
 }
 
-static exr_result_t decode_tiles(struct exr_reader *r, exr_decode_pipeline_t *pipeline,
-                                 int *started)
+static exr_result_t decode_tiles(struct exr_reader *r, exr_decode_pipeline_t *pipeline, int *started)
 {
     int32_t tile_width = 0, tile_height = 0;
-    exr_result_t result =
-        exr_get_tile_sizes(r->context, r->part, 0, 0, &tile_width, &tile_height);
+    exr_result_t result = exr_get_tile_sizes(r->context, r->part, 0, 0, &tile_width, &tile_height);
 
     if (result == EXR_ERR_SUCCESS && (tile_width < 1 || tile_height < 1))
         return EXR_ERR_FILE_BAD_HEADER;
@@ -405,8 +385,7 @@ static status convert_color(struct exr_reader *r, struct error *err)
                                     {(double)c.green_x, (double)c.green_y},
                                     {(double)c.blue_x, (double)c.blue_y},
                                     {(double)c.white_x, (double)c.white_y}};
-    if (color_primaries_equal(&from, &color_rec709) ||
-        (r->selection.luminance && !r->selection.chroma))
+    if (color_primaries_equal(&from, &color_rec709) || (r->selection.luminance && !r->selection.chroma))
         return STATUS_OK;
     if (!color_to_rec709(&from, m))
         return error_set(err, STATUS_ERR_INPUT,
@@ -444,18 +423,15 @@ static status check_channels(const struct exr_reader *r, int *older, struct erro
             continue;
         c = &r->channels->entries[channel];
         if (c->x_sampling != 1 || c->y_sampling != 1)
-            return error_set(err, STATUS_ERR_UNSUPPORTED,
-                             "%s: channel %s is subsampled; save it with full resolution", r->name,
-                             c->name.str);
+            return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: channel %s is subsampled; save it with full resolution",
+                             r->name, c->name.str);
     }
     return STATUS_OK;
 }
 
-/* The older API shows old memory where a damaged chunk decodes to too little. So first let
- * OpenEXRCore, which detects that, decode everything and discard the result. It cannot do so for
- * DWA. */
-static status check_chunks(struct exr_reader *r, uint32_t width, uint32_t height,
-                           struct error *err)
+/* The older API shows old memory where a damaged chunk decodes to too little. So first let OpenEXRCore, which detects
+ * that, decode everything and discard the result. It cannot do so for DWA. */
+static status check_chunks(struct exr_reader *r, uint32_t width, uint32_t height, struct error *err)
 {
     struct image nowhere = {.width = width, .height = height, .channels = 3};
     struct selection wanted = r->selection;
@@ -476,8 +452,7 @@ static status check_environment(struct exr_reader *r, struct error *err)
 {
     exr_envmap_t kind;
 
-    if (exr_attr_get_envmap(r->context, r->part, "envmap", &kind) == EXR_ERR_SUCCESS &&
-        kind == EXR_ENVMAP_CUBE)
+    if (exr_attr_get_envmap(r->context, r->part, "envmap", &kind) == EXR_ERR_SUCCESS && kind == EXR_ENVMAP_CUBE)
         return error_set(err, STATUS_ERR_UNSUPPORTED,
                          "%s: this is a cube map; convert it to latitude-longitude "
                          "(exrenvmap -latlong)",
@@ -485,8 +460,8 @@ static status check_environment(struct exr_reader *r, struct error *err)
     return STATUS_OK;
 }
 
-static status decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                     const char *wanted, int alpha, struct error *err)
+static status decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, const char *wanted,
+                     int alpha, struct error *err)
 {
     struct exr_reader r = {.stream = {.data = data, .size_bytes = size_bytes}, .name = name,
                            .wanted = wanted, .out = out};
@@ -499,15 +474,12 @@ static status decode(struct image *out, const uint8_t *data, size_t size_bytes, 
     memset(out, 0, sizeof *out);
     result = exr_start_read(&r.context, name, &init);
     st = result == EXR_ERR_SUCCESS ? find_part(&r, err) : fail(&r, result, err);
-    if (st == STATUS_OK)
-        st = check_environment(&r, err);
+    THEN(st, check_environment(&r, err));
     if (!alpha)
         r.selection.alpha = -1;
     channels = r.selection.alpha >= 0 ? 4 : 3;
-    if (st == STATUS_OK)
-        st = check_channels(&r, &older, err);
-    if (st == STATUS_OK)
-        st = check_sizes(&r, &width, &height, err);
+    THEN(st, check_channels(&r, &older, err));
+    THEN(st, check_sizes(&r, &width, &height, err));
     if (st == STATUS_OK && older)
         st = check_chunks(&r, width, height, err);
     if (st == STATUS_OK && older) {
@@ -519,8 +491,7 @@ static status decode(struct image *out, const uint8_t *data, size_t size_bytes, 
         else
             st = decode_pixels(&r, err);
     }
-    if (st == STATUS_OK)
-        st = convert_color(&r, err);
+    THEN(st, convert_color(&r, err));
     if (r.stream.starved || r.stream.oversized)
         st = fail(&r, EXR_ERR_OUT_OF_MEMORY, err);
     exr_stream_finish(&r.context);
@@ -529,20 +500,18 @@ static status decode(struct image *out, const uint8_t *data, size_t size_bytes, 
     return st;
 }
 
-status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                  struct error *err)
+status exr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     return decode(out, data, size_bytes, name, NULL, 0, err);
 }
 
-status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes,
-                        const char *name, struct error *err)
+status exr_decode_alpha(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     return decode(out, data, size_bytes, name, NULL, 1, err);
 }
 
-status exr_decode_channel(struct image *out, const uint8_t *data, size_t size_bytes,
-                          const char *name, const char *channel, struct error *err)
+status exr_decode_channel(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                          const char *channel, struct error *err)
 {
     return decode(out, data, size_bytes, name, channel, 0, err);
 }

@@ -43,8 +43,7 @@ static int lend_bytes(const uint8_t *data, size_t size_bytes)
 static int read_rows(ImfInputFile *in, struct image *out, ImfRgba *row, int x_min, int y_min)
 {
     /* The library adds x * x_stride + y * y_stride to the base, with x from x_min on. */
-    ImfRgba *base =
-        (ImfRgba *)((uintptr_t)row - (uintptr_t)((intptr_t)x_min * (intptr_t)sizeof *row));
+    ImfRgba *base = (ImfRgba *)((uintptr_t)row - (uintptr_t)((intptr_t)x_min * (intptr_t)sizeof *row));
 
     if (!ImfInputSetFrameBuffer(in, base, 1, 0))
         return 0;
@@ -65,8 +64,8 @@ static int read_rows(ImfInputFile *in, struct image *out, ImfRgba *row, int x_mi
     return 1;
 }
 
-status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                       uint32_t width, uint32_t height, uint32_t channels, struct error *err)
+status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, uint32_t width,
+                       uint32_t height, uint32_t channels, struct error *err)
 {
     ImfInputFile *in = NULL;
     ImfRgba *row = NULL;
@@ -77,8 +76,7 @@ status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes
     memset(out, 0, sizeof *out);
     file = lend_bytes(data, size_bytes);
     if (file < 0)
-        return error_set(err, STATUS_ERR_IO, "%s: no anonymous file for its bytes: %s", name,
-                         strerror(errno));
+        return error_set(err, STATUS_ERR_IO, "%s: no anonymous file for its bytes: %s", name, strerror(errno));
     st = image_init(out, width, height, channels, err);
     if (st != STATUS_OK) {
         error_prefix(err, "%s", name);
@@ -97,8 +95,8 @@ status exr_decode_rgba(struct image *out, const uint8_t *data, size_t size_bytes
     if (in && (x_max - (int64_t)x_min + 1 != width || y_max - (int64_t)y_min + 1 != height))
         st = error_set(err, STATUS_ERR_INPUT, "%s: its parts disagree about the data window", name);
     else if (!in || !read_rows(in, out, row, x_min, y_min))
-        st = error_set(err, STATUS_ERR_INPUT, "%s: the OpenEXR file is damaged or cut short (%s)",
-                       name, ImfErrorMessage());
+        st = error_set(err, STATUS_ERR_INPUT, "%s: the OpenEXR file is damaged or cut short (%s)", name,
+                       ImfErrorMessage());
     if (in)
         ImfCloseInputFile(in);
     pthread_mutex_unlock(&rgba_lock);

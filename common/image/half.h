@@ -1,6 +1,5 @@
 /* half: IEEE 754 binary16, converted in integer arithmetic: the same bits everywhere. */
-#ifndef AZULEJO_IMAGE_HALF_H
-#define AZULEJO_IMAGE_HALF_H
+#pragma once
 
 #include <stdint.h>
 
@@ -38,7 +37,7 @@ static inline uint16_t half_from_float(float value)
     if (magnitude >= 0x477ff000u)
         return sign | 0x7c00; /* 65520 and above */
     if (magnitude < (SAFEGUARD(HALF_SUBNORMAL) ? 0x33000001u : 0x38800000u))
-        return sign; /* 2^-25 and below */
+        return sign;                /* 2^-25 and below */
     if (magnitude >= 0x38800000u) { /* normal: 2^-14 and above */
         kept = magnitude - 0x38000000u;
         shift = 13;
@@ -53,5 +52,3 @@ static inline uint16_t half_from_float(float value)
         kept++; /* a carry into the exponent is right */
     return (uint16_t)(sign | kept);
 }
-
-#endif

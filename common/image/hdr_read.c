@@ -8,7 +8,6 @@
  */
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -29,11 +28,11 @@ struct hdr_reader {
     const uint8_t *data;
     size_t size, at;
     const char *name;
-    int xyz;               /* XYZE instead of RGBE */
-    double exposure;       /* the product of all EXPOSURE= lines */
-    double correction[3];  /* the product of all COLORCORR= lines */
-    int y_major;           /* scan lines run along X: the usual case */
-    int flip_x, flip_y;    /* X decreases, Y increases (row 0 of the file is the bottom) */
+    int xyz;              /* XYZE instead of RGBE */
+    double exposure;      /* the product of all EXPOSURE= lines */
+    double correction[3]; /* the product of all COLORCORR= lines */
+    int y_major;          /* scan lines run along X: the usual case */
+    int flip_x, flip_y;   /* X decreases, Y increases (row 0 of the file is the bottom) */
     uint32_t width, height;
 };
 
@@ -85,8 +84,8 @@ static status read_header_line(struct hdr_reader *r, const char *line, struct er
         else if (strncmp(format, "32-bit_rle_rgbe", 15) == 0)
             r->xyz = 0;
         else
-            return error_set(err, STATUS_ERR_UNSUPPORTED,
-                             "%s: FORMAT is neither 32-bit_rle_rgbe nor 32-bit_rle_xyze", r->name);
+            return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: FORMAT is neither 32-bit_rle_rgbe nor 32-bit_rle_xyze",
+                             r->name);
     } else if (strncmp(line, "EXPOSURE=", 9) == 0) {
         if (!read_factors(line + 9, &r->exposure, 1))
             return bad(r, err, "the EXPOSURE line holds no positive number");
@@ -134,7 +133,6 @@ static status read_resolution(struct hdr_reader *r, const char *line, struct err
 static status read_header(struct hdr_reader *r, struct error *err)
 {
     char line[HEADER_LINE_MAX];
-    status st;
 
     if (!next_line(r, line) || strncmp(line, "#?", 2) != 0)
         return bad(r, err, "it does not begin with \"#?\" and a line's end");
@@ -143,9 +141,7 @@ static status read_header(struct hdr_reader *r, struct error *err)
             return bad(r, err, "the header has no end");
         if (line[0] == 0)
             break;
-        st = read_header_line(r, line, err);
-        if (st != STATUS_OK)
-            return st;
+        TRY(read_header_line(r, line, err));
     }
     if (!next_line(r, line))
         return bad(r, err, "the resolution line is missing");
@@ -156,12 +152,11 @@ static int uses_new_code(const struct hdr_reader *r, uint32_t length)
 {
     const uint8_t *p = r->data + r->at;
 
-    return length >= NEW_RLE_WIDTH_MIN && length <= NEW_RLE_WIDTH_MAX && r->size - r->at >= 4 &&
-           p[0] == 2 && p[1] == 2 && p[2] < 128;
+    return length >= NEW_RLE_WIDTH_MIN && length <= NEW_RLE_WIDTH_MAX && r->size - r->at >= 4 && p[0] == 2 &&
+           p[1] == 2 && p[2] < 128;
 }
 
-/* Can the remaining bytes hold this many scan lines at all? Refuses size bombs before memory is
- * allocated. */
+/* Can the remaining bytes hold this many scan lines at all? Refuses size bombs before memory is allocated. */
 static int plausible(const struct hdr_reader *r, uint32_t lines, uint32_t length)
 {
     size_t least = 4; /* one pixel */
@@ -247,8 +242,7 @@ static status read_old_line(struct hdr_reader *r, uint8_t *line, uint32_t length
 }
 
 /* Decode RGBE at `encoded` to radiance, undoing exposure and colour correction. */
-static void convert_pixel(const struct hdr_reader *r, const double to_rgb[3][3],
-                          const uint8_t encoded[4], float *rgb)
+static void convert_pixel(const struct hdr_reader *r, const double to_rgb[3][3], const uint8_t encoded[4], float *rgb)
 {
     double scale = encoded[3] ? ldexp(1.0, (int)encoded[3] - (128 + 8)) : 0.0;
     double v[3];
@@ -256,23 +250,18 @@ static void convert_pixel(const struct hdr_reader *r, const double to_rgb[3][3],
     for (int i = 0; i < 3; i++)
         v[i] = encoded[i] * scale / (r->exposure * r->correction[i]);
     for (int i = 0; i < 3; i++)
-        rgb[i] = (float)(r->xyz ? to_rgb[i][0] * v[0] + to_rgb[i][1] * v[1] + to_rgb[i][2] * v[2]
-                                : v[i]);
+        rgb[i] = (float)(r->xyz ? to_rgb[i][0] * v[0] + to_rgb[i][1] * v[1] + to_rgb[i][2] * v[2] : v[i]);
 }
 
-static status read_pixels(struct hdr_reader *r, struct image *out, uint8_t *line, uint32_t lines,
-                          uint32_t length, struct error *err)
+static status read_pixels(struct hdr_reader *r, struct image *out, uint8_t *line, uint32_t lines, uint32_t length,
+                          struct error *err)
 {
     double to_rgb[3][3];
-    status st;
 
     if (!color_to_rec709(&color_xyz, to_rgb))
         return error_set(err, STATUS_ERR_INTERNAL, "XYZ cannot be converted");
     for (uint32_t i = 0; i < lines; i++) {
-        st = uses_new_code(r, length) ? read_new_line(r, line, length, err)
-                                      : read_old_line(r, line, length, err);
-        if (st != STATUS_OK)
-            return st;
+        TRY(uses_new_code(r, length) ? read_new_line(r, line, length, err) : read_old_line(r, line, length, err));
         for (uint32_t j = 0; j < length; j++) {
             uint32_t x = r->y_major ? j : i, y = r->y_major ? i : j;
 
@@ -280,15 +269,13 @@ static status read_pixels(struct hdr_reader *r, struct image *out, uint8_t *line
                 x = out->width - 1 - x;
             if (r->flip_y)
                 y = out->height - 1 - y;
-            convert_pixel(r, to_rgb, line + 4 * (size_t)j,
-                          out->pixels + 3 * ((size_t)y * out->width + x));
+            convert_pixel(r, to_rgb, line + 4 * (size_t)j, out->pixels + 3 * ((size_t)y * out->width + x));
         }
     }
     return STATUS_OK;
 }
 
-status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                  struct error *err)
+status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     struct hdr_reader r = {.data = data, .size = size_bytes, .name = name, .exposure = 1.0,
                            .correction = {1.0, 1.0, 1.0}};
@@ -297,9 +284,7 @@ status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
     status st;
 
     memset(out, 0, sizeof *out);
-    st = read_header(&r, err);
-    if (st != STATUS_OK)
-        return st;
+    TRY(read_header(&r, err));
     lines = r.y_major ? r.height : r.width;
     length = r.y_major ? r.width : r.height;
     if (lines > 0 && length > 0 && !plausible(&r, lines, length))
@@ -313,8 +298,7 @@ status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
         return st;
     }
     line = mem_alloc_array(length, 4);
-    st = line ? read_pixels(&r, out, line, lines, length, err)
-              : error_no_memory(err, "a scan line");
+    st = line ? read_pixels(&r, out, line, lines, length, err) : error_no_memory(err, "a scan line");
     mem_free(line);
     if (st != STATUS_OK)
         image_release(out);

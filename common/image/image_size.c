@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/base/bytes.h"
+#include "common/image/image.h"
 
 enum { FLOAT_RGB_BYTES = 12, HDR_HEADER_MAX = 1 << 21, EXR_NAME_MAX = 256 };
 
@@ -164,5 +165,7 @@ int image_size_of(const uint8_t *data, size_t size, struct image_size *out)
         return exr_size(data, size, out);
     if (size >= 2 && data[0] == '#' && data[1] == '?')
         return hdr_size(data, size, out);
-    return 0;
+    out->pixel_bytes = FLOAT_RGB_BYTES;
+    return pfm_size(data, size, &out->width, &out->height) ||
+           tga_size(data, size, &out->width, &out->height, &out->pixel_bytes);
 }

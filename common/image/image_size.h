@@ -1,17 +1,14 @@
 /* image_size: how large an image file is, read from its header alone. */
-#ifndef AZULEJO_IMAGE_IMAGE_SIZE_H
-#define AZULEJO_IMAGE_IMAGE_SIZE_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
 
 struct image_size {
     uint32_t width, height;
-    uint32_t pixel_bytes;   /* of the decoded pixels: 1..8, or 12 for three floats */
+    uint32_t pixel_bytes; /* of the decoded pixels: 1..8, or 12 for three floats */
 };
 
-/* PNG, JPEG, WebP, Radiance HDR and OpenEXR. 0 if the header is damaged or the format is another
+/* Of every format that is read. 0 if the header is damaged or the format is another
  * one: the decoder will report the error. */
 int image_size_of(const uint8_t *data, size_t size_bytes, struct image_size *out);
-
-#endif

@@ -13,8 +13,7 @@
 #include "common/image/image.h"
 
 enum { JPEG_SCANS_MAX = 200 }; /* a progressive picture has about ten */
-/* A byte of a picture without any detail becomes at most about 2500 (one bit a block, the
- * coarsest sampling). */
+/* A byte of a picture without any detail becomes at most about 2500 (one bit a block, the coarsest sampling). */
 #define JPEG_EXPANSION_MAX 4096.0
 #define JPEG_WORK_BYTES ((size_t)64 << 20) /* beside twice the decoded size */
 
@@ -42,18 +41,12 @@ static void jpeg_judge_message(j_common_ptr jpeg, int level)
     case JWRN_HIT_MARKER:
     case JWRN_HUFF_BAD_CODE:
     case JWRN_ARITH_BAD_CODE:
-    case JWRN_MUST_RESYNC:
-        jpeg_fail(jpeg);
-        break;
-    default:
-        break;
+    case JWRN_MUST_RESYNC: jpeg_fail(jpeg); break;
+    default: break;
     }
 }
 
-static void jpeg_print_nothing(j_common_ptr jpeg)
-{
-    (void)jpeg;
-}
+static void jpeg_print_nothing(j_common_ptr jpeg) { (void)jpeg; }
 
 /* Called repeatedly: the place to stop a picture of thousands of empty scans. */
 static void jpeg_check_scans(j_common_ptr jpeg)
@@ -64,8 +57,7 @@ static void jpeg_check_scans(j_common_ptr jpeg)
         ERREXIT(jpeg, JERR_BAD_PROGRESSION);
 }
 
-/* Inks to RGB in place. With an Adobe marker the inks are stored inverted, as all programs
- * that write such files do. */
+/* Inks to RGB in place. With an Adobe marker the inks are stored inverted, as all programs that write such files do. */
 static void convert_inks(const uint8_t *cmyk, uint8_t *rgb, uint32_t width, int inverted)
 {
     for (uint32_t x = 0; x < width; x++) {
@@ -79,8 +71,8 @@ static void convert_inks(const uint8_t *cmyk, uint8_t *rgb, uint32_t width, int 
     }
 }
 
-static status check_plausible(const struct jpeg_decompress_struct *d, size_t size_bytes,
-                              const char *name, struct error *err)
+static status check_plausible(const struct jpeg_decompress_struct *d, size_t size_bytes, const char *name,
+                              struct error *err)
 {
     double decoded = (double)d->image_width * d->image_height * d->num_components;
 
@@ -92,26 +84,21 @@ static status check_plausible(const struct jpeg_decompress_struct *d, size_t siz
     return STATUS_OK;
 }
 
-/* Everything that may longjmp; no variable here outlives the jump. `*row` is freed by the
- * caller. */
+/* Everything that may longjmp; no variable here outlives the jump. `*row` is freed by the caller. */
 static status read_jpeg(struct jpeg_decompress_struct *d, struct jpeg_failure *failure,
-                        struct jpeg_progress_mgr *progress, struct image8 *out, uint8_t **row,
-                        const uint8_t *data, size_t size_bytes, const char *name,
-                        struct error *err)
+                        struct jpeg_progress_mgr *progress, struct image8 *out, uint8_t **row, const uint8_t *data,
+                        size_t size_bytes, const char *name, struct error *err)
 {
     status st;
     int inks;
 
     if (setjmp(failure->jump))
-        return error_set(err, STATUS_ERR_INPUT, "%s: the JPEG is damaged or cut short (%s)", name,
-                         failure->message);
+        return error_set(err, STATUS_ERR_INPUT, "%s: the JPEG is damaged or cut short (%s)", name, failure->message);
     jpeg_create_decompress(d);
     d->progress = progress;
     jpeg_mem_src(d, data, size_bytes);
     jpeg_read_header(d, TRUE);
-    st = check_plausible(d, size_bytes, name, err);
-    if (st != STATUS_OK)
-        return st;
+    TRY(check_plausible(d, size_bytes, name, err));
     inks = d->jpeg_color_space == JCS_CMYK || d->jpeg_color_space == JCS_YCCK;
     if (inks)
         d->out_color_space = JCS_CMYK;
@@ -120,26 +107,21 @@ static status read_jpeg(struct jpeg_decompress_struct *d, struct jpeg_failure *f
     else if (d->num_components == 3)
         d->out_color_space = JCS_RGB;
     else
-        return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: a JPEG of %d channels; grey, RGB and CMYK are supported", name,
-                         d->num_components);
+        return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: a JPEG of %d channels; grey, RGB and CMYK are supported",
+                         name, d->num_components);
     d->dct_method = JDCT_ISLOW;
     d->do_fancy_upsampling = TRUE;
-    st = image8_init(out, d->image_width, d->image_height,
-                     d->out_color_space == JCS_GRAYSCALE ? 1 : 3, 8, err);
+    st = image8_init(out, d->image_width, d->image_height, d->out_color_space == JCS_GRAYSCALE ? 1 : 3, 8, err);
     if (st != STATUS_OK) {
         error_prefix(err, "%s", name);
         return st;
     }
-    d->mem->max_memory_to_use =
-        (long)(2 * (size_t)d->image_width * d->image_height * 4 + JPEG_WORK_BYTES);
+    d->mem->max_memory_to_use = (long)(2 * (size_t)d->image_width * d->image_height * 4 + JPEG_WORK_BYTES);
     *row = mem_alloc_array(d->image_width, 4);
-    if (!*row)
-        return error_no_memory(err, "a texture's row");
+    NEED(*row, err, "a texture's row");
     jpeg_start_decompress(d);
     while (d->output_scanline < d->output_height) {
-        uint8_t *to = out->pixels +
-                      (size_t)d->output_scanline * out->width * out->channels;
+        uint8_t *to = out->pixels + (size_t)d->output_scanline * out->width * out->channels;
         JSAMPROW rows[1] = {inks ? *row : to};
 
         jpeg_read_scanlines(d, rows, 1);
@@ -150,8 +132,7 @@ static status read_jpeg(struct jpeg_decompress_struct *d, struct jpeg_failure *f
     return STATUS_OK;
 }
 
-status jpeg_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
-                   struct error *err)
+status jpeg_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     struct jpeg_decompress_struct d;
     struct jpeg_failure failure;

@@ -1,5 +1,4 @@
-/* JPEG through libjpeg-turbo, to memory. The accurate integer transform has the same bits with SIMD
- * and without. */
+/* JPEG through libjpeg-turbo, to memory. The accurate integer transform has the same bits with SIMD and without. */
 #include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,7 +15,7 @@ struct jpeg_writer {
     struct jpeg_compress_struct jpeg;
     jmp_buf jump;
     char message[JMSG_LENGTH_MAX];
-    unsigned char *bytes;         /* libjpeg's, from malloc */
+    unsigned char *bytes; /* libjpeg's, from malloc */
     unsigned long size;
 };
 
@@ -28,14 +27,10 @@ static void writer_fail(j_common_ptr jpeg)
     longjmp(writer->jump, 1);
 }
 
-static void writer_ignore(j_common_ptr jpeg, int level)
-{
-    (void)jpeg;
-    (void)level;
-}
+static void writer_ignore(j_common_ptr jpeg UNUSED, int level UNUSED) {}
 
-static status write_jpeg(struct jpeg_writer *w, const struct image *image,
-                         const struct picture_options *how, uint8_t *row, struct error *err)
+static status write_jpeg(struct jpeg_writer *w, const struct image *image, const struct picture_options *how,
+                         uint8_t *row, struct error *err)
 {
     if (setjmp(w->jump))
         return error_set(err, STATUS_ERR_INTERNAL, "JPEG: %s", w->message);
@@ -62,8 +57,7 @@ static status write_jpeg(struct jpeg_writer *w, const struct image *image,
     return STATUS_OK;
 }
 
-status jpeg_encode(struct buffer *out, const struct image *image,
-                   const struct picture_options *how, struct error *err)
+status jpeg_encode(struct buffer *out, const struct image *image, const struct picture_options *how, struct error *err)
 {
     struct jpeg_writer w = {.bytes = NULL};
     uint8_t *row;
@@ -77,8 +71,7 @@ status jpeg_encode(struct buffer *out, const struct image *image,
                          "a JPEG may have %ld pixels a side, and the picture is %u x %u: choose PNG",
                          (long)JPEG_MAX_DIMENSION, image->width, image->height);
     row = mem_alloc_array(image->width, 3);
-    if (!row)
-        return error_no_memory(err, "a JPEG");
+    NEED(row, err, "a JPEG");
     w.jpeg.err = jpeg_std_error(&w.errors);
     w.errors.error_exit = writer_fail;
     w.errors.emit_message = writer_ignore;

@@ -1,6 +1,5 @@
 /* quantize: display values to the integers of files. Private to common/image. */
-#ifndef AZULEJO_IMAGE_QUANTIZE_H
-#define AZULEJO_IMAGE_QUANTIZE_H
+#pragma once
 
 #include "common/image/image.h"
 
@@ -9,5 +8,3 @@
 void quantize_row8(const struct image *image, uint32_t y, int plain, uint8_t *out);
 /* The same to 16 bits, most significant byte first: out[width][3][2]. */
 void quantize_row16(const struct image *image, uint32_t y, int plain, uint8_t *out);
-
-#endif

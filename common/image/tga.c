@@ -46,8 +46,7 @@ static int tga_open(const uint8_t *data, size_t size_bytes, struct tga *t)
         if (t->bytes != 1)
             return 0;
         break;
-    default:
-        return 0;
+    default: return 0;
     }
     if (t->kind & ~0xbu)
         return 0;
@@ -60,27 +59,33 @@ static int tga_open(const uint8_t *data, size_t size_bytes, struct tga *t)
     return 1;
 }
 
-/* One stored colour of 2, 3 or 4 bytes, or grey, as channels of 0..1. */
-static void tga_color(const uint8_t *p, unsigned bytes, unsigned channels, float *out)
+/* One stored colour of 2, 3 or 4 bytes, or grey. */
+static void tga_color(const uint8_t *p, unsigned bytes, unsigned channels, uint8_t *out)
 {
     if (channels == 1) {
-        out[0] = (float)p[0] / 255;
+        out[0] = p[0];
         return;
     }
     if (bytes == 2) {
         unsigned v = bytes_get16(p);
-        out[0] = (float)(v >> 10 & 31) / 31;
-        out[1] = (float)(v >> 5 & 31) / 31;
-        out[2] = (float)(v & 31) / 31;
+        for (unsigned c = 0; c < 3; c++)
+            out[c] = (uint8_t)(((v >> (10 - 5 * c) & 31) * 255 + 15) / 31);
         return;
     }
     for (unsigned c = 0; c < 3; c++)
-        out[c] = (float)p[2 - c] / 255;
+        out[c] = p[2 - c];
     if (channels == 4)
-        out[3] = (float)p[3] / 255;
+        out[3] = p[3];
 }
 
-int tga_recognise(const uint8_t *data, size_t size_bytes, uint32_t *width, uint32_t *height)
+static unsigned tga_channels(const struct tga *t)
+{
+    if ((t->kind & 7u) == 3)
+        return 1;
+    return ((t->kind & 7u) == 1 ? t->map_bytes : t->bytes) == 4 ? 4 : 3;
+}
+
+int tga_size(const uint8_t *data, size_t size_bytes, uint32_t *width, uint32_t *height, uint32_t *channels)
 {
     struct tga t;
 
@@ -88,28 +93,24 @@ int tga_recognise(const uint8_t *data, size_t size_bytes, uint32_t *width, uint3
         return 0;
     *width = t.width;
     *height = t.height;
+    *channels = tga_channels(&t);
     return 1;
 }
 
-status tga_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                  struct error *err)
+status tga_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     unsigned run = 0, repeat = 0, channels;
     const uint8_t *color = NULL;
     struct tga t;
-    status st;
 
+    memset(out, 0, sizeof *out);
     if (!tga_open(data, size_bytes, &t))
         return error_set(err, STATUS_ERR_INPUT, "%s: is not a TGA picture", name);
-    channels = (t.kind & 7u) == 3                                            ? 1
-               : ((t.kind & 7u) == 1 ? t.map_bytes : t.bytes) == 4 ? 4
-                                                                             : 3;
+    channels = tga_channels(&t);
     /* A packet of 1 + bytes stands for at most 128 texels. */
     if ((uint64_t)t.width * t.height > (uint64_t)(t.end - t.at) * 128)
         return error_set(err, STATUS_ERR_INPUT, "%s: the TGA picture is cut short", name);
-    st = image_init(out, t.width, t.height, channels, err);
-    if (st != STATUS_OK)
-        return st;
+    TRY(image8_init(out, t.width, t.height, channels, 8, err));
     for (size_t i = 0; i < (size_t)t.width * t.height; i++) {
         size_t x = i % t.width, y = i / t.width;
         const uint8_t *shown;
@@ -142,6 +143,6 @@ status tga_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
     }
     return STATUS_OK;
 cut_short:
-    image_release(out);
+    image8_release(out);
     return error_set(err, STATUS_ERR_INPUT, "%s: the TGA picture is cut short", name);
 }

@@ -6,23 +6,21 @@
 
 #include "common/image/image.h"
 
-static status webp_check(const WebPBitstreamFeatures *features, VP8StatusCode result,
-                         const char *name, struct error *err)
+static status webp_check(const WebPBitstreamFeatures *features, VP8StatusCode result, const char *name,
+                         struct error *err)
 {
     if (result == VP8_STATUS_UNSUPPORTED_FEATURE)
-        return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: a kind of WebP that libwebp cannot read; convert it to PNG", name);
+        return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: a kind of WebP that libwebp cannot read; convert it to PNG",
+                         name);
     if (result != VP8_STATUS_OK)
         return error_set(err, STATUS_ERR_INPUT, "%s: the WebP is damaged or cut short", name);
     if (features->has_animation)
         return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: an animated WebP cannot be a texture; save one of its pictures alone",
-                         name);
+                         "%s: an animated WebP cannot be a texture; save one of its pictures alone", name);
     return STATUS_OK;
 }
 
-status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
-                   struct error *err)
+status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     WebPDecoderConfig config;
     VP8StatusCode result;
@@ -32,13 +30,11 @@ status webp_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, c
     memset(out, 0, sizeof *out);
     if (!WebPInitDecoderConfig(&config))
         return error_set(err, STATUS_ERR_INTERNAL, "%s: libwebp is of another version", name);
-    st = webp_check(&config.input, WebPGetFeatures(data, size_bytes, &config.input), name, err);
-    if (st != STATUS_OK)
-        return st;
+    TRY(webp_check(&config.input, WebPGetFeatures(data, size_bytes, &config.input), name, err));
     /* The format ends at 16383 pixels a side. A lossless file of a few bytes may really have that
      * many, so the file's size gives no bound. */
-    st = image8_init(out, (uint32_t)config.input.width, (uint32_t)config.input.height,
-                     config.input.has_alpha ? 4 : 3, 8, err);
+    st = image8_init(out, (uint32_t)config.input.width, (uint32_t)config.input.height, config.input.has_alpha ? 4 : 3,
+                     8, err);
     if (st != STATUS_OK) {
         error_prefix(err, "%s", name);
         return st;

@@ -1,11 +1,9 @@
-/* curve_table: a table of an increasing function of a positive float, for curves that are evaluated
- * for every channel of every pixel. Each octave is divided into 128 pieces. A piece is the parabola
- * through the curve's values at its ends and its middle, which for powers and logarithms is within
- * 3e-8 of the value. The float's own bits select the piece. The result never decreases from one
- * piece to the next, and has the same bits on every machine.
+/* curve_table: a table of an increasing function of a positive float, for curves that are evaluated for every channel
+ * of every pixel. Each octave is divided into 128 pieces. A piece is the parabola through the curve's values at its
+ * ends and its middle, which for powers and logarithms is within 3e-8 of the value. The float's own bits select the
+ * piece. The result never decreases from one piece to the next, and has the same bits on every machine.
  */
-#ifndef AZULEJO_MATH_CURVE_TABLE_H
-#define AZULEJO_MATH_CURVE_TABLE_H
+#pragma once
 
 #include "common/math/elementary.h"
 
@@ -39,5 +37,3 @@ static inline float curve_table_at(const struct curve_table *table, float x)
     value = value > piece[0] ? value : piece[0];
     return value < piece[3] ? value : piece[3];
 }
-
-#endif

@@ -151,16 +151,10 @@ double det_atan2_d(double y, double x)
     return way[y < 0] * angle;
 }
 
-float det_atan2(float y, float x)
-{
-    return (float)det_atan2_d(y, x);
-}
+float det_atan2(float y, float x) { return (float)det_atan2_d(y, x); }
 
 /* A unit vector's cosine rounds to more than 1. */
-static double within_one(float x)
-{
-    return !SAFEGUARD(COSINE_RANGE) ? x : x < -1.0f ? -1.0 : x > 1.0f ? 1.0 : x;
-}
+static double within_one(float x) { return !SAFEGUARD(COSINE_RANGE) ? x : x < -1.0f ? -1.0 : x > 1.0f ? 1.0 : x; }
 
 float det_acos(float x)
 {
@@ -264,20 +258,11 @@ double det_pow_d(double x, double y)
     return det_exp_d(y * det_log_d(x)); /* of x = 0: of minus or plus infinity */
 }
 
-float det_exp(float x)
-{
-    return (float)det_exp_d(x);
-}
+float det_exp(float x) { return (float)det_exp_d(x); }
 
-float det_log(float x)
-{
-    return (float)det_log_d(x);
-}
+float det_log(float x) { return (float)det_log_d(x); }
 
-float det_pow(float x, float y)
-{
-    return (float)det_pow_d(x, y);
-}
+float det_pow(float x, float y) { return (float)det_pow_d(x, y); }
 
 uint64_t elementary_fingerprint(void)
 {

@@ -1,12 +1,10 @@
 /* elementary: sine, logarithm and their kin with the same bits on every machine.
  *
- * glibc picks FMA variants by CPU, so its results differ between machines; these use only
- * IEEE additions, multiplications and divisions in double and round once to float, with
- * contraction off. The measured error is below 0.502 ulp of float over the stated range,
- * of det_tan below 2 ulp (tests/numerics/test_elementary.c measures it).
+ * glibc picks FMA variants by CPU, so its results differ between machines; these use only IEEE additions,
+ * multiplications and divisions in double and round once to float, with contraction off. The measured error is below
+ * 0.502 ulp of float over the stated range, of det_tan below 2 ulp (tests/numerics/test_elementary.c measures it).
  */
-#ifndef AZULEJO_MATH_ELEMENTARY_H
-#define AZULEJO_MATH_ELEMENTARY_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -72,5 +70,3 @@ static inline float float_from_bits(uint32_t bits)
     memcpy(&x, &bits, sizeof x);
     return x;
 }
-
-#endif

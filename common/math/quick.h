@@ -1,12 +1,10 @@
 /* quick: logarithm and power to base 2 by small tables, for values needed at every pixel.
  *
- * The errors, absolute for the logarithm and relative for the power, are below 1e-12
- * (tests/unit/math/test_quick.c). They do not show in anything stored as a float, and the functions
- * take a fifth of the time of det_log_d and det_exp_d. They use only additions and multiplications
- * in double, so the bits are the same on every machine.
+ * The errors, absolute for the logarithm and relative for the power, are below 1e-12 (tests/unit/math/test_quick.c).
+ * They do not show in anything stored as a float, and the functions take a fifth of the time of det_log_d and
+ * det_exp_d. They use only additions and multiplications in double, so the bits are the same on every machine.
  */
-#ifndef AZULEJO_MATH_QUICK_H
-#define AZULEJO_MATH_QUICK_H
+#pragma once
 
 #include <stdint.h>
 #include <string.h>
@@ -56,5 +54,3 @@ static inline double quick_exp2(const struct quick *q, double y)
     memcpy(&r, &bits, sizeof r);
     return power * r;
 }
-
-#endif

@@ -1,14 +1,12 @@
 /* real: the type of the renderer's arithmetic, float, or double in the build that checks it.
  *
- * `make DOUBLE=1` compiles worker/render with double. What float's rounding does to a picture is the
- * difference (docs/NUMERICS.md). What is stored or sent is `float32` in both: meshes, texels, tables,
- * Embree's rays, sums of a pass. Random numbers are the same in both, so paths are the same until a
- * decision differs.
+ * `make DOUBLE=1` compiles worker/render with double. What float's rounding does to a picture is the difference
+ * (docs/NUMERICS.md). What is stored or sent is `float32` in both: meshes, texels, tables, Embree's rays, sums of a
+ * pass. Random numbers are the same in both, so paths are the same until a decision differs.
  *
  * The double build checks accuracy and not bits, so its elementary functions are the C library's.
  */
-#ifndef AZULEJO_MATH_REAL_H
-#define AZULEJO_MATH_REAL_H
+#pragma once
 
 #include <math.h>
 
@@ -90,10 +88,7 @@ static inline real real_power_below(real m)
     return bits ? float_from_bits(bits) : 0x1p-126f;
 }
 /* x or, where `flip` is 1, -x, without a branch. */
-static inline real real_flip(real x, int flip)
-{
-    return float_from_bits(float_bits(x) ^ (uint32_t)flip << 31);
-}
+static inline real real_flip(real x, int flip) { return float_from_bits(float_bits(x) ^ (uint32_t)flip << 31); }
 /* The exponent of x >= 1, and x / 2^exponent - 1. */
 static inline uint32_t real_binade(real x, real *rest)
 {
@@ -113,5 +108,3 @@ static inline uint32_t real_binade(real x, real *rest)
  * the result if either is NaN. */
 static inline real real_max(real a, real b) { return a > b ? a : b; }
 static inline real real_min(real a, real b) { return a < b ? a : b; }
-
-#endif

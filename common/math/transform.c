@@ -10,8 +10,7 @@ struct transform_d transform_d_multiply(const struct transform_d *a, const struc
 
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 4; c++) {
-            out.m[r][c] = a->m[r][0] * b->m[0][c] + a->m[r][1] * b->m[1][c] +
-                          a->m[r][2] * b->m[2][c];
+            out.m[r][c] = a->m[r][0] * b->m[0][c] + a->m[r][1] * b->m[1][c] + a->m[r][2] * b->m[2][c];
             if (c == 3)
                 out.m[r][c] += a->m[r][3];
             if (!SAFEGUARD(POSE_DOUBLE))
@@ -64,7 +63,7 @@ double transform_d_determinant(const struct transform_d *a)
 int transform_d_invert(const struct transform_d *a, struct transform_d *out)
 {
     double det = transform_d_determinant(a);
-    const double (*m)[4] = a->m;
+    const double(*m)[4] = a->m;
 
     *out = transform_d_identity();
     if (!isfinite(det) || det == 0 || !isfinite(1 / det))

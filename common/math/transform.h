@@ -2,8 +2,7 @@
  *
  * Chains are concatenated in double and kept in float for rendering.
  */
-#ifndef AZULEJO_MATH_TRANSFORM_H
-#define AZULEJO_MATH_TRANSFORM_H
+#pragma once
 
 #include <stddef.h>
 
@@ -99,10 +98,7 @@ static inline struct vec3 transform_vector(const struct transform *a, struct vec
 /* A normal, given the INVERSE of the transform (multiplies by the transpose); not unit. */
 static inline struct vec3 transform_normal(const struct transform *inverse, struct vec3 n)
 {
-    return (struct vec3){
-        inverse->m[0][0] * n.x + inverse->m[1][0] * n.y + inverse->m[2][0] * n.z,
-        inverse->m[0][1] * n.x + inverse->m[1][1] * n.y + inverse->m[2][1] * n.z,
-        inverse->m[0][2] * n.x + inverse->m[1][2] * n.y + inverse->m[2][2] * n.z};
+    return (struct vec3){inverse->m[0][0] * n.x + inverse->m[1][0] * n.y + inverse->m[2][0] * n.z,
+                         inverse->m[0][1] * n.x + inverse->m[1][1] * n.y + inverse->m[2][1] * n.z,
+                         inverse->m[0][2] * n.x + inverse->m[1][2] * n.y + inverse->m[2][2] * n.z};
 }
-
-#endif

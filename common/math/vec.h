@@ -1,6 +1,5 @@
 /* vec: three floats, the type of points, directions and linear RGB. All functions pure. */
-#ifndef AZULEJO_MATH_VEC_H
-#define AZULEJO_MATH_VEC_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -33,20 +32,14 @@ static inline struct vec3 vec3_mul(struct vec3 a, struct vec3 b)
 {
     return (struct vec3){a.x * b.x, a.y * b.y, a.z * b.z};
 }
-static inline struct vec3 vec3_scale(struct vec3 a, real s)
-{
-    return (struct vec3){a.x * s, a.y * s, a.z * s};
-}
+static inline struct vec3 vec3_scale(struct vec3 a, real s) { return (struct vec3){a.x * s, a.y * s, a.z * s}; }
 /* a + b * s */
 static inline struct vec3 vec3_mad(struct vec3 a, struct vec3 b, real s)
 {
     return (struct vec3){a.x + b.x * s, a.y + b.y * s, a.z + b.z * s};
 }
 static inline struct vec3 vec3_neg(struct vec3 a) { return (struct vec3){-a.x, -a.y, -a.z}; }
-static inline real vec3_dot(struct vec3 a, struct vec3 b)
-{
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
+static inline real vec3_dot(struct vec3 a, struct vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 static inline struct vec3 vec3_cross(struct vec3 a, struct vec3 b)
 {
     return (struct vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
@@ -81,10 +74,7 @@ static inline real vec3_max(struct vec3 a) { return real_max(a.x, real_max(a.y, 
 static inline real vec3_min(struct vec3 a) { return real_min(a.x, real_min(a.y, a.z)); }
 static inline real vec3_average(struct vec3 a) { return (a.x + a.y + a.z) * (1.0f / REAL(3.0)); }
 static inline int vec3_is_black(struct vec3 a) { return a.x == 0 && a.y == 0 && a.z == 0; }
-static inline int vec3_is_finite(struct vec3 a)
-{
-    return isfinite(a.x) && isfinite(a.y) && isfinite(a.z);
-}
+static inline int vec3_is_finite(struct vec3 a) { return isfinite(a.x) && isfinite(a.y) && isfinite(a.z); }
 /* Luminance of linear Rec. 709 RGB. */
 static inline real vec3_luminance(struct vec3 c)
 {
@@ -96,8 +86,7 @@ struct basis {
     struct vec3 s, t, n;
 };
 
-/* Duff et al. 2017 (JCGT 6(1)), "Building an Orthonormal Basis, Revisited": exact for all
- * unit n, n.z = -1 included. */
+/* Duff et al. 2017 (JCGT 6(1)), "Building an Orthonormal Basis, Revisited": exact for all unit n, n.z = -1 included. */
 static inline struct basis basis_from_normal(struct vec3 n)
 {
     real sign = SAFEGUARD(BASIS_AT_POLE) ? real_copysign(1.0f, n.z) : 1.0f;
@@ -118,5 +107,3 @@ static inline struct vec3 basis_to_world(const struct basis *f, struct vec3 v)
 {
     return vec3_add(vec3_add(vec3_scale(f->s, v.x), vec3_scale(f->t, v.y)), vec3_scale(f->n, v.z));
 }
-
-#endif

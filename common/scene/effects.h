@@ -1,16 +1,10 @@
-/* effects: which effects a scene needs.
- *
- * Walks what is reachable from the scene's instances, lights, cameras and environment and returns a
- * set. What is not in the set need not be simulated.
- */
-#ifndef AZULEJO_SCENE_EFFECTS_H
-#define AZULEJO_SCENE_EFFECTS_H
+/* effects: the effects that can be simulated, each once; a set of them is a uint64_t. scene_effects.h finds those that a
+ * scene needs. */
+#pragma once
 
 #include <stdint.h>
 
-#include "common/scene/scene.h"
-
-/* X(name, text). What the kernel can leave out is asked by HAS(name) in worker/render. A row's number
+/* X(name, text). What a kernel can leave out is asked by calls_for (worker/render/base/gate.h). A row's number
  * is its bit on the wire and in what is stored: a new row is the last. */
 #define EFFECT_MAP(X)                                 \
     X(DIFFUSE, "diffuse")                             \
@@ -94,43 +88,6 @@ enum { EFFECT_ACCOUNTS = EFFECT_COUNT + 1 };
  * so that the decision equals the renderer's exactly. */
 #define EFFECT_MIRROR_ROUGHNESS 0.031622778f
 
-struct render_settings;
-
-/* How many causes of an effect are named after the first. */
-enum { EFFECT_CAUSES_ALSO = 7 };
-
-struct effect_caller {
-    const char *kind;   /* "material", "light", "camera", "environment", "medium", "mesh" ... */
-    const char *name;   /* may be "" */
-    uint32_t index;     /* its row */
-};
-
-/* What needs an effect. */
-struct effect_cause {
-    const char *kind;   /* of the first cause; NULL: nothing needs it */
-    const char *name;
-    uint32_t index;
-    uint32_t count;     /* number of causes */
-    struct effect_caller also[EFFECT_CAUSES_ALSO]; /* the next ones; kind is NULL after the last */
-};
-
-/* What one frame of a validated scene needs, without what settings->without switches off. Instances
- * count only through what they use: an unused material or light does not count, a factor of 0 is
- * absent whatever its texture, alpha that is 1 everywhere is absent, closed opaque meshes seen from
- * outside need no culling, motion while the shutter is closed blurs nothing. If in doubt the effect
- * is in the set.
- * causes[EFFECT_COUNT], filled if not NULL. */
-uint64_t scene_effects(const struct scene *scene, const struct render_settings *settings,
-                       uint32_t frame, struct effect_cause *causes);
-
-/* The same for frame 0 with default settings and this camera. */
-uint64_t scene_effects_default(const struct scene *scene, uint32_t camera);
-
-/* Remove the effects of `without` from a material: what is left acts as if they were 0. */
-void scene_material_reduce(struct scene_material *material, uint64_t without);
-
-const char *effect_name(enum effect_bit bit);       /* "normal map" */
+const char *effect_name(enum effect_bit bit); /* "normal map" */
 /* "normal-map" or "normal map"; -1: unknown. */
 int effect_parse(const char *name);
-
-#endif

@@ -18,8 +18,7 @@ void scene_material_reduce(struct scene_material *m, uint64_t without)
 /* Can the surface let a ray through by its alpha? And is it invisible everywhere? */
 static int alpha_acts(const struct scene_material *m, const struct scene_mesh *mesh, int *invisible)
 {
-    int varies = material_has_texture(m, MATERIAL_TEXTURE_base_color) ||
-                 (mesh->arrays & MESH_COLORS);
+    int varies = material_has_texture(m, MATERIAL_TEXTURE_base_color) || (mesh->arrays & MESH_COLORS);
     float alpha = m->base_color[3];
 
     *invisible = 0;
@@ -56,13 +55,19 @@ static uint64_t called_by_values(const struct scene_material *m)
     return set;
 }
 
+/* Can a texture that lowers the roughness make a mirror somewhere? Filtering rounds: hence the hundredth. */
+static int may_be_smooth(const struct scene_material *m, enum material_texture slot, float least)
+{
+    return material_has_texture(m, slot) && least < 1.01f * EFFECT_MIRROR_ROUGHNESS;
+}
+
 /* Lobes of a reflecting surface, by how rough it can be. A stretched mirror is rough along one
  * axis, if the mesh has tangents and the texture stretches it. */
 static uint64_t by_roughness(const struct scene_material *m, uint64_t smooth, uint64_t rough)
 {
     if (m->roughness < EFFECT_MIRROR_ROUGHNESS)
         return m->anisotropy > 0 ? smooth | rough : smooth;
-    return material_has_texture(m, MATERIAL_TEXTURE_metallic_roughness) ? smooth | rough : rough;
+    return may_be_smooth(m, MATERIAL_TEXTURE_metallic_roughness, m->least_roughness) ? smooth | rough : rough;
 }
 
 static uint64_t coat_lobes(const struct scene_material *m)
@@ -70,7 +75,7 @@ static uint64_t coat_lobes(const struct scene_material *m)
     uint64_t set = 0;
 
     if (m->clearcoat_roughness < EFFECT_MIRROR_ROUGHNESS ||
-        material_has_texture(m, MATERIAL_TEXTURE_clearcoat_roughness))
+        may_be_smooth(m, MATERIAL_TEXTURE_clearcoat_roughness, m->clearcoat_least_roughness))
         set |= EFFECT_MIRROR;
     if (m->clearcoat_roughness >= EFFECT_MIRROR_ROUGHNESS)
         set |= EFFECT_GLOSSY;
@@ -84,8 +89,7 @@ static uint64_t transmission_lobes(const struct scene_material *m)
     if (!m->refractive)
         return EFFECT_THIN_TRANSMISSION;
     /* From inside there is total reflection for any `specular`. */
-    set = by_roughness(m, EFFECT_MIRROR | EFFECT_DIELECTRIC,
-                       EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC);
+    set = by_roughness(m, EFFECT_MIRROR | EFFECT_DIELECTRIC, EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC);
     /* Without a change of index there is no blur. */
     return m->ior == 1 ? set | EFFECT_DIELECTRIC : set;
 }
@@ -93,8 +97,7 @@ static uint64_t transmission_lobes(const struct scene_material *m)
 /* Metal, plastic and glass. */
 static uint64_t base_lobes(const struct scene_material *m)
 {
-    int all_transmission =
-        m->transmission == 1 && !material_has_texture(m, MATERIAL_TEXTURE_transmission);
+    int all_transmission = m->transmission == 1 && !material_has_texture(m, MATERIAL_TEXTURE_transmission);
     uint64_t set = 0;
 
     if (m->metallic > 0)
@@ -113,15 +116,10 @@ static uint64_t lobes(const struct scene_material *m)
     uint64_t set;
 
     switch (material_role_of(m)) {
-    case ROLE_UNLIT:
-        return EFFECT_UNLIT;
-    case ROLE_INTERFACE:
-        return EFFECT_INTERFACE;
-    case ROLE_CONDUCTOR:
-        set = EFFECT_CONDUCTOR | by_roughness(m, EFFECT_MIRROR, EFFECT_GLOSSY);
-        break;
-    default:
-        set = base_lobes(m);
+    case ROLE_UNLIT: return EFFECT_UNLIT;
+    case ROLE_INTERFACE: return EFFECT_INTERFACE;
+    case ROLE_CONDUCTOR: set = EFFECT_CONDUCTOR | by_roughness(m, EFFECT_MIRROR, EFFECT_GLOSSY); break;
+    default: set = base_lobes(m);
     }
     set |= called_by_values(m);
     if (!(set & EFFECT_DIFFUSE))
@@ -129,8 +127,7 @@ static uint64_t lobes(const struct scene_material *m)
     return set & EFFECT_CLEARCOAT ? set | coat_lobes(m) : set;
 }
 
-/* The effects of all values that the texture acts on or needs: without one of them it has no
- * effect. */
+/* The effects of all values that the texture acts on or needs: without one of them it has no effect. */
 static uint64_t texture_serves(const struct material_texture_row *row)
 {
     uint64_t set = row->needs == MATERIAL_ALONE ? 0 : material_values[row->needs].effect;
@@ -141,8 +138,7 @@ static uint64_t texture_serves(const struct material_texture_row *row)
 }
 
 /* Textures that can change what the lobes do. */
-static uint64_t textures(const struct scene_material *m, const struct scene_mesh *mesh,
-                         uint64_t set)
+static uint64_t textures(const struct scene_material *m, const struct scene_mesh *mesh, uint64_t set)
 {
     uint64_t found = 0;
 
@@ -158,8 +154,7 @@ static uint64_t textures(const struct scene_material *m, const struct scene_mesh
     return found;
 }
 
-void effects_of_material(const struct scene_material *m, const struct scene_mesh *mesh,
-                         struct material_effects *out)
+void effects_of_material(const struct scene_material *m, const struct scene_mesh *mesh, struct material_effects *out)
 {
     int alpha = alpha_acts(m, mesh, &out->invisible);
     uint64_t set = lobes(m);

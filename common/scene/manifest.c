@@ -1,4 +1,5 @@
 #include "common/scene/manifest.h"
+#include "common/scene/scene_effects.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -134,8 +135,7 @@ static void write_depth(struct buffer *out, const struct manifest *m)
 }
 
 /* The effects of `set`, each with what needs it and, if it ran, its share of the time. */
-static void write_causes(struct buffer *out, const char *key, const struct manifest *m,
-                         uint64_t set)
+static void write_causes(struct buffer *out, const char *key, const struct manifest *m, uint64_t set)
 {
     uint64_t unattributed, looks = accounted_looks(m, &unattributed);
     int first = 1;
@@ -193,6 +193,33 @@ static void write_time(struct buffer *out, const struct manifest *m)
     buffer_puts(out, "}\n");
 }
 
+static void write_error(struct buffer *out, const struct manifest *m)
+{
+    if (!m->error_known) {
+        buffer_puts(out, "  \"error\": null,\n");
+        return;
+    }
+    buffer_printf(out,
+                  "  \"error\": {\"display\": %.9g, \"display_all\": %.9g, \"worst_part\": %.9g, \"fireflies\": %.0f, "
+                  "\"subject\": %.9g},\n",
+                  m->error.display, m->error.display_all, m->error.worst_part, m->error.fireflies, m->error.subject);
+}
+
+static void write_health(struct buffer *out, const struct manifest *m)
+{
+    int some = 0;
+
+    buffer_puts(out, "  \"health\": [");
+    for (int k = 0; m->health && k < HEALTH_KINDS; k++)
+        if (m->health->count[k] > 0) {
+            buffer_printf(out, "%s{\"kind\": \"%s\", \"count\": %" PRIu64 ", \"share\": %.3g}", some ? ", " : "",
+                          m->health_rows[k].name, m->health->count[k],
+                          m->samples ? (double)m->health->count[k] / (double)m->samples : 0);
+            some = 1;
+        }
+    buffer_puts(out, "],\n");
+}
+
 void manifest_write(struct buffer *out, const struct manifest *m)
 {
     uint64_t off = m->called_for & ~m->effects & m->without;
@@ -213,12 +240,16 @@ void manifest_write(struct buffer *out, const struct manifest *m)
     write_names(out, "not_called_for", EFFECTS_ALL & ~m->effects & ~off);
     buffer_printf(out,
                   "  \"picture\": {\"complete\": %s, \"samples_min\": %" PRIu32
-                  ", \"samples_mean\": %.6g, \"samples_max\": %" PRIu32
-                  ", \"tiles_without_samples\": %" PRIu32 ", \"ended_by_depth\": ",
-                  m->complete ? "true" : "false", m->pixel_samples.least, m->pixel_samples.mean,
-                  m->pixel_samples.most, m->tiles_empty);
+                  ", \"samples_mean\": %.6g, \"samples_max\": %" PRIu32 ", \"tiles_without_samples\": %" PRIu32
+                  ", \"ended_by_depth\": ",
+                  m->complete ? "true" : "false", m->pixel_samples.least, m->pixel_samples.mean, m->pixel_samples.most,
+                  m->tiles_empty);
     write_depth(out, m);
     buffer_puts(out, "},\n");
+    write_error(out, m);
+    write_health(out, m);
+    buffer_printf(out, "  \"audit\": {\"units\": %" PRIu32 ", \"says\": \"%s\"},\n", m->audited,
+                  m->audited ? "audited" : "not audited");
     buffer_printf(out,
                   "  \"work\": {\"frame_samples\": %" PRIu64 ", \"samples\": %" PRIu64
                   ", \"rays\": %" PRIu64 ", \"vertices\": %" PRIu64 ", \"cpu_s\": ",

@@ -8,19 +8,22 @@
  *   kernel           the variant of the renderer that ran (kernel_sets.h), and the renderer
  *   picture          its samples: all that were requested, unless its job was cancelled; the light that
  *                    --max-depth took (common/film/depth_light.h)
+ *   error            how wrong the picture may be (common/accuracy/accuracy.h); null: not known
+ *   health           what went wrong with single samples, also where it is too little to be seen: count and share
+ *   audit            how many of its units another worker had rendered again when it was done, with the same bits
  *   work             counts of samples, rays, path vertices; CPU time
  *   time             share of each stage (stages.h), and the number of samples of the threads' work
  *
  * Most effects that ran have a share of the time, too; the share of no effect is in `time`.
  */
-#ifndef AZULEJO_SCENE_MANIFEST_H
-#define AZULEJO_SCENE_MANIFEST_H
+#pragma once
 
 #include <stdint.h>
 
 #include "common/base/buffer.h"
 #include "common/film/depth_light.h"
-#include "common/scene/effects.h"
+#include "common/film/health.h"
+#include "common/scene/scene_effects.h"
 #include "common/scene/stages.h"
 
 enum { MANIFEST_VERSION = 1 };
@@ -31,9 +34,9 @@ struct manifest {
     const char *job_name, *scene_name, *scene_digest, *renderer;
     uint64_t job;
     uint32_t frame;
-    uint64_t effects;      /* what ran */
-    uint64_t called_for;   /* what would have run if nothing had been switched off */
-    uint64_t without;      /* what was switched off, needed or not */
+    uint64_t effects;                  /* what ran */
+    uint64_t called_for;               /* what would have run if nothing had been switched off */
+    uint64_t without;                  /* what was switched off, needed or not */
     const struct effect_cause *causes; /* [EFFECT_COUNT] of `called_for`; NULL: not known */
     uint64_t frame_samples; /* over all pixels */
     int complete;           /* all that were requested */
@@ -42,6 +45,11 @@ struct manifest {
     uint32_t max_depth;
     int depth_known;
     struct depth_report depth;
+    int error_known;
+    struct { double display, display_all, worst_part, fireflies, subject; } error;
+    const struct health *health; /* of `samples` samples; NULL: nothing went wrong */
+    const struct health_row *health_rows; /* [HEALTH_KINDS], names of its counters */
+    uint32_t audited; /* units that another worker rendered again with the same bits, in the coordinator's run */
     uint64_t samples, rays, vertices, cpu_ns; /* counted; less than the frame has after a restart */
     uint64_t stages[STAGE_COUNT];
     uint64_t accounts[EFFECT_ACCOUNTS]; /* what is charged to an effect that did not run, or that
@@ -53,5 +61,3 @@ void manifest_write(struct buffer *out, const struct manifest *manifest);
 
 /* Append `text` as a JSON string with its quotes; what is not UTF-8 becomes U+FFFD. */
 void manifest_write_text(struct buffer *out, const char *text);
-
-#endif

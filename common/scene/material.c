@@ -1,6 +1,5 @@
 #include "common/scene/material.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "common/scene/effects.h"
@@ -51,10 +50,7 @@ const struct material_texture_row material_textures[MATERIAL_TEXTURES] = {
 #undef TEXTURE_ROW
 };
 
-int material_is_float(enum material_type type)
-{
-    return type == TYPE_NUMBER || type == TYPE_RGB || type == TYPE_RGBA;
-}
+int material_is_float(enum material_type type) { return type == TYPE_NUMBER || type == TYPE_RGB || type == TYPE_RGBA; }
 
 /* Are all elements this value? */
 static int all_are(const struct scene_material *m, const struct material_value *row, float value)
@@ -102,8 +98,7 @@ void scene_material_default(struct scene_material *material)
     for (int i = 0; i < MATERIAL_VALUES; i++)
         material_value_reset(material, &material_values[i]);
     for (int i = 0; i < MATERIAL_TEXTURES; i++)
-        material->textures[i] =
-            (struct scene_texture_slot){.texture = -1, .uv_transform = {{1, 0, 0}, {0, 1, 0}}};
+        material->textures[i] = (struct scene_texture_slot){.texture = -1, .uv_transform = {{1, 0, 0}, {0, 1, 0}}};
 }
 
 /* ---- which textures act --------------------------------------------------------------------- */
@@ -118,8 +113,7 @@ enum material_role material_role_of(const struct scene_material *m)
         return ROLE_UNLIT;
     if (m->kind == MATERIAL_CONDUCTOR)
         return ROLE_CONDUCTOR;
-    return m->metallic == 1 && m->metallic_roughness_texture.texture < 0 ? ROLE_METAL
-                                                                         : ROLE_DIELECTRIC;
+    return m->metallic == 1 && m->metallic_roughness_texture.texture < 0 ? ROLE_METAL : ROLE_DIELECTRIC;
 }
 
 int material_transmits(const struct scene_material *m)
@@ -145,11 +139,9 @@ int material_texture_acts(const struct scene_material *m, enum material_texture 
     if (row->needs != MATERIAL_ALONE && !material_value_is_set(m, &material_values[row->needs]))
         return 0;
     if (row->meaning == MEANS_BETWEEN)
-        return *material_floats_const(m, row->part[0].offset) !=
-               *material_floats_const(m, row->part[1].offset);
+        return *material_floats_const(m, row->part[0].offset) != *material_floats_const(m, row->part[1].offset);
     for (int i = 0; i < row->parts; i++)
-        if (*material_floats_const(m, row->part[i].offset) != 0 &&
-            material_reads_part(m, &row->part[i]))
+        if (*material_floats_const(m, row->part[i].offset) != 0 && material_reads_part(m, &row->part[i]))
             return 1;
     return 0;
 }

@@ -3,8 +3,7 @@
  * material_values[] and material_textures[] describe each member of struct scene_material; code
  * that treats all fields alike iterates over them instead of naming them.
  */
-#ifndef AZULEJO_SCENE_MATERIAL_H
-#define AZULEJO_SCENE_MATERIAL_H
+#pragma once
 
 #include <float.h>
 #include <stddef.h>
@@ -39,11 +38,11 @@ extern const uint32_t material_message_numbers[MATERIAL_MESSAGE_COUNT];
 struct material_value {
     const char *name;
     enum material_type type;
-    size_t offset;                  /* in struct scene_material */
-    int count;                      /* elements */
-    float initial;                  /* of each */
+    size_t offset; /* in struct scene_material */
+    int count;     /* elements */
+    float initial; /* of each */
     float least, most;
-    uint64_t effect;                /* set of enum effect_bit */
+    uint64_t effect; /* set of enum effect_bit */
     enum material_message message;
     uint32_t number;
 };
@@ -93,10 +92,10 @@ struct material_part {
 /* A row TEXTURE. */
 struct material_texture_row {
     const char *name;
-    int color;                      /* holds colours: sRGB unless the texture says otherwise */
-    int filtered;                   /* looked up by footprint */
-    unsigned readers;               /* set of enum material_role */
-    int needs;                      /* number of the value that it needs; MATERIAL_ALONE: none */
+    int color;        /* holds colours: sRGB unless the texture says otherwise */
+    int filtered;     /* looked up by footprint */
+    unsigned readers; /* set of enum material_role */
+    int needs;        /* number of the value that it needs; MATERIAL_ALONE: none */
     enum material_message message;
     uint32_t number;
     enum material_meaning meaning;
@@ -142,5 +141,3 @@ static inline int material_has_texture(const struct scene_material *m, enum mate
 {
     return m->textures[slot].texture >= 0 && material_texture_acts(m, slot);
 }
-
-#endif

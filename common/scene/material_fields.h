@@ -1,9 +1,8 @@
 /* material_fields: every field of a material, once.
  *
- * struct scene_material, its defaults, the range checks, the wire form, the simplification of
- * textures, which images a frame loads and which effects a material needs all follow from these
- * rows (material.h). A new row needs one line in scene.proto and the code that reads the field:
- * docs/EXTENDING.md.
+ * struct scene_material, its defaults, the range checks, the wire form, the simplification of textures, which images a
+ * frame loads and which effects a material needs all follow from these rows (material.h). A new row needs one line in
+ * scene.proto and the code that reads the field: docs/EXTENDING.md.
  *
  * VALUE(type, name, default, least, most, effect, message, number)
  *   type     FLAG, NUMBER, RGB, RGBA, INTEGER, KIND, ALPHA_MODE, MEDIUM (an index, -1: none) or
@@ -23,8 +22,7 @@
  *   parts    PART(value, channel), RGB_OF(value), ALPHA_OF(value)
  *
  * Ranges include their ends; ABOVE_0 and BELOW_1 are the floats next to the excluded ends. */
-#ifndef AZULEJO_SCENE_MATERIAL_FIELDS_H
-#define AZULEJO_SCENE_MATERIAL_FIELDS_H
+#pragma once
 
 /* X(message, number of its field in message Material of scene.proto; 0: that message itself). A
  * group is on the wire if any of its fields differs from its default, so a scene without it is read
@@ -55,6 +53,8 @@
     VALUE(NUMBER, roughness, 1, 0, 1, NONE, MATERIAL, 9)                                           \
     TEXTURE(metallic_roughness, DATA, FILTERED, READ_BY_LIT, ALONE, MATERIAL, 10, FACTOR,          \
             PART(roughness, GREEN), PART(metallic, BLUE))                                          \
+    /* of `roughness` times its texture, found by simplify; 0: not known */                        \
+    VALUE(NUMBER, least_roughness, 0, 0, 1, NONE, MATERIAL, 41)                                    \
     /* of the diffuse base: 0 is Lambert's */                                                      \
     VALUE(NUMBER, diffuse_roughness, 0, 0, 1, ROUGH_DIFFUSE, MATERIAL, 39)                         \
     TEXTURE(diffuse_roughness, DATA, FILTERED, READ_BY_DIELECTRIC, ALONE, MATERIAL, 40, FACTOR,    \
@@ -96,6 +96,7 @@
     VALUE(NUMBER, clearcoat_roughness, 0, 0, 1, NONE, CLEARCOAT, 3)                                \
     TEXTURE(clearcoat_roughness, DATA, FILTERED, READ_BY_LIT, WITH(clearcoat), CLEARCOAT, 4,       \
             FACTOR, PART(clearcoat_roughness, GREEN))                                              \
+    VALUE(NUMBER, clearcoat_least_roughness, 0, 0, 1, NONE, CLEARCOAT, 8)                          \
     VALUE(NUMBER, clearcoat_ior, 1.5f, 1, 1e6f, NONE, CLEARCOAT, 5)                                \
     VALUE(NUMBER, clearcoat_normal_scale, 1, -1e6f, 1e6f, NONE, CLEARCOAT, 6)                      \
     TEXTURE(clearcoat_normal, DATA, FILTERED, READ_BY_LIT, WITH(clearcoat), CLEARCOAT, 7, NORMAL,  \
@@ -149,5 +150,3 @@
     /* share of the second */                                                                      \
     VALUE(NUMBER, mix_amount, 0, 0, 1, NONE, MIX, 3)                                               \
     TEXTURE(mix, DATA, FINEST, READ_BY_MIX, ALONE, MIX, 4, FACTOR, PART(mix_amount, RED))
-
-#endif

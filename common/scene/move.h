@@ -3,8 +3,7 @@
  * Positions are kept relative to scene->origin, so that floats are fine where they are needed: the importer
  * chooses the origin of a file, the renderer one for each frame's view.
  */
-#ifndef AZULEJO_SCENE_MOVE_H
-#define AZULEJO_SCENE_MOVE_H
+#pragma once
 
 #include "common/base/status.h"
 #include "common/scene/scene.h"
@@ -17,5 +16,3 @@ void scene_move(struct scene *scene, const double by[3]);
  * does not change. Release it with scene_copy_release (not scene_release). ERR_NO_MEMORY. */
 status scene_copy_movable(struct scene *out, const struct scene *scene, struct error *err) MUST_CHECK;
 void scene_copy_release(struct scene *copy);
-
-#endif

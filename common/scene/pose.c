@@ -67,10 +67,8 @@ static double channel_number(const struct scene_channel *c, struct moment m, uin
     b = key_number(c, m.key + 1, VALUE, i);
     if (c->interpolation == INTERPOLATE_LINEAR)
         return (1 - u) * a + u * b;
-    return (2 * u3 - 3 * u2 + 1) * a +
-           m.span_s * (u3 - 2 * u2 + u) * key_number(c, m.key, OUT_TANGENT, i) +
-           (3 * u2 - 2 * u3) * b +
-           m.span_s * (u3 - u2) * key_number(c, m.key + 1, IN_TANGENT, i);
+    return (2 * u3 - 3 * u2 + 1) * a + m.span_s * (u3 - 2 * u2 + u) * key_number(c, m.key, OUT_TANGENT, i) +
+           (3 * u2 - 2 * u3) * b + m.span_s * (u3 - u2) * key_number(c, m.key + 1, IN_TANGENT, i);
 }
 
 static int quaternion_normalize(double q[4])
@@ -154,8 +152,7 @@ static struct local node_rest(const struct scene_node *node)
     return l;
 }
 
-static void channel_apply(const struct scene_channel *c, double time_s, struct local *l,
-                          double *weights)
+static void channel_apply(const struct scene_channel *c, double time_s, struct local *l, double *weights)
 {
     struct moment m = moment_find(c, time_s);
     double *to = c->path == PATH_TRANSLATION ? l->translation
@@ -189,10 +186,8 @@ static status pose_allocate(struct scene_pose *pose, const struct scene *scene, 
     /* Validated counts: 2^22 nodes of 2^10 weights do not overflow. */
     for (uint32_t i = 0; i < scene->node_count; i++)
         weights += scene->nodes[i].weight_count;
-    pose->storage = mem_alloc(nodes * (sizeof *pose->to_world + sizeof *pose->weights) +
-                              weights * sizeof *numbers);
-    if (!pose->storage)
-        return error_no_memory(err, "the pose of the scene's nodes");
+    pose->storage = mem_alloc(nodes * (sizeof *pose->to_world + sizeof *pose->weights) + weights * sizeof *numbers);
+    NEED(pose->storage, err, "the pose of the scene's nodes");
     pose->to_world = pose->storage;
     pose->weights = (double **)(void *)(pose->to_world + nodes);
     numbers = (double *)(void *)(pose->weights + nodes);
@@ -205,8 +200,7 @@ static status pose_allocate(struct scene_pose *pose, const struct scene *scene, 
     return STATUS_OK;
 }
 
-status scene_pose_init(struct scene_pose *pose, const struct scene *scene, double time_s,
-                       struct error *err)
+status scene_pose_init(struct scene_pose *pose, const struct scene *scene, double time_s, struct error *err)
 {
     uint32_t channel = 0;
     status result;
@@ -220,9 +214,8 @@ status scene_pose_init(struct scene_pose *pose, const struct scene *scene, doubl
 
         for (; channel < scene->channel_count && scene->channels[channel].node == i; channel++)
             channel_apply(&scene->channels[channel], time_s, &local, pose->weights[i]);
-        *to_world = node->has_matrix
-                        ? node->matrix
-                        : transform_d_from_trs(local.translation, local.rotation, local.scale);
+        *to_world =
+            node->has_matrix ? node->matrix : transform_d_from_trs(local.translation, local.rotation, local.scale);
         if (node->parent >= 0)
             *to_world = transform_d_multiply(&pose->to_world[node->parent], to_world);
         if (!transform_d_is_in_range(to_world))
@@ -249,8 +242,7 @@ void scene_pose_release(struct scene_pose *pose)
 
 /* ---- what follows nodes ----------------------------------------------------------------- */
 
-struct transform_d pose_instance(const struct scene_pose *pose, const struct scene *scene,
-                                 uint32_t instance)
+struct transform_d pose_instance(const struct scene_pose *pose, const struct scene *scene, uint32_t instance)
 {
     const struct scene_instance *it = &scene->instances[instance];
 
@@ -271,16 +263,14 @@ static void follow_rigidly(const struct transform_d *node, struct transform_d *t
             to_world->m[r][3] = node->m[r][3];
 }
 
-void pose_camera(const struct scene_pose *pose, const struct scene *scene, uint32_t camera,
-                 struct scene_camera *out)
+void pose_camera(const struct scene_pose *pose, const struct scene *scene, uint32_t camera, struct scene_camera *out)
 {
     *out = scene->cameras[camera];
     if (out->node >= 0)
         follow_rigidly(&pose->to_world[out->node], &out->to_world);
 }
 
-void pose_light(const struct scene_pose *pose, const struct scene *scene, uint32_t light,
-                struct scene_light *out)
+void pose_light(const struct scene_pose *pose, const struct scene *scene, uint32_t light, struct scene_light *out)
 {
     const struct transform_d *node;
     double back[3], largest = 0, length;
@@ -312,10 +302,10 @@ struct deformation {
     const uint8_t *blob;
     struct scene_mesh_layout layout;
     uint32_t vertex_count;
-    uint32_t morph_count;           /* 0 also if no weight is given */
-    const double *weights;          /* [morph_count] */
-    uint32_t joint_count;           /* 0: no skin */
-    struct transform_d *joints;     /* [joint_count] mesh to world */
+    uint32_t morph_count;       /* 0 also if no weight is given */
+    const double *weights;      /* [morph_count] */
+    uint32_t joint_count;       /* 0: no skin */
+    struct transform_d *joints; /* [joint_count] mesh to world */
 };
 
 struct vertex {
@@ -351,14 +341,12 @@ static void vertex_morph(const struct deformation *d, uint32_t v, struct vertex 
             continue;
         add_floats(target + v * stride, d->weights[i], out->position);
         if (has_normals)
-            add_floats(target + ((size_t)d->vertex_count + v) * stride, d->weights[i],
-                       out->normal);
+            add_floats(target + ((size_t)d->vertex_count + v) * stride, d->weights[i], out->normal);
     }
 }
 
 /* The joints' transforms, weighted. 0: a joint does not exist. */
-static int joints_blend(const struct deformation *d, const struct mesh_influence *influence,
-                        struct transform_d *out)
+static int joints_blend(const struct deformation *d, const struct mesh_influence *influence, struct transform_d *out)
 {
     memset(out, 0, sizeof *out);
     for (int i = 0; i < 4; i++) {
@@ -386,13 +374,12 @@ static void map_vector(const struct transform_d *t, double v[3])
  * which exist for a singular matrix too. */
 static void map_normal(const struct transform_d *t, double sign, double n[3])
 {
-    const double (*m)[4] = t->m;
+    const double(*m)[4] = t->m;
     const double x = n[0], y = n[1], z = n[2];
 
     for (int r = 0; r < 3; r++) {
         const int a = (r + 1) % 3, b = (r + 2) % 3;
-        n[r] = sign * ((m[a][1] * m[b][2] - m[a][2] * m[b][1]) * x +
-                       (m[a][2] * m[b][0] - m[a][0] * m[b][2]) * y +
+        n[r] = sign * ((m[a][1] * m[b][2] - m[a][2] * m[b][1]) * x + (m[a][2] * m[b][0] - m[a][0] * m[b][2]) * y +
                        (m[a][0] * m[b][1] - m[a][1] * m[b][0]) * z);
         if (!SAFEGUARD(NORMAL_COFACTORS))
             n[r] *= sign / transform_d_determinant(t);
@@ -444,8 +431,8 @@ static const uint8_t *array_at(const struct deformation *d, size_t array, size_t
     return array == SIZE_MAX ? NULL : d->blob + array + v * floats * sizeof(float);
 }
 
-static status vertex_deform(const struct deformation *d, uint32_t v, float *positions,
-                            float *normals, float *tangents, struct error *err)
+static status vertex_deform(const struct deformation *d, uint32_t v, float *positions, float *normals, float *tangents,
+                            struct error *err)
 {
     const uint8_t *normal = array_at(d, d->layout.normals, v, 3);
     const uint8_t *tangent = array_at(d, d->layout.tangents, v, 4);
@@ -462,8 +449,7 @@ static status vertex_deform(const struct deformation *d, uint32_t v, float *posi
     }
     vertex_morph(d, v, &at);
     if (d->joint_count && !vertex_skin(d, v, &at))
-        return error_set(err, STATUS_ERR_INPUT,
-                         "vertex %u follows a joint that its skin of %u joints has not", v,
+        return error_set(err, STATUS_ERR_INPUT, "vertex %u follows a joint that its skin of %u joints has not", v,
                          d->joint_count);
     for (int i = 0; i < 3; i++)
         if (!(fabs(at.position[i]) <= (double)SCENE_COORDINATE_MAX))
@@ -484,16 +470,14 @@ static int is_morphed(const struct scene *scene, const struct scene_instance *it
 {
     const struct scene_mesh *mesh = &scene->meshes[it->mesh];
 
-    return it->node >= 0 && mesh->morph_count &&
-           scene->nodes[it->node].weight_count == mesh->morph_count;
+    return it->node >= 0 && mesh->morph_count && scene->nodes[it->node].weight_count == mesh->morph_count;
 }
 
-static status joints_make(struct deformation *d, const struct scene_pose *pose,
-                          const struct scene_skin *skin, struct error *err)
+static status joints_make(struct deformation *d, const struct scene_pose *pose, const struct scene_skin *skin,
+                          struct error *err)
 {
     d->joints = mem_alloc_array(skin->joint_count, sizeof *d->joints);
-    if (!d->joints)
-        return error_no_memory(err, "a skin's joints");
+    NEED(d->joints, err, "a skin's joints");
     d->joint_count = skin->joint_count;
     for (uint32_t i = 0; i < skin->joint_count; i++) {
         const struct transform_d bind = transform_stored_to_d(&skin->inverse_bind[i]);
@@ -502,9 +486,8 @@ static status joints_make(struct deformation *d, const struct scene_pose *pose,
     return STATUS_OK;
 }
 
-status pose_deform(const struct scene_pose *pose, const struct scene *scene, uint32_t instance,
-                   const uint8_t *blob, float *positions, float *normals, float *tangents,
-                   struct error *err)
+status pose_deform(const struct scene_pose *pose, const struct scene *scene, uint32_t instance, const uint8_t *blob,
+                   float *positions, float *normals, float *tangents, struct error *err)
 {
     const struct scene_instance *it = &scene->instances[instance];
     const struct scene_mesh *mesh = &scene->meshes[it->mesh];
@@ -590,8 +573,7 @@ static void nodes_mark(const struct scene *scene, uint8_t *marks)
             marks[i] |= marks[scene->nodes[i].parent] & MOVES;
 }
 
-static int instance_moves(const struct scene *scene, const uint8_t *marks,
-                          const struct scene_instance *it)
+static int instance_moves(const struct scene *scene, const uint8_t *marks, const struct scene_instance *it)
 {
     if (is_morphed(scene, it) && (marks[it->node] & MORPHS))
         return 1;
@@ -624,8 +606,8 @@ int scene_is_animated(const struct scene *scene, const struct render_settings *s
     return moves;
 }
 
-void scene_shutter(const struct scene *scene, const struct render_settings *settings,
-                   uint32_t frame, double *open_s, double *close_s)
+void scene_shutter(const struct scene *scene, const struct render_settings *settings, uint32_t frame, double *open_s,
+                   double *close_s)
 {
     const struct scene_camera *camera = &scene->cameras[settings->camera];
     const double fps = (double)settings->fps;

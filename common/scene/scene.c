@@ -97,8 +97,7 @@ void scene_mesh_layout(const struct scene_mesh *mesh, struct scene_mesh_layout *
     LAYOUT_ARRAY(colors, mesh->arrays & MESH_COLORS, 4)
     LAYOUT_ARRAY(skin, mesh->arrays & MESH_SKIN, sizeof(struct mesh_influence) / sizeof(float))
     out->morph_stride = vertices * (mesh->arrays & MESH_NORMALS ? 6 : 3) * sizeof(float);
-    LAYOUT_ARRAY(morphs, mesh->morph_count > 0,
-                 (size_t)mesh->morph_count * (mesh->arrays & MESH_NORMALS ? 6 : 3))
+    LAYOUT_ARRAY(morphs, mesh->morph_count > 0, (size_t)mesh->morph_count * (mesh->arrays & MESH_NORMALS ? 6 : 3))
 #undef LAYOUT_ARRAY
     out->indices = at;
     at += (size_t)mesh->triangle_count * 3 * sizeof(uint32_t);
@@ -112,20 +111,17 @@ static int blob_compare(const void *a, const void *b)
     return memcmp(x->digest.bytes, y->digest.bytes, DIGEST_BYTES);
 }
 
-status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count,
-                   struct error *err)
+status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count, struct error *err)
 {
     int has_map = scene->environment.present && !scene->environment.constant;
-    size_t total =
-        (size_t)scene->mesh_count + scene->image_count + scene->medium_count + (has_map ? 1 : 0);
+    size_t total = (size_t)scene->mesh_count + scene->image_count + scene->medium_count + (has_map ? 1 : 0);
     size_t kept = 0, at = 0;
     struct scene_blob *list;
 
     *out = NULL;
     *count = 0;
     list = mem_alloc_array(total, sizeof *list);
-    if (!list)
-        return error_no_memory(err, "the scene's list of blobs");
+    NEED(list, err, "the scene's list of blobs");
     for (uint32_t i = 0; i < scene->mesh_count; i++)
         list[at++] = scene->meshes[i].blob;
     for (uint32_t i = 0; i < scene->image_count; i++)
@@ -141,8 +137,7 @@ status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *c
         if (kept && digest_equal(&list[kept - 1].digest, &list[i].digest)) {
             if (list[kept - 1].size_bytes != list[i].size_bytes) {
                 mem_free(list);
-                return error_set(err, STATUS_ERR_INPUT,
-                                 "two blobs of the scene have one digest but different sizes");
+                return error_set(err, STATUS_ERR_INPUT, "two blobs of the scene have one digest but different sizes");
             }
             continue;
         }
@@ -153,8 +148,7 @@ status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *c
     return STATUS_OK;
 }
 
-int scene_instance_bounds(const struct scene *scene, uint32_t instance, double bounds_min[3],
-                          double bounds_max[3])
+int scene_instance_bounds(const struct scene *scene, uint32_t instance, double bounds_min[3], double bounds_max[3])
 {
     const struct scene_instance *it = &scene->instances[instance];
     const struct scene_mesh *mesh = &scene->meshes[it->mesh];

@@ -1,16 +1,13 @@
 /* scene: the one description that importers write and the renderer reads.
  *
- * A scene is a set of flat tables that point into one another by index, plus blobs named
- * by SHA-256 (mesh buffers in the layout below; textures and environment maps in their
- * original files' bytes). It owns nothing outside its arena.
+ * A scene is a set of flat tables that point into one another by index, plus blobs named by SHA-256 (mesh buffers in
+ * the layout below; textures and environment maps in their original files' bytes). It owns nothing outside its arena.
  *
- * Conventions: right-handed, +Y up, metres; cameras look along -Z of their node; colours are linear
- * Rec. 709; radiance units are glTF's, one to one (1 nit = 1, 1 cd = 1 W/sr). Invariant: a scene
- * that scene_validate() accepted can be rendered without further range checks of an index or a
- * count.
+ * Conventions: right-handed, +Y up, metres; cameras look along -Z of their node; colours are linear Rec. 709; radiance
+ * units are glTF's, one to one (1 nit = 1, 1 cd = 1 W/sr). Invariant: a scene that scene_validate() accepted can be
+ * rendered without further range checks of an index or a count.
  */
-#ifndef AZULEJO_SCENE_SCENE_H
-#define AZULEJO_SCENE_SCENE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -84,24 +81,23 @@ enum scene_mesh_arrays {
 /* What moves one vertex of a skinned mesh; weights >= 0 that add up to 1 (up to rounding). */
 struct mesh_influence {
     float weight[4];
-    uint16_t joint[4];      /* index into the skin's joints */
+    uint16_t joint[4]; /* index into the skin's joints */
 };
 
-/* A triangle mesh. Its blob holds, little-endian and without gaps, in this order:
- * positions float[3][vertices], then each array of `arrays` in the order of the enum,
- * [vertices] each, then for each morph target its position offsets float[3][vertices] and, if
- * the mesh has normals, its normal offsets float[3][vertices], then indices
- * uint32[3][triangles], then 16 zero bytes (so that SIMD loads of the last element stay
- * inside). See scene_mesh_layout(). A joint index is checked when the mesh is deformed. */
+/* A triangle mesh. Its blob holds, little-endian and without gaps, in this order: positions float[3][vertices], then
+ * each array of `arrays` in the order of the enum, [vertices] each, then for each morph target its position offsets
+ * float[3][vertices] and, if the mesh has normals, its normal offsets float[3][vertices], then indices
+ * uint32[3][triangles], then 16 zero bytes (so that SIMD loads of the last element stay inside). See
+ * scene_mesh_layout(). A joint index is checked when the mesh is deformed. */
 struct scene_mesh {
     const char *name;
     struct scene_blob blob;
     uint32_t vertex_count;
     uint32_t triangle_count;
-    uint32_t arrays;            /* enum scene_mesh_arrays */
-    uint32_t morph_count;       /* morph targets */
+    uint32_t arrays;      /* enum scene_mesh_arrays */
+    uint32_t morph_count; /* morph targets */
     float bounds_min[3], bounds_max[3];
-    int closed;                 /* watertight and wound outwards: no ray from outside can meet a
+    int closed; /* watertight and wound outwards: no ray from outside can meet a
                                    back face first, so culling an opaque surface changes nothing */
 };
 
@@ -131,15 +127,15 @@ enum scene_encoding {
 struct scene_texture {
     uint32_t image;
     enum scene_wrap wrap_u, wrap_v;
-    int nearest;            /* nearest texel instead of filtering */
+    int nearest; /* nearest texel instead of filtering */
     enum scene_encoding encoding;
 };
 
 /* A material's reference to a texture. uv' = (m00 u + m01 v + m02, m10 u + m11 v + m12);
  * v runs downwards as in glTF (0 at the image's top row). */
 struct scene_texture_slot {
-    int32_t texture;        /* -1: none, only the factor counts */
-    uint32_t uv_set;        /* 0 or 1 */
+    int32_t texture; /* -1: none, only the factor counts */
+    uint32_t uv_set; /* 0 or 1 */
     float uv_transform[2][3];
 };
 
@@ -153,13 +149,11 @@ enum scene_material_kind {
     MATERIAL_KIND_COUNT
 };
 
-/* What a surface is made of: a member for each row of material_fields.h. Every texture multiplies
- * its factor, so a factor of 0 is 0 whatever the texture. Normal textures and anisotropy act only
- * on meshes with MESH_TANGENTS.
- * The model: glTF 2.0's metallic-roughness model with the extensions anisotropy, clearcoat,
- * diffuse_transmission, dispersion, emissive_strength, ior, iridescence, sheen, specular,
- * transmission, unlit and volume. roughness is perceptual: GGX alpha = roughness^2.
- * scene_material_default() switches every extension off. */
+/* What a surface is made of: a member for each row of material_fields.h. Every texture multiplies its factor, so a
+ * factor of 0 is 0 whatever the texture. Normal textures and anisotropy act only on meshes with MESH_TANGENTS.
+ * The model: glTF 2.0's metallic-roughness model with the extensions anisotropy, clearcoat, diffuse_transmission,
+ * dispersion, emissive_strength, ior, iridescence, sheen, specular, transmission, unlit and volume. roughness is
+ * perceptual: GGX alpha = roughness^2. scene_material_default() switches every extension off. */
 #define MATERIAL_MEMBER_FLAG(name) int name;
 #define MATERIAL_MEMBER_NUMBER(name) float name;
 #define MATERIAL_MEMBER_RGB(name) float name[3];
@@ -198,15 +192,15 @@ struct scene_instance {
     struct transform_d to_world; /* invertible; a negative determinant mirrors the mesh: the
                                     renderer then reverses the winding, and so which side is the
                                     front (the glTF rule) */
-    int32_t node;               /* >= 0: to_world follows this node (to_world is its value at
+    int32_t node;                /* >= 0: to_world follows this node (to_world is its value at
                                    time 0; at any time it may be singular: a scale of 0 hides an
                                    object); -1: it does not move */
-    int32_t skin;               /* of a mesh with MESH_SKIN, -1: none. A skinned vertex is in
+    int32_t skin;                /* of a mesh with MESH_SKIN, -1: none. A skinned vertex is in
                                    world space after its joints: to_world is then not used */
-    int32_t body;               /* the material whose body it bounds (VOLUMES_NESTED), -1: its own.
+    int32_t body;                /* the material whose body it bounds (VOLUMES_NESTED), -1: its own.
                                    Another one if meshes of several materials enclose one volume:
                                    all of them then bound the body of one of the materials */
-    int sealed;                 /* its mesh and others of its body form a closed surface: each of
+    int sealed;                  /* its mesh and others of its body form a closed surface: each of
                                    their edges is shared, at equal positions, and they are wound
                                    outwards. They do not move */
 };
@@ -214,11 +208,11 @@ struct scene_instance {
 /* Nodes exist only for what moves, and for its parents. Their chain is the file's own, in the
  * file's coordinates: scene_pose_init() subtracts the scene's origin at its end. */
 struct scene_node {
-    int32_t parent;             /* lower than its own index, -1: the world */
-    int has_matrix;             /* `matrix` replaces translation, rotation and scale */
+    int32_t parent; /* lower than its own index, -1: the world */
+    int has_matrix; /* `matrix` replaces translation, rotation and scale */
     struct transform_d matrix;
     double translation[3], rotation[4] /* unit quaternion x y z w */, scale[3];
-    float *weights;             /* [weight_count] of the mesh's morph targets */
+    float *weights; /* [weight_count] of the mesh's morph targets */
     uint32_t weight_count;
 };
 
@@ -231,10 +225,10 @@ struct scene_channel {
     uint32_t node;
     enum scene_channel_path path;
     enum scene_interpolation interpolation;
-    uint32_t key_count;         /* >= 1 */
-    uint32_t components;        /* 3, 4 (rotation) or the node's weight_count */
-    float *times;               /* [key_count] seconds, strictly ascending */
-    float *values;              /* [key_count][components]; INTERPOLATE_CUBIC:
+    uint32_t key_count;  /* >= 1 */
+    uint32_t components; /* 3, 4 (rotation) or the node's weight_count */
+    float *times;        /* [key_count] seconds, strictly ascending */
+    float *values;       /* [key_count][components]; INTERPOLATE_CUBIC:
                                    [key_count][3][components] in-tangent, value, out-tangent */
 };
 
@@ -248,7 +242,7 @@ static inline size_t scene_channel_floats(const struct scene_channel *channel)
 
 struct scene_skin {
     uint32_t joint_count;
-    uint32_t *joints;                   /* [joint_count] nodes */
+    uint32_t *joints;                      /* [joint_count] nodes */
     struct transform_stored *inverse_bind; /* [joint_count] mesh space to joint space */
 };
 
@@ -256,11 +250,11 @@ struct scene_skin {
 struct scene_medium {
     const char *name;
     float absorption[3], scattering[3];
-    float emission[3];          /* radiance per metre at density 1 (absorption included) */
-    float g;                    /* Henyey-Greenstein, -1 < g < 1: forward positive */
-    int has_grid;               /* density varies: the grid's, trilinear, 0 outside its box */
-    struct scene_blob grid;     /* float32 little-endian [size z][size y][size x], cell centres */
-    uint32_t grid_size[3];      /* cells along x, y, z */
+    float emission[3];                /* radiance per metre at density 1 (absorption included) */
+    float g;                          /* Henyey-Greenstein, -1 < g < 1: forward positive */
+    int has_grid;                     /* density varies: the grid's, trilinear, 0 outside its box */
+    struct scene_blob grid;           /* float32 little-endian [size z][size y][size x], cell centres */
+    uint32_t grid_size[3];            /* cells along x, y, z */
     struct transform_d grid_to_world; /* from the unit cube */
 };
 
@@ -306,18 +300,18 @@ enum scene_falloff { FALLOFF_GLTF /* square of the linear ramp of the cosine */,
 struct scene_light {
     const char *name;
     enum scene_light_kind kind;
-    double position[3];         /* world; unused by directional lights */
-    float direction[3];         /* world, unit: where the light shines to */
-    float intensity[3];         /* RGB: W/sr (point, spot), W/m^2 (directional) */
-    float range;                /* metres, 0: unlimited */
+    double position[3]; /* world; unused by directional lights */
+    float direction[3]; /* world, unit: where the light shines to */
+    float intensity[3]; /* RGB: W/sr (point, spot), W/m^2 (directional) */
+    float range;        /* metres, 0: unlimited */
     float inner_cone_rad, outer_cone_rad;
     enum scene_falloff falloff;
-    int32_t image;              /* goniometric, projection: index into images, -1: white */
+    int32_t image;               /* goniometric, projection: index into images, -1: white */
     struct transform_d to_world; /* goniometric, projection: orthonormal frame; looks along -Z, the
                                    image's up is +Y. Goniometric: lat-long as the environment */
     float projection_yfov_rad;
-    float projection_aspect;    /* width / height of the slide */
-    int32_t node;               /* >= 0: it shines from this node along its -Z */
+    float projection_aspect; /* width / height of the slide */
+    int32_t node;            /* >= 0: it shines from this node along its -Z */
 };
 
 enum scene_camera_kind {
@@ -331,61 +325,59 @@ struct scene_camera {
     const char *name;
     enum scene_camera_kind kind;
     struct transform_d to_world; /* rotation and translation only, orthonormal */
-    float yfov_rad;             /* perspective: full vertical angle */
-    float xmag, ymag;           /* orthographic: half width and half height, metres */
-    float aspect;               /* width / height that the file asks for; 0: none */
-    float lens_radius;          /* metres; 0: pinhole */
-    float focus_distance;       /* metres along the axis to the plane of focus; > 0 if there is
+    float yfov_rad;              /* perspective: full vertical angle */
+    float xmag, ymag;            /* orthographic: half width and half height, metres */
+    float aspect;                /* width / height that the file asks for; 0: none */
+    float lens_radius;           /* metres; 0: pinhole */
+    float focus_distance;        /* metres along the axis to the plane of focus; > 0 if there is
                                    a lens */
-    uint32_t blades;            /* of the aperture; below 3: round */
+    uint32_t blades;             /* of the aperture; below 3: round */
     float blade_rotation_rad;
     float shutter_open_s, shutter_close_s; /* relative to the frame's time; equal: the job's
                                    settings decide */
-    float exposure_ev;          /* stops that bring the file's physical units to a middle exposure;
+    float exposure_ev;                     /* stops that bring the file's physical units to a middle exposure;
                                    the client adds them to the job's when it submits it */
-    int32_t node;               /* >= 0: to_world follows this node */
+    int32_t node;                          /* >= 0: to_world follows this node */
 };
 
-/* Lat-long map: row 0 is the zenith (+Y); with the map's own u = 0.5 + atan2(z, x)/(2 pi) (so -Z is
- * at u = 0.25, +X at 0.5), as in glTF viewers and Cycles. Rotation and strength come from the job's
- * settings. */
+/* Lat-long map: row 0 is the zenith (+Y); with the map's own u = 0.5 + atan2(z, x)/(2 pi) (so -Z is at u = 0.25, +X at
+ * 0.5), as in glTF viewers and Cycles. Rotation and strength come from the job's settings. */
 struct scene_environment {
     int present;
-    struct scene_image image;   /* unused when `constant` */
-    int constant;               /* the same radiance from everywhere */
-    float radiance[3];          /* for `constant`; multiplies the map */
-    float to_map[3][3];         /* rotation from world to the map's axes, before the job's own */
+    struct scene_image image; /* unused when `constant` */
+    int constant;             /* the same radiance from everywhere */
+    float radiance[3];        /* for `constant`; multiplies the map */
+    float to_map[3][3];       /* rotation from world to the map's axes, before the job's own */
     uint32_t portal_count;
     struct scene_portal *portals;
 };
 
 /* Which boundaries of refractive volumes and media count.
- * VOLUMES_NESTED: a path counts the bodies that it is inside. A body is everything that one
- * material bounds (scene_instance.body). Where several overlap, the one of the highest priority
- * fills the space; ties go to the innermost. The boundaries of the others do not count.
- * VOLUMES_BOUNDARIES: every face is a boundary (pbrt's rule). */
+ * VOLUMES_NESTED: a path counts the bodies that it is inside. A body is everything that one material bounds
+ * (scene_instance.body). Where several overlap, the one of the highest priority fills the space; ties go to the
+ * innermost. The boundaries of the others do not count. VOLUMES_BOUNDARIES: every face is a boundary (pbrt's rule). */
 enum scene_volume_rule { VOLUMES_NESTED, VOLUMES_BOUNDARIES, VOLUME_RULE_COUNT };
 
 struct scene {
-    struct arena arena;         /* owns every name and table below */
-    const char *name;           /* every name: UTF-8 without control characters, at most
+    struct arena arena; /* owns every name and table below */
+    const char *name;   /* every name: UTF-8 without control characters, at most
                                    SCENE_NAME_MAX bytes, never NULL */
-    uint32_t mesh_count, image_count, texture_count, material_count, instance_count,
-        light_count, camera_count, node_count, channel_count, skin_count, medium_count;
+    uint32_t mesh_count, image_count, texture_count, material_count, instance_count, light_count, camera_count,
+        node_count, channel_count, skin_count, medium_count;
     struct scene_mesh *meshes;
     struct scene_image *images;
     struct scene_texture *textures;
     struct scene_material *materials;
     struct scene_instance *instances;
     struct scene_light *lights;
-    struct scene_camera *cameras;  /* at least one: importers add one that frames the scene */
+    struct scene_camera *cameras; /* at least one: importers add one that frames the scene */
     struct scene_environment environment;
     struct scene_node *nodes;
     struct scene_channel *channels; /* sorted by node, then path; none twice */
     struct scene_skin *skins;
     struct scene_medium *media;
-    int32_t fog;                /* the medium that fills the scene's bounding sphere, -1: none */
-    double origin[3];           /* the world's origin in the file's coordinates, metres. Every
+    int32_t fog;      /* the medium that fills the scene's bounding sphere, -1: none */
+    double origin[3]; /* the world's origin in the file's coordinates, metres. Every
                                    position except the nodes' is relative to it, so that a scene far
                                    from the file's origin keeps its precision in float */
     enum scene_volume_rule volume_rule;
@@ -412,13 +404,11 @@ static inline int scene_color_is(const float color[3], float value)
 
 /* Where to find a blob's bytes; they must stay valid as long as what reads them says. */
 struct scene_blob_reader {
-    status (*get)(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
-                  struct error *err);
+    status (*get)(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes, struct error *err);
     void *user;
 };
 
-/* Check every index, count, enum and number. ERR_INPUT names the table, the row and the
- * field. */
+/* Check every index, count, enum and number. ERR_INPUT names the table, the row and the field. */
 status scene_validate(const struct scene *scene, struct error *err) MUST_CHECK;
 
 /* The wire form (common/scene/scene.proto). Pack appends to `out`. Unpack does not trust its input,
@@ -427,20 +417,15 @@ struct buffer;
 status scene_pack(const struct scene *scene, struct buffer *out, struct error *err) MUST_CHECK;
 /* On failure the scene is left initialised and empty. Unpacking needs memory in proportion to the
  * elements' true counts, not to what a length field claims. */
-status scene_unpack(struct scene *scene, const void *data, size_t size_bytes,
-                    struct error *err) MUST_CHECK;
+status scene_unpack(struct scene *scene, const void *data, size_t size_bytes, struct error *err) MUST_CHECK;
 
 /* The distinct blobs that a worker needs to render the scene: meshes, images, environment,
  * grids.
  * *out is mem_alloc'd with *count entries; the caller frees. */
-status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count,
-                   struct error *err) MUST_CHECK;
+status scene_blobs(const struct scene *scene, struct scene_blob **out, size_t *count, struct error *err) MUST_CHECK;
 
 /* World bounds of one instance (of its mesh's box), in double; 0 if they are not finite. */
-int scene_instance_bounds(const struct scene *scene, uint32_t instance, double bounds_min[3],
-                          double bounds_max[3]);
+int scene_instance_bounds(const struct scene *scene, uint32_t instance, double bounds_min[3], double bounds_max[3]);
 
 /* World bounds of all instances; 0 if there is no finite geometry. */
 int scene_bounds(const struct scene *scene, float bounds_min[3], float bounds_max[3]);
-
-#endif

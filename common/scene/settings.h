@@ -2,12 +2,12 @@
  *
  * Two jobs with equal scene digests and equal settings give equal bits.
  */
-#ifndef AZULEJO_SCENE_SETTINGS_H
-#define AZULEJO_SCENE_SETTINGS_H
+#pragma once
 
 #include <stdint.h>
 
 #include "common/base/status.h"
+#include "common/schema/settings.h"
 
 enum {
     SETTINGS_SIZE_MAX = 65536,     /* pixels a side */
@@ -22,52 +22,7 @@ enum {
 #define SETTINGS_CLAMP_MIN 1e-20f /* radiance */
 #define SETTINGS_CLAMP_MAX 1e30f
 
-/* Instruction sets that Embree can be pinned to, from the least to the most. */
-enum isa { ISA_SSE2, ISA_AVX2, ISA_AVX512, ISA_COUNT };
-const char *isa_name(enum isa isa);          /* "sse2", "avx2", "avx512" */
-int isa_parse(const char *name);             /* -1: unknown */
-uint32_t isa_supported_mask(void);           /* bit per enum isa that this CPU has */
-
-/* Choices of algorithm. The first of each is the default. Each has NAME_name(), its name on the
- * command line ("unknown" for an invalid value), and NAME_parse(), -1 for an unknown name. */
-enum env_sampling {
-    ENV_SAMPLING_IMPORTANCE, /* "importance": by the map's luminance, MIS with the BSDF */
-    ENV_SAMPLING_UNIFORM,    /* "uniform": uniform over the sphere, MIS with the BSDF */
-    ENV_SAMPLING_BSDF,       /* "bsdf": no light sampling of the environment */
-    /* "importance-only", "uniform-only": no MIS. Only light sampling finds the environment, except
-     * along rays whose direction it cannot sample (the camera's, mirrors', smooth glass's). */
-    ENV_SAMPLING_IMPORTANCE_ONLY,
-    ENV_SAMPLING_UNIFORM_ONLY,
-    ENV_SAMPLING_COUNT
-};
-/* "sobol": Owen-scrambled Sobol' points; "independent": every sample draws its own numbers. */
-enum sampler_kind { SAMPLER_SOBOL, SAMPLER_INDEPENDENT, SAMPLER_COUNT };
-/* "tree": by what a light can contribute at the shaded point; "power": by its power alone;
- * "uniform": all lights alike (an emissive triangle is a light, and so is the environment). */
-enum light_choice { LIGHT_CHOICE_TREE, LIGHT_CHOICE_POWER, LIGHT_CHOICE_UNIFORM, LIGHT_CHOICE_COUNT };
-/* How surfaces look up their textures. "cone": the two MIP levels that match the ray's beam;
- * "bilinear": the finest level, interpolated; "nearest": the finest level's nearest texel. */
-enum texture_filter {
-    TEXTURE_FILTER_CONE,
-    TEXTURE_FILTER_BILINEAR,
-    TEXTURE_FILTER_NEAREST,
-    TEXTURE_FILTER_COUNT
-};
-/* Embree's build quality: "medium", "low" (built faster), "high" (spatial splits; only with
- * not_robust: Embree's robust trees do not support them). */
-enum bvh_quality { BVH_QUALITY_MEDIUM, BVH_QUALITY_LOW, BVH_QUALITY_HIGH, BVH_QUALITY_COUNT };
-
-#define SETTINGS_CHOICE_MAP(X)                                                             \
-    X(env_sampling, env_sampling)                                                          \
-    X(sampler_kind, sampler)                                                               \
-    X(light_choice, light_choice)                                                          \
-    X(texture_filter, texture_filter)                                                      \
-    X(bvh_quality, bvh_quality)
-#define SETTINGS_CHOICE_DECLARE(type, noun)                                                \
-    const char *noun##_name(enum type choice);                                             \
-    int noun##_parse(const char *name);
-SETTINGS_CHOICE_MAP(SETTINGS_CHOICE_DECLARE)
-#undef SETTINGS_CHOICE_DECLARE
+uint32_t isa_supported_mask(void); /* bit per enum isa that this CPU has */
 
 /* Arbitrary output variables: what a frame holds besides its radiance, only on request.
  * X(name, text, channels sent by workers). Point-sampled ones are those of sample 0. */
@@ -83,7 +38,14 @@ SETTINGS_CHOICE_MAP(SETTINGS_CHOICE_DECLARE)
     X(SAMPLES, "samples", 0)    /* samples a pixel; made by the coordinator */             \
     X(ERROR, "error", 0)        /* standard error of the mean, RGB; made by the coordinator */ \
     X(ALPHA, "alpha", 1)        /* 1 less what a camera ray lets through; mean. The picture is then \
-                                   without what is seen behind everything */
+                                   without what is seen behind everything */       \
+    X(DENOISING, "denoising", 1)     /* metres along the path to its first rough hit; a feature, mean; \
+                                   with the next two (aovs_with_implied) */                         \
+    X(DENOISING_ALBEDO, "denoising-albedo", 3) /* reflectance of the first rough hit, times that of the \
+                                   smooth surfaces before it; a feature, mean */                    \
+    X(DENOISING_NORMAL, "denoising-normal", 3) /* its shading normal; a feature, mean */            \
+    X(EMISSION, "emission", 3)  /* radiance of emitters and surroundings that is met before a rough hit; mean */ \
+    X(VARIANCE, "variance", 0)  /* the error's square; made by the coordinator */
 
 enum aov {
 #define AOV_ENUM(name, text, channels) AOV_##name,
@@ -91,46 +53,37 @@ enum aov {
 #undef AOV_ENUM
         AOV_COUNT
 };
-enum { AOV_FLOATS_MAX = 17 /* of one pixel, all that workers send */ };
+enum { AOV_FLOATS_MAX = 27 /* of one pixel, all that workers send */ };
 const char *aov_name(enum aov aov);
-int aov_parse(const char *name);                 /* -1: unknown */
+int aov_parse(const char *name); /* -1: unknown */
 /* Floats that a worker sends for one pixel; `mask` has bit 1 << enum aov. */
 uint32_t aov_floats(uint32_t mask);
 /* Does only sample 0 count (pass 0 alone carries it)? */
 int aov_is_point(enum aov aov);
-uint32_t aov_channels(enum aov aov);             /* that workers send */
+uint32_t aov_channels(enum aov aov); /* that workers send */
+/* What a denoiser is guided by: only a group's first samples count (FEATURE_SAMPLES in common/film/tiles.h). */
+#define AOV_FEATURES (1u << AOV_DENOISING | 1u << AOV_DENOISING_ALBEDO | 1u << AOV_DENOISING_NORMAL)
+/* What it needs besides the picture. */
+#define AOV_FOR_DENOISING (1u << AOV_DENOISING_ALBEDO | 1u << AOV_DENOISING_NORMAL | 1u << AOV_EMISSION)
+/* The mask, with what goes with those in it. */
+static inline uint32_t aovs_with_implied(uint32_t aovs)
+{
+    return aovs >> AOV_DENOISING & 1 ? aovs | AOV_FEATURES : aovs;
+}
 
+#define SETTING_MEMBER(o, KIND, type, name, ...) type name;
 struct render_settings {
-    uint32_t width, height;     /* pixels */
-    /* Not 0: the picture is a region of a whole one of this size, and its upper left pixel is
-     * (region_x, region_y) of that. Everything but the camera knows only the region. */
-    uint32_t whole_width, whole_height, region_x, region_y;
-    uint32_t spp;               /* samples a pixel, 1..SETTINGS_SPP_MAX */
-    uint32_t max_depth;         /* path edges after the camera ray; 0: emission only */
-    uint64_t seed;
-    uint32_t camera;            /* index into the scene's cameras */
-    float env_rotate_deg;       /* turns the environment about +Y, counter-clockwise seen from
-                                   above */
-    float env_strength;         /* multiplies the environment's radiance, >= 0 */
-    enum env_sampling env_sampling;
-    enum isa isa;
-    float fps;                  /* frames a second: frame f is at f / fps seconds */
-    float shutter;              /* share of a frame's time that the shutter is open, 0..1, starting
-                                   at the frame's time; 0: the camera's own, or no motion blur */
-    float lens_radius;          /* metres; negative: the camera's own, 0: pinhole */
-    float focus_distance;       /* metres; 0: the camera's own */
-    uint64_t without;           /* effects to leave out (common/scene/effects.h) */
-    uint32_t aovs;              /* bits 1 << enum aov */
-    enum sampler_kind sampler;
-    enum light_choice light_choice;
-    enum texture_filter texture_filter;
-    enum bvh_quality bvh_quality;
-    int not_robust;             /* 1: without the checks that keep Embree's rays from slipping
-                                   between triangles */
-    int no_roulette;            /* 1: paths end at max_depth only */
-    float clamp;                /* linear radiance, before exposure: a sample whose largest channel
-                                   is larger is scaled down to it; 0: off */
+    RENDER_SETTINGS(SETTING_MEMBER, SETTING_MEMBER, )
 };
+#undef SETTING_MEMBER
+
+enum setting_name {
+#define SETTING_NAME(o, KIND, type, name, ...) SETTING_##name,
+    RENDER_SETTINGS(SETTING_NAME, SETTING_NAME, )
+#undef SETTING_NAME
+    SETTING_COUNT
+};
+extern const struct setting render_settings_rows[SETTING_COUNT];
 
 static inline uint32_t settings_whole_width(const struct render_settings *s)
 {
@@ -143,30 +96,24 @@ static inline uint32_t settings_whole_height(const struct render_settings *s)
 /* Is pixel (x, y) of the whole picture rendered? */
 static inline int settings_have_pixel(const struct render_settings *s, uint32_t x, uint32_t y)
 {
-    return x >= s->region_x && x - s->region_x < s->width && y >= s->region_y &&
-           y - s->region_y < s->height;
+    return x >= s->region_x && x - s->region_x < s->width && y >= s->region_y && y - s->region_y < s->height;
 }
 /* "13,9,37,22 of 70x50"; "" for a whole picture. The attribute of an EXR that has it. */
 #define SETTINGS_REGION_ATTRIBUTE "azulejo:region"
 enum { SETTINGS_REGION_TEXT_SIZE = 80 };
-const char *settings_region_text(const struct render_settings *s,
-                                 char out[SETTINGS_REGION_TEXT_SIZE]);
+const char *settings_region_text(const struct render_settings *s, char out[SETTINGS_REGION_TEXT_SIZE]);
 
 void render_settings_default(struct render_settings *s);
-/* Choices of algorithm other than the defaults, "sampler independent, roulette off"; "": none. */
+/* The LISTED rows other than the defaults, "sampler independent, roulette off"; "": none. */
 enum { SETTINGS_CHOICES_TEXT_SIZE = 256 };
-const char *settings_choices_text(const struct render_settings *s,
-                                  char out[SETTINGS_CHOICES_TEXT_SIZE]);
+const char *settings_choices_text(const struct render_settings *s, char out[SETTINGS_CHOICES_TEXT_SIZE]);
 /* Every field, by value. */
 int render_settings_equal(const struct render_settings *a, const struct render_settings *b);
 
 /* Names of a set as the command line takes them: "caustics,normal-map". */
-enum { SETTINGS_TEXT_SIZE = 1024 /* holds any set */ };
+enum { SETTINGS_TEXT_SIZE = SETTING_TEXT_SIZE };
 const char *settings_effects_text(uint64_t set, char out[SETTINGS_TEXT_SIZE]);
 const char *settings_aovs_text(uint32_t set, char out[SETTINGS_TEXT_SIZE]);
 
 /* Check ranges; ERR_INPUT names the field and its range. camera_count bounds `camera`. */
-status render_settings_validate(const struct render_settings *s, uint32_t camera_count,
-                                struct error *err) MUST_CHECK;
-
-#endif
+status render_settings_validate(const struct render_settings *s, uint32_t camera_count, struct error *err) MUST_CHECK;

@@ -34,7 +34,7 @@ struct view {
 struct scene_sight {
     uint32_t view_count;
     struct view *views;
-    size_t count;               /* of the cells in which something is seen: */
+    size_t count;                  /* of the cells in which something is seen: */
     double (*places)[3], *weights; /* metres in the scene's coordinates; 1 / the precision needed */
     double eye[3];
 };
@@ -47,20 +47,11 @@ static void cross(const double a[3], const double b[3], double out[3])
 }
 
 /* fmin and fmax would be calls. */
-static inline double smaller(double a, double b)
-{
-    return a < b ? a : b;
-}
+static inline double smaller(double a, double b) { return a < b ? a : b; }
 
-static inline double larger(double a, double b)
-{
-    return a > b ? a : b;
-}
+static inline double larger(double a, double b) { return a > b ? a : b; }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static void subtract(const double a[3], const double b[3], double out[3])
 {
@@ -68,17 +59,11 @@ static void subtract(const double a[3], const double b[3], double out[3])
         out[k] = a[k] - b[k];
 }
 
-static double largest(const double a[3])
-{
-    return larger(larger(fabs(a[0]), fabs(a[1])), fabs(a[2]));
-}
+static double largest(const double a[3]) { return larger(larger(fabs(a[0]), fabs(a[1])), fabs(a[2])); }
 
 /* ---- the coarse picture ----------------------------------------------------------------------- */
 
-static double cell_centre(int index, double half)
-{
-    return ((index + 0.5) * 2 / SIDE - 1) * half;
-}
+static double cell_centre(int index, double half) { return ((index + 0.5) * 2 / SIDE - 1) * half; }
 
 static void see(struct cell *cell, const double place[3], double depth)
 {
@@ -121,10 +106,7 @@ static inline void project(const struct view *view, const double p[3], double at
     at[1] = p[1] * w * view->cells_high + SIDE / 2;
 }
 
-static int clamp_cell(double at)
-{
-    return at > 0 ? at < SIDE ? (int)at : SIDE : 0;
-}
+static int clamp_cell(double at) { return at > 0 ? at < SIDE ? (int)at : SIDE : 0; }
 
 /* The range of cells whose centres a triangle may cover, [low, high). All of them if it reaches behind the
  * camera; 0: none of it is in view. */
@@ -195,8 +177,7 @@ struct artist {
 };
 
 /* Can any of the box be in view? */
-static int box_in_view(const struct view *view, const struct scene_mesh *mesh,
-                       const struct transform_d *to_camera)
+static int box_in_view(const struct view *view, const struct scene_mesh *mesh, const struct transform_d *to_camera)
 {
     int sides = 31; /* bits: the corners are all behind, left, right, below, above */
 
@@ -213,8 +194,8 @@ static int box_in_view(const struct view *view, const struct scene_mesh *mesh,
     return sides == 0;
 }
 
-static void draw_mesh(struct view *view, const struct scene_mesh *mesh, const float *positions,
-                      const uint32_t *indices, const struct transform_d *to_camera, uint32_t stride)
+static void draw_mesh(struct view *view, const struct scene_mesh *mesh, const float *positions, const uint32_t *indices,
+                      const struct transform_d *to_camera, uint32_t stride)
 {
     for (uint32_t i = 0; i < mesh->triangle_count; i += stride) {
         double corner[3][3];
@@ -222,7 +203,7 @@ static void draw_mesh(struct view *view, const struct scene_mesh *mesh, const fl
             uint32_t vertex = indices[3 * (size_t)i + (size_t)k];
             const float *p = positions + 3 * (size_t)vertex;
             if (vertex >= mesh->vertex_count)
-                return; /* a damaged blob: refused when the mesh is loaded */
+                return;                 /* a damaged blob: refused when the mesh is loaded */
             for (int r = 0; r < 3; r++) /* transform_d_point would be a call */
                 corner[k][r] = to_camera->m[r][0] * (double)p[0] + to_camera->m[r][1] * (double)p[1] +
                                to_camera->m[r][2] * (double)p[2] + to_camera->m[r][3];
@@ -237,8 +218,7 @@ static status deformed(const struct artist *a, uint32_t index, const uint8_t *bl
     const struct scene_mesh *mesh = &a->scene->meshes[a->scene->instances[index].mesh];
 
     *out = mem_alloc_array(mesh->vertex_count, 3 * sizeof **out);
-    if (!*out)
-        return error_no_memory(a->err, "the picture of distances");
+    NEED(*out, a->err, "the picture of distances");
     return pose_deform(a->pose, a->scene, index, blob, *out, NULL, NULL, a->err);
 }
 
@@ -304,8 +284,7 @@ static status begin_views(struct scene_sight *sight, const struct scene_camera *
     sight->views = mem_calloc(sight->view_count, sizeof *sight->views);
     sight->places = mem_calloc(sight->view_count * (size_t)CELLS, sizeof *sight->places);
     sight->weights = mem_calloc(sight->view_count * (size_t)CELLS, sizeof *sight->weights);
-    if (!sight->views || !sight->places || !sight->weights)
-        return error_no_memory(err, "the picture of distances");
+    NEED(sight->views && sight->places && sight->weights, err, "the picture of distances");
     for (uint32_t v = 0; v < sight->view_count; v++) {
         struct view *view = &sight->views[v];
         begin_view(view, &camera->to_world, axes_of[v]);
@@ -352,8 +331,7 @@ status scene_sight_new(struct scene_sight **out, const struct scene *scene, cons
     status s;
 
     *out = NULL;
-    if (!sight)
-        return error_no_memory(err, "the picture of distances");
+    NEED(sight, err, "the picture of distances");
     pose_camera(pose, scene, camera_index, &camera);
     s = begin_views(sight, &camera, aspect, err);
     artist.triangles_each = 1 + TRIANGLES_MAX / (scene->instance_count + 1);
@@ -463,8 +441,8 @@ double scene_sight_origin(const struct scene_sight *sight, double origin[3])
     return 0;
 }
 
-double scene_sight_blur(const struct scene_sight *sight, const double origin[3], uint32_t height,
-                        double *detail_m, double *distance_m)
+double scene_sight_blur(const struct scene_sight *sight, const double origin[3], uint32_t height, double *detail_m,
+                        double *distance_m)
 {
     double worst = 0;
 

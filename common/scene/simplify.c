@@ -19,8 +19,7 @@ static status simplify_environment(struct simplifier *w)
     if (!e->present || e->constant)
         return STATUS_OK;
     st = w->reader.get(w->reader.user, &e->image.blob.digest, &data, &size_bytes, w->err);
-    if (st == STATUS_OK)
-        st = image_decode_hdr(&map, data, size_bytes, e->image.name, &repairs, w->err);
+    THEN(st, image_decode_hdr(&map, data, size_bytes, e->image.name, &repairs, w->err));
     if (st != STATUS_OK)
         return st;
     count = (size_t)map.width * map.height;
@@ -45,16 +44,16 @@ static status simplify_materials(struct simplifier *w)
 
     simplify_mixes(w);
     simplify_reach(w);
+    simplify_survey_ahead(w);
     for (uint32_t i = 0; i < w->scene->material_count; i++) {
         struct scene_material *m = &w->scene->materials[i];
 
         if (!w->material_reached[i])
             continue;
         simplify_drop_unseen(w, m);
-        st = simplify_fold(w, m);
-        if (st != STATUS_OK)
-            return st;
+        TRY(simplify_fold(w, m));
         simplify_drop_unseen(w, m);
+        TRY(simplify_least_roughness(w, m));
     }
     simplify_mixes(w);
     simplify_reach(w);
@@ -63,37 +62,35 @@ static status simplify_materials(struct simplifier *w)
         if (w->material_reached[i]) {
             st = simplify_make_opaque(w, i);
             /* Without alpha there may be less to keep. */
-            if (st == STATUS_OK)
-                st = simplify_fold_slot(w, &w->scene->materials[i],
-                                        MATERIAL_TEXTURE_base_color);
+            THEN(st, simplify_fold_slot(w, &w->scene->materials[i], MATERIAL_TEXTURE_base_color));
             if (st == STATUS_OK)
                 simplify_drop_unseen(w, &w->scene->materials[i]);
         }
     return st;
 }
 
-status scene_simplify(struct scene *scene, struct scene_blob_reader reader,
-                      struct scene_simplify_report *report, struct error *err)
+status scene_simplify(struct scene *scene, struct scene_blob_reader reader, struct scene_simplify_report *report,
+                      struct error *err)
 {
     struct simplifier w = {.scene = scene, .reader = reader, .report = report, .err = err};
     status st;
 
     memset(report, 0, sizeof *report);
     w.images = mem_calloc(scene->image_count, sizeof *w.images);
+    w.image_wanted = mem_calloc(scene->image_count, 1);
     w.material_reached = mem_calloc(scene->material_count, 1);
     w.alpha_colors = mem_calloc(scene->material_count, 1);
     w.mesh_alpha = mem_calloc(scene->mesh_count, 1);
-    if (!w.images || !w.material_reached || !w.alpha_colors || !w.mesh_alpha)
+    if (!w.images || !w.image_wanted || !w.material_reached || !w.alpha_colors || !w.mesh_alpha)
         st = error_no_memory(err, "what is known of the scene");
     else
         st = simplify_materials(&w);
-    if (st == STATUS_OK)
-        st = simplify_environment(&w);
-    if (st == STATUS_OK)
-        st = simplify_remove_unreached(&w);
+    THEN(st, simplify_environment(&w));
+    THEN(st, simplify_remove_unreached(&w));
     mem_free(w.mesh_alpha);
     mem_free(w.alpha_colors);
     mem_free(w.material_reached);
+    mem_free(w.image_wanted);
     mem_free(w.images);
     return st;
 }

@@ -1,6 +1,7 @@
-/* Drops textures without effect, turns constant ones into factors, and removes alpha that is 1
- * everywhere. */
+/* Drops textures without effect, turns constant ones into factors, and removes alpha that is 1 everywhere. */
 #include "common/scene/simplify_parts.h"
+
+#include <math.h>
 
 void simplify_drop_unseen(struct simplifier *w, struct scene_material *m)
 {
@@ -48,8 +49,8 @@ static status fold(struct simplifier *w, struct scene_texture_slot *slot)
 }
 
 /* Multiply the factors by the textures' constants, if all of them stay in range. */
-static status fold_factor(struct simplifier *w, struct scene_material *m,
-                          const struct material_texture_row *row, struct scene_texture_slot *slot)
+static status fold_factor(struct simplifier *w, struct scene_material *m, const struct material_texture_row *row,
+                          struct scene_texture_slot *slot)
 {
     const struct scene_texture *texture;
     float product[CHANNELS];
@@ -67,7 +68,7 @@ static status fold_factor(struct simplifier *w, struct scene_material *m,
             continue;
         if (!survey_is_constant(s, part->channel))
             return STATUS_OK;
-        product[i] = factor * survey_constant(s, part->channel, is_srgb(texture, row->color));
+        product[i] = factor * survey_least(s, part->channel, is_srgb(texture, row->color));
         if (!(product[i] <= material_values[part->value].most))
             return STATUS_OK;
     }
@@ -90,8 +91,7 @@ static status fold_normal(struct simplifier *w, struct scene_texture_slot *slot)
 }
 
 /* Only the strength, if the direction is exactly the tangent's, or does not matter. */
-static status fold_direction(struct simplifier *w, struct scene_material *m,
-                             const struct material_texture_row *row,
+static status fold_direction(struct simplifier *w, struct scene_material *m, const struct material_texture_row *row,
                              struct scene_texture_slot *slot)
 {
     float *strength = material_floats(m, row->part[0].offset);
@@ -104,13 +104,12 @@ static status fold_direction(struct simplifier *w, struct scene_material *m,
     if (!s || !survey_is_constant(s, row->part[0].channel))
         return st;
     srgb = is_srgb(texture, 0);
-    product = *strength * survey_constant(s, row->part[0].channel, srgb);
+    product = *strength * survey_least(s, row->part[0].channel, srgb);
     if (product != 0) {
-        if (!survey_is_constant(s, CHANNEL_RED) || !survey_is_constant(s, CHANNEL_GREEN) ||
-            !(product <= 1))
+        if (!survey_is_constant(s, CHANNEL_RED) || !survey_is_constant(s, CHANNEL_GREEN) || !(product <= 1))
             return STATUS_OK;
-        x = survey_constant(s, CHANNEL_RED, srgb) * 2 - 1;
-        y = survey_constant(s, CHANNEL_GREEN, srgb) * 2 - 1;
+        x = survey_least(s, CHANNEL_RED, srgb) * 2 - 1;
+        y = survey_least(s, CHANNEL_GREEN, srgb) * 2 - 1;
         if (x != 1 || y != 0)
             return STATUS_OK;
     }
@@ -118,11 +117,10 @@ static status fold_direction(struct simplifier *w, struct scene_material *m,
     return fold(w, slot);
 }
 
-static status fold_between(struct simplifier *w, struct scene_material *m,
-                           const struct material_texture_row *row, struct scene_texture_slot *slot)
+static status fold_between(struct simplifier *w, struct scene_material *m, const struct material_texture_row *row,
+                           struct scene_texture_slot *slot)
 {
-    float *from = material_floats(m, row->part[0].offset),
-          *to = material_floats(m, row->part[1].offset), value;
+    float *from = material_floats(m, row->part[0].offset), *to = material_floats(m, row->part[1].offset), value;
     const struct material_value *range = &material_values[row->part[0].value];
     const struct scene_texture *texture;
     const struct survey *s;
@@ -130,29 +128,23 @@ static status fold_between(struct simplifier *w, struct scene_material *m,
 
     if (!s || !survey_is_constant(s, row->part[0].channel))
         return st;
-    value = *from + (*to - *from) *
-                        survey_constant(s, row->part[0].channel, is_srgb(texture, row->color));
+    value = *from + (*to - *from) * survey_least(s, row->part[0].channel, is_srgb(texture, row->color));
     if (!(value >= range->least && value <= range->most))
         return STATUS_OK;
     *from = *to = value;
     return fold(w, slot);
 }
 
-status simplify_fold_slot(struct simplifier *w, struct scene_material *m,
-                          enum material_texture number)
+status simplify_fold_slot(struct simplifier *w, struct scene_material *m, enum material_texture number)
 {
     const struct material_texture_row *row = &material_textures[number];
     struct scene_texture_slot *slot = &m->textures[number];
 
     switch (row->meaning) {
-    case MEANS_NORMAL:
-        return fold_normal(w, slot);
-    case MEANS_DIRECTION:
-        return fold_direction(w, m, row, slot);
-    case MEANS_BETWEEN:
-        return fold_between(w, m, row, slot);
-    case MEANS_FACTOR:
-        break;
+    case MEANS_NORMAL: return fold_normal(w, slot);
+    case MEANS_DIRECTION: return fold_direction(w, m, row, slot);
+    case MEANS_BETWEEN: return fold_between(w, m, row, slot);
+    case MEANS_FACTOR: break;
     }
     return fold_factor(w, m, row, slot);
 }
@@ -166,6 +158,31 @@ status simplify_fold(struct simplifier *w, struct scene_material *m)
     return st;
 }
 
+/* The least value of a factor times a texture that varies; 0: not known. */
+static status least_of(struct simplifier *w, const struct scene_material *m, enum material_texture number,
+                       enum material_value_number value, float *least)
+{
+    const struct material_texture_row *row = &material_textures[number];
+    const struct scene_texture *texture;
+    const struct survey *s;
+
+    *least = 0;
+    TRY(survey_foldable(w, &m->textures[number], &texture, &s));
+    for (int i = 0; i < row->parts && s; i++)
+        if (row->part[i].value == value)
+            *least = *material_floats_const(m, row->part[i].offset) *
+                     survey_least(s, row->part[i].channel, is_srgb(texture, row->color));
+    *least = fminf(fmaxf(*least, 0), 1);
+    return STATUS_OK;
+}
+
+status simplify_least_roughness(struct simplifier *w, struct scene_material *m)
+{
+    TRY(least_of(w, m, MATERIAL_TEXTURE_metallic_roughness, MATERIAL_VALUE_roughness, &m->least_roughness));
+    return least_of(w, m, MATERIAL_TEXTURE_clearcoat_roughness, MATERIAL_VALUE_clearcoat_roughness,
+                    &m->clearcoat_least_roughness);
+}
+
 status simplify_make_opaque(struct simplifier *w, uint32_t index)
 {
     struct scene_material *m = &w->scene->materials[index];
@@ -177,12 +194,9 @@ status simplify_make_opaque(struct simplifier *w, uint32_t index)
         return STATUS_OK;
     if (slot->texture >= 0 && !always) {
         const struct survey *s;
-        status st = simplify_survey(w, slot, &s);
-
-        if (st != STATUS_OK)
-            return st;
-        one = one && !has_border(&w->scene->textures[slot->texture]) &&
-              survey_is_constant(s, CHANNEL_ALPHA) && survey_constant(s, CHANNEL_ALPHA, 0) == 1;
+        TRY(simplify_survey(w, slot, &s));
+        one = one && !has_border(&w->scene->textures[slot->texture]) && survey_is_constant(s, CHANNEL_ALPHA) &&
+              survey_least(s, CHANNEL_ALPHA, 0) == 1;
     } else if (m->alpha_mode == ALPHA_MASK && !w->alpha_colors[index]) {
         always = always || m->base_color[3] >= m->alpha_cutoff;
     }

@@ -97,8 +97,7 @@ static void remove_textures(struct scene *scene, uint8_t *reached, uint32_t *num
     scene->texture_count = kept;
 }
 
-static void remove_images(struct scene *scene, uint8_t *reached, uint32_t *number,
-                          uint64_t *bytes)
+static void remove_images(struct scene *scene, uint8_t *reached, uint32_t *number, uint64_t *bytes)
 {
     uint32_t kept;
 
@@ -126,8 +125,7 @@ static void remove_images(struct scene *scene, uint8_t *reached, uint32_t *numbe
 status simplify_remove_unreached(struct simplifier *w)
 {
     struct scene *scene = w->scene;
-    const uint32_t materials = scene->material_count, textures = scene->texture_count,
-                   images = scene->image_count;
+    const uint32_t materials = scene->material_count, textures = scene->texture_count, images = scene->image_count;
     size_t most = materials > textures ? materials : textures;
     uint8_t *reached;
     uint32_t *number;

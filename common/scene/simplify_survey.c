@@ -1,8 +1,8 @@
-/* Examines images and the meshes' colours: everything that simplifying decodes, except the
- * environment. */
+/* Examines images and the meshes' colours: everything that simplifying decodes, except the environment. */
 #include <math.h>
 #include <string.h>
 
+#include "common/system/parallel.h"
 #include "common/image/color.h"
 #include "common/image/image.h"
 #include "common/scene/simplify_parts.h"
@@ -32,37 +32,56 @@ static void survey_spread(struct survey *s, uint32_t channels)
     }
 }
 
-static status survey_integers(struct survey *s, const uint8_t *data, size_t size_bytes,
-                              const char *name, struct error *err)
+/* Numbers of values that every number of channels divides: a run's n-th value is always of channel
+ * n % channels, and the compiler does many at once. */
+enum { RUN = 48 };
+
+#define RANGE(name, type)                                                                        \
+    static void name(struct survey *s, const struct image8 *image)                               \
+    {                                                                                            \
+        const size_t count = (size_t)image->width * image->height * image->channels;             \
+        const type *at = (const type *)(const void *)image->pixels;                              \
+        type low[RUN], high[RUN];                                                                \
+        size_t i = 0;                                                                            \
+                                                                                                 \
+        for (size_t k = 0; k < RUN; k++)                                                         \
+            low[k] = high[k] = at[k % image->channels];                                          \
+        for (; i + RUN <= count; i += RUN)                                                       \
+            for (size_t k = 0; k < RUN; k++) {                                                   \
+                low[k] = at[i + k] < low[k] ? at[i + k] : low[k];                                \
+                high[k] = at[i + k] > high[k] ? at[i + k] : high[k];                             \
+            }                                                                                    \
+        for (size_t k = 0; i < count; i++, k++) {                                                \
+            low[k] = at[i] < low[k] ? at[i] : low[k];                                            \
+            high[k] = at[i] > high[k] ? at[i] : high[k];                                         \
+        }                                                                                        \
+        for (size_t k = 0; k < RUN; k++) {                                                       \
+            size_t c = k % image->channels;                                                      \
+            s->low[c] = k < image->channels ? (float)low[k] : fminf(s->low[c], (float)low[k]);   \
+            s->high[c] = k < image->channels ? (float)high[k] : fmaxf(s->high[c], (float)high[k]); \
+        }                                                                                        \
+    }
+RANGE(range_8, uint8_t)
+RANGE(range_16, uint16_t)
+#undef RANGE
+
+static status survey_integers(struct survey *s, const uint8_t *data, size_t size_bytes, const char *name,
+                              struct error *err)
 {
     struct image8 image;
-    status st = image_decode_8(&image, data, size_bytes, name, err);
-    size_t count;
-
-    if (st != STATUS_OK)
-        return st;
-    count = (size_t)image.width * image.height;
+    TRY(image_decode_8(&image, data, size_bytes, name, err));
     s->code_max = image.bits == 8 ? 255 : 65535;
-    for (uint32_t c = 0; c < image.channels; c++) {
-        const uint16_t *words = (const uint16_t *)(const void *)image.pixels;
-        unsigned low = 65535, high = 0;
-
-        for (size_t i = 0; i < count; i++) {
-            unsigned code = image.bits == 8 ? image.pixels[i * image.channels + c]
-                                            : words[i * image.channels + c];
-            low = code < low ? code : low;
-            high = code > high ? code : high;
-        }
-        s->low[c] = (float)low;
-        s->high[c] = (float)high;
-    }
+    if (image.bits == 8)
+        range_8(s, &image);
+    else
+        range_16(s, &image);
     survey_spread(s, image.channels);
     image8_release(&image);
     return STATUS_OK;
 }
 
-static status survey_floats(struct survey *s, const uint8_t *data, size_t size_bytes,
-                            const char *name, struct error *err)
+static status survey_floats(struct survey *s, const uint8_t *data, size_t size_bytes, const char *name,
+                            struct error *err)
 {
     struct image image;
     status st = image_decode_float(&image, data, size_bytes, name, NULL, err);
@@ -82,38 +101,63 @@ static status survey_floats(struct survey *s, const uint8_t *data, size_t size_b
     return STATUS_OK;
 }
 
-status simplify_survey(struct simplifier *w, const struct scene_texture_slot *slot,
-                       const struct survey **out)
+static void survey_image(struct simplifier *w, uint32_t index)
 {
-    uint32_t index = w->scene->textures[slot->texture].image;
     const struct scene_image *image = &w->scene->images[index];
     struct survey *s = &w->images[index];
-    enum image_format format;
+    struct error *err = &s->fault;
     const uint8_t *data;
     size_t size_bytes;
     status st;
 
-    *out = s;
     if (s->done)
-        return STATUS_OK;
-    st = w->reader.get(w->reader.user, &image->blob.digest, &data, &size_bytes, w->err);
-    if (st != STATUS_OK)
-        return st;
-    format = image_format_of(data, size_bytes);
-    if (format == IMAGE_HDR || format == IMAGE_EXR)
-        st = survey_floats(s, data, size_bytes, image->name, w->err);
-    else
-        st = survey_integers(s, data, size_bytes, image->name, w->err);
-    s->done = st == STATUS_OK;
-    return st;
+        return;
+    s->done = 1;
+    st = w->reader.get(w->reader.user, &image->blob.digest, &data, &size_bytes, err);
+    if (st == STATUS_OK && image_format_is_float(image_format_of(data, size_bytes)))
+        st = survey_floats(s, data, size_bytes, image->name, err);
+    else if (st == STATUS_OK)
+        st = survey_integers(s, data, size_bytes, image->name, err);
+    s->fault.code = st;
 }
 
-int survey_is_constant(const struct survey *s, int channel)
+status simplify_survey(struct simplifier *w, const struct scene_texture_slot *slot, const struct survey **out)
 {
-    return s->low[channel] == s->high[channel];
+    uint32_t index = w->scene->textures[slot->texture].image;
+
+    survey_image(w, index);
+    *out = &w->images[index];
+    if ((*out)->fault.code != STATUS_OK)
+        *w->err = (*out)->fault;
+    return (*out)->fault.code;
 }
 
-float survey_constant(const struct survey *s, int channel, int srgb)
+static void survey_wanted(void *user, size_t begin, size_t end)
+{
+    struct simplifier *w = user;
+
+    for (size_t i = begin; i < end; i++)
+        if (w->image_wanted[i])
+            survey_image(w, (uint32_t)i);
+}
+
+void simplify_survey_ahead(struct simplifier *w)
+{
+    const struct scene *scene = w->scene;
+
+    for (uint32_t i = 0; i < scene->material_count; i++)
+        for (int k = 0; k < MATERIAL_TEXTURES && w->material_reached[i]; k++) {
+            const struct scene_material *m = &scene->materials[i];
+
+            if (m->textures[k].texture >= 0 && material_texture_acts(m, k))
+                w->image_wanted[scene->textures[m->textures[k].texture].image] = 1;
+        }
+    parallel_for(0, scene->image_count, 1, survey_wanted, w);
+}
+
+int survey_is_constant(const struct survey *s, int channel) { return s->low[channel] == s->high[channel]; }
+
+float survey_least(const struct survey *s, int channel, int srgb)
 {
     float code = s->low[channel];
 
@@ -153,8 +197,8 @@ static status survey_mesh_alpha(struct simplifier *w, uint32_t index, int *below
         return st;
     scene_mesh_layout(mesh, &layout);
     if (size_bytes != layout.total_bytes)
-        return error_set(w->err, STATUS_ERR_INPUT, "mesh %s: its blob has %zu bytes instead of %zu",
-                         mesh->name, size_bytes, layout.total_bytes);
+        return error_set(w->err, STATUS_ERR_INPUT, "mesh %s: its blob has %zu bytes instead of %zu", mesh->name,
+                         size_bytes, layout.total_bytes);
     for (uint32_t i = 0; i < mesh->vertex_count && !*below; i++) {
         float alpha;
 
@@ -173,13 +217,10 @@ status simplify_survey_colors(struct simplifier *w)
         const struct scene_instance *instance = &scene->instances[i];
         int below = 0;
         const struct scene_material *m = &scene->materials[instance->material];
-        status st;
 
         if (m->kind != MATERIAL_MIX && m->alpha_mode == ALPHA_OPAQUE)
             continue;
-        st = survey_mesh_alpha(w, instance->mesh, &below);
-        if (st != STATUS_OK)
-            return st;
+        TRY(survey_mesh_alpha(w, instance->mesh, &below));
         if (below)
             w->alpha_colors[instance->material] = 1;
     }

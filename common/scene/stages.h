@@ -1,11 +1,9 @@
 /* stages: the parts of a render whose share of the time is reported (manifest.h).
  *
- * A worker samples in which of them its threads are, about a thousand times a second
- * (worker/render/base/profile_scope.h); the counts travel with the results and are summed for each
- * frame.
+ * A worker samples in which of them its threads are, about a hundred times a second
+ * (worker/render/base/profile_scope.h); the counts travel with the results and are summed for each frame.
  */
-#ifndef AZULEJO_SCENE_STAGES_H
-#define AZULEJO_SCENE_STAGES_H
+#pragma once
 
 /* X(name, text). The order is the wire's (RenderStats.stages): only add at the end. */
 #define STAGE_MAP(X)                                                            \
@@ -31,11 +29,8 @@ static inline const char *stage_name(enum stage stage)
 {
     switch (stage) {
         STAGE_MAP(STAGE_NAME_CASE)
-    case STAGE_COUNT:
-        break;
+    case STAGE_COUNT: break;
     }
     return "unknown";
 }
 #undef STAGE_NAME_CASE
-
-#endif

@@ -14,30 +14,15 @@ static const struct {
 #undef STATE
 };
 
-static int is_state(int state)
-{
-    return state >= 0 && state < JOB_STATE_COUNT;
-}
+static int is_state(int state) { return state >= 0 && state < JOB_STATE_COUNT; }
 
-const char *job_state_word(int state)
-{
-    return is_state(state) ? rows[state].word : "unknown";
-}
+const char *job_state_word(int state) { return is_state(state) ? rows[state].word : "unknown"; }
 
-int job_state_ended(int state)
-{
-    return is_state(state) && rows[state].phase == ENDED;
-}
+int job_state_ended(int state) { return is_state(state) && rows[state].phase == ENDED; }
 
-int job_state_is_open(int state)
-{
-    return is_state(state) && rows[state].phase == OPEN;
-}
+int job_state_is_open(int state) { return is_state(state) && rows[state].phase == OPEN; }
 
-const char *job_state_remedy(int state)
-{
-    return rows[state].remedy;
-}
+const char *job_state_remedy(int state) { return rows[state].remedy; }
 
 unsigned job_state_find(const char *word, size_t length)
 {

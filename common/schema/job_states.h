@@ -7,8 +7,7 @@
  *   remedy      what a person can do where a verb is refused
  *
  * The order is that in which people read them. coordinator/job/queue.h has the edges between them. */
-#ifndef AZULEJO_SCHEMA_JOB_STATES_H
-#define AZULEJO_SCHEMA_JOB_STATES_H
+#pragma once
 
 #include <stddef.h>
 
@@ -43,5 +42,3 @@ const char *job_state_remedy(int state);
 unsigned job_state_find(const char *word, size_t length);
 /* "queued, running, ... and cancelled". */
 const char *job_state_words(void);
-
-#endif

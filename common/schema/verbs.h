@@ -12,8 +12,7 @@
  *   the verb's message with its argument: a button of its own on the page, with states of its own
  *
  * The rest are members of struct job_verb. A new verb needs a row, its message and its function: docs/EXTENDING.md. */
-#ifndef AZULEJO_SCHEMA_VERBS_H
-#define AZULEJO_SCHEMA_VERBS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -137,26 +136,26 @@ enum verb_takes {
 enum verb_when { VERB_ALWAYS, VERB_WHEN_BEGUN, VERB_WHEN_WAITING, VERB_WHEN_UNFINISHED };
 
 struct job_verb {
-    const char *name;            /* "pause" */
-    const char *path;            /* of the API; a variant has that of its verb */
+    const char *name; /* "pause" */
+    const char *path; /* of the API; a variant has that of its verb */
     const char *says;
-    unsigned states;             /* bits of states, in which it does something */
-    unsigned accepted;           /* in which it is no error, and not offered */
-    unsigned front;              /* in which the page shows it as a button, not in a menu */
+    unsigned states;   /* bits of states, in which it does something */
+    unsigned accepted; /* in which it is no error, and not offered */
+    unsigned front;    /* in which the page shows it as a button, not in a menu */
     enum verb_when when;
     enum verb_takes takes;
-    const char *field;           /* of the message that has the argument */
+    const char *field;                /* of the message that has the argument */
     const char *option, *placeholder; /* of a number: --to N; a text is the last word of the command line */
-    const char *help;            /* of its option, but of frames */
-    int64_t most;                /* of a number: -most..most at the command line */
-    int single, removes;         /* for one job at a time on the page; the job is gone after it */
-    const char *imperative;      /* "pause" 3 jobs; NULL: the name */
-    const char *past;            /* "paused" */
-    const char *label;           /* of the page's button; NULL: the name with a capital */
-    const char *done;            /* what the page says of the job after it; NULL: the past */
-    const char *question;        /* what is lost: the page asks first; NULL: nothing is */
-    const char *button;          /* of what it asks; NULL: the label */
-    const char *remedy;          /* where it is refused; NULL: the state's */
+    const char *help;                 /* of its option, but of frames */
+    int64_t most;                     /* of a number: -most..most at the command line */
+    int single, removes;              /* for one job at a time on the page; the job is gone after it */
+    const char *imperative;           /* "pause" 3 jobs; NULL: the name */
+    const char *past;                 /* "paused" */
+    const char *label;                /* of the page's button; NULL: the name with a capital */
+    const char *done;                 /* what the page says of the job after it; NULL: the past */
+    const char *question;             /* what is lost: the page asks first; NULL: nothing is */
+    const char *button;               /* of what it asks; NULL: the label */
+    const char *remedy;               /* where it is refused; NULL: the state's */
 };
 extern const struct job_verb job_verbs[VERB_COUNT];
 
@@ -164,5 +163,3 @@ extern const struct job_verb job_verbs[VERB_COUNT];
 const struct job_verb *job_verb_find(const char *name);
 /* The verb's message with its argument; NULL: it has no variant. */
 const struct job_verb *job_verb_variant(const struct job_verb *verb);
-
-#endif

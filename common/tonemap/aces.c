@@ -1,14 +1,12 @@
-/* The output transform of ACES 1.x, exactly: the reference rendering transform (RRT a1.0.3) and the
- * output device transform for sRGB displays at 100 cd/m2 in dim surroundings. Light in, display
- * light out; the sRGB curve follows.
+/* The output transform of ACES 1.x, exactly: the reference rendering transform (RRT a1.0.3) and the output device
+ * transform for sRGB displays at 100 cd/m2 in dim surroundings. Light in, display light out; the sRGB curve follows.
  *
  *   Rec. 709 -Bradford-> AP0: glow, red modifier -> AP1: desaturation, the RRT's tone scale,
  *   the ODT's tone scale, dim surround, desaturation -Bradford-> Rec. 709
  *
- * Both tone scales are applied to each channel of AP1 with only a matrix and its inverse between
- * them, so they form one curve and one table. Constants from the Academy's published transforms
- * (S-2014-004 for the primaries, ACESlib.Tonescales for the splines); the 48-nit spline's were
- * checked against the knots in OpenColorIO 2.1.
+ * Both tone scales are applied to each channel of AP1 with only a matrix and its inverse between them, so they form one
+ * curve and one table. Constants from the Academy's published transforms (S-2014-004 for the primaries,
+ * ACESlib.Tonescales for the splines); the 48-nit spline's were checked against the knots in OpenColorIO 2.1.
  */
 #include <math.h>
 #include <pthread.h>
@@ -32,10 +30,10 @@ static const double CINEMA_BLACK = 0.02, CINEMA_WHITE = 48.0; /* cd/m2 */
 /* A uniform quadratic B-spline in log10 below the middle, another above it, and straight lines with
  * the given slopes beyond the ends. */
 struct tone_scale {
-    double min, middle, max;             /* log10 of the argument */
-    double value_min, value_max;         /* log10 of the value */
-    double slope_max;                    /* below the minimum it is 0 */
-    int segments;                        /* of either half; a half has two coefficients more */
+    double min, middle, max;     /* log10 of the argument */
+    double value_min, value_max; /* log10 of the value */
+    double slope_max;            /* below the minimum it is 0 */
+    int segments;                /* of either half; a half has two coefficients more */
     const double *low, *high;
 };
 
@@ -66,10 +64,7 @@ static double tone_scale_at(const struct tone_scale *s, double x)
     return s->value_max + s->slope_max * (x - s->max);
 }
 
-static double log10_of(double x)
-{
-    return det_log_d(x) / det_log_d(10.0);
-}
+static double log10_of(double x) { return det_log_d(x) / det_log_d(10.0); }
 
 struct tone_scales {
     struct tone_scale rrt, odt;
@@ -102,11 +97,7 @@ static double tone(double x, const void *user)
     return (det_exp_d(log_nits * det_log_d(10.0)) - CINEMA_BLACK) / (CINEMA_WHITE - CINEMA_BLACK);
 }
 
-static double dim_surround(double luminance, const void *user)
-{
-    (void)user;
-    return det_pow_d(luminance, DIM_SURROUND);
-}
+static double dim_surround(double luminance, const void *user UNUSED) { return det_pow_d(luminance, DIM_SURROUND); }
 
 /* ---- what is made once ---------------------------------------------------------------------- */
 
@@ -129,8 +120,7 @@ static void multiply(const double a[3][3], const double b[3][3], double out[3][3
             out[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
 }
 
-/* The three matrices: both ACES spaces have the same white, so its adaptation cancels between
- * them. */
+/* The three matrices: both ACES spaces have the same white, so its adaptation cancels between them. */
 static void make_matrices(void)
 {
     double from_ap0[3][3], from_ap1[3][3], into_ap1[3][3], desaturate[3][3];
@@ -141,8 +131,7 @@ static void make_matrices(void)
     multiply(into_ap1, from_ap0, made.into_ap1);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            desaturate[i][j] = (1.0 - ODT_SATURATION) * ap1_luminance[j] +
-                               (i == j ? ODT_SATURATION : 0.0);
+            desaturate[i][j] = (1.0 - ODT_SATURATION) * ap1_luminance[j] + (i == j ? ODT_SATURATION : 0.0);
     multiply(from_ap1, desaturate, made.out_of_ap1);
 }
 
@@ -159,15 +148,9 @@ static void make(void)
 /* ---- the pixels ----------------------------------------------------------------------------- */
 
 /* Without calls to libm, for values that are never NaN. */
-static double larger(double a, double b)
-{
-    return a > b ? a : b;
-}
+static double larger(double a, double b) { return a > b ? a : b; }
 
-static double smaller(double a, double b)
-{
-    return a < b ? a : b;
-}
+static double smaller(double a, double b) { return a < b ? a : b; }
 
 /* The factor for dark and saturated colours. */
 static double glow(const double aces[3], double saturation)
@@ -178,8 +161,8 @@ static double glow(const double aces[3], double saturation)
 
     /* Weighted luminance: the chroma counts as the sqrt of half the sum of squares. */
     y = (aces[0] + aces[1] + aces[2] +
-         1.75 * sqrt(0.5 * (red_green * red_green + green_blue * green_blue +
-                            blue_red * blue_red))) * (1.0 / 3.0);
+         1.75 * sqrt(0.5 * (red_green * red_green + green_blue * green_blue + blue_red * blue_red))) *
+        (1.0 / 3.0);
     if (y >= 2.0 * middle)
         return 1.0;
     x = (saturation - 0.4) / 0.2;
@@ -198,8 +181,7 @@ static double redness(const double aces[3])
     u = fabs(det_atan2_d(y, x)) * (180.0 / PI_D) / (135.0 / 4.0);
     if (u >= 2.0)
         return 0.0;
-    return u >= 1.0 ? 0.25 * (2.0 - u) * (2.0 - u) * (2.0 - u)
-                    : 0.25 * ((3.0 * u - 6.0) * u * u + 4.0);
+    return u >= 1.0 ? 0.25 * (2.0 - u) * (2.0 - u) * (2.0 - u) : 0.25 * ((3.0 * u - 6.0) * u * u + 4.0);
 }
 
 static void rrt_modifiers(double aces[3])
@@ -226,39 +208,34 @@ static void aces_pixel(float rgb[3])
     const double light[3] = {(double)rgb[0], (double)rgb[1], (double)rgb[2]};
     double v[3], display[3], luminance, factor;
 
-    transform((const double (*)[3])made.into_ap0, light, v);
+    transform((const double(*)[3])made.into_ap0, light, v);
     rrt_modifiers(v);
     for (int i = 0; i < 3; i++)
         v[i] = larger(v[i], 0.0);
-    transform((const double (*)[3])made.into_ap1, v, display);
+    transform((const double(*)[3])made.into_ap1, v, display);
     luminance = 0.0;
     for (int i = 0; i < 3; i++) {
         v[i] = smaller(larger(display[i], 0.0), HALF_MAX);
         luminance += ap1_luminance[i] * v[i];
     }
     for (int i = 0; i < 3; i++)
-        v[i] = (double)curve_table_at(&made.tone,
-                                      (float)(luminance + RRT_SATURATION * (v[i] - luminance)));
+        v[i] = (double)curve_table_at(&made.tone, (float)(luminance + RRT_SATURATION * (v[i] - luminance)));
     luminance = ap1_luminance[0] * v[0] + ap1_luminance[1] * v[1] + ap1_luminance[2] * v[2];
     luminance = larger(luminance, (double)made.dim.low);
-    transform((const double (*)[3])made.out_of_ap1, v, display);
+    transform((const double(*)[3])made.out_of_ap1, v, display);
     factor = (double)curve_table_at(&made.dim, (float)luminance) / luminance;
     for (int i = 0; i < 3; i++)
         rgb[i] = (float)larger(display[i] * factor, 0.0);
 }
 
-static void aces_row(const void *user, float *rgb, uint32_t width)
+static void aces_row(const void *user UNUSED, float *rgb, uint32_t width)
 {
-    (void)user;
     for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3)
         aces_pixel(p);
 }
 
-static status aces_apply(const struct tonemap_frame *frame, const double *state,
-                         struct error *err)
+static status aces_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err UNUSED)
 {
-    (void)state;
-    (void)err;
     pthread_once(&made_once, make);
     tonemap_each_row(frame, aces_row, NULL);
     return STATUS_OK;

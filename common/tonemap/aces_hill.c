@@ -20,25 +20,20 @@ static double fit(double v)
     return SAFEGUARD(HILL_DOUBLE) ? above / below : (double)((float)above / (float)below);
 }
 
-static void hill_row(const void *user, float *rgb, uint32_t width)
+static void hill_row(const void *user UNUSED, float *rgb, uint32_t width)
 {
-    (void)user;
     for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3) {
         double v[3];
 
         for (int i = 0; i < 3; i++)
-            v[i] = fit(into[i][0] * (double)p[0] + into[i][1] * (double)p[1] +
-                       into[i][2] * (double)p[2]);
+            v[i] = fit(into[i][0] * (double)p[0] + into[i][1] * (double)p[1] + into[i][2] * (double)p[2]);
         for (int i = 0; i < 3; i++)
             p[i] = (float)fmax(back[i][0] * v[0] + back[i][1] * v[1] + back[i][2] * v[2], 0.0);
     }
 }
 
-static status hill_apply(const struct tonemap_frame *frame, const double *state,
-                         struct error *err)
+static status hill_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err UNUSED)
 {
-    (void)state;
-    (void)err;
     tonemap_each_row(frame, hill_row, NULL);
     return STATUS_OK;
 }

@@ -1,12 +1,10 @@
-/* AgX as Troy Sobotka first published it (2022, "AgX Kraken"): an inset of the primaries, a
- * logarithm over 16.5 stops around middle grey, and a sigmoid on each channel. Its result is code
- * for a display with a power of 2.2. Blender's AgX is different: it starts from Rec. 2020, with its
- * own insets, rotations and range.
+/* AgX as Troy Sobotka first published it (2022, "AgX Kraken"): an inset of the primaries, a logarithm over 16.5 stops
+ * around middle grey, and a sigmoid on each channel. Its result is code for a display with a power of 2.2. Blender's
+ * AgX is different: it starts from Rec. 2020, with its own insets, rotations and range.
  *
- * The sigmoid is the exact one from which the published table of 4096 entries was computed, not one
- * of the polynomials fitted to it.
+ * The sigmoid is the exact one from which the published table of 4096 entries was computed, not one of the polynomials
+ * fitted to it.
  */
-#include <math.h>
 #include <pthread.h>
 
 #include "common/image/color.h"
@@ -38,11 +36,10 @@ static struct curve_table table;
 static float light_min, light_max;
 static pthread_once_t table_once = PTHREAD_ONCE_INIT;
 
-static double sigmoid(double light, const void *user)
+static double sigmoid(double light, const void *user UNUSED)
 {
     double t = (det_log_d(light) / det_log_d(2.0) - LOG2_MIN) / (LOG2_MAX - LOG2_MIN) - PIVOT;
 
-    (void)user;
     if (t < 0.0)
         return 0.5 + 2.0 * t * det_pow_d(1.0 - 59.507875 * t * t * t, -1.0 / 3.0);
     return 0.5 + 2.0 * t * det_pow_d(1.0 + 69.862789 * det_pow_d(t, 3.25), -4.0 / 13.0);
@@ -64,28 +61,23 @@ static float curve(double light)
 
 static void agx_row(const void *user, float *rgb, uint32_t width)
 {
-    const double (*outset)[3] = user; /* NULL: none */
+    const double(*outset)[3] = user; /* NULL: none */
 
     for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3) {
         double v[3];
 
         for (int i = 0; i < 3; i++)
-            v[i] = (double)curve(inset[i][0] * (double)p[0] + inset[i][1] * (double)p[1] +
-                                 inset[i][2] * (double)p[2]);
+            v[i] = (double)curve(inset[i][0] * (double)p[0] + inset[i][1] * (double)p[1] + inset[i][2] * (double)p[2]);
         for (int i = 0; i < 3; i++)
-            p[i] = outset ? (float)(outset[i][0] * v[0] + outset[i][1] * v[1] +
-                                    outset[i][2] * v[2])
-                          : (float)v[i];
+            p[i] = outset ? (float)(outset[i][0] * v[0] + outset[i][1] * v[1] + outset[i][2] * v[2]) : (float)v[i];
     }
 }
 
-static status agx_apply(const struct tonemap_frame *frame, const double *state, struct error *err)
+static status agx_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err UNUSED)
 {
     double outset[3][3];
     int wanted = frame->values[OUTSET] != 0.0;
 
-    (void)state;
-    (void)err;
     pthread_once(&table_once, table_build);
     wanted = wanted && color_matrix_invert(inset, outset);
     tonemap_each_row(frame, agx_row, wanted ? outset : NULL);

@@ -1,13 +1,15 @@
-/* Adaptive logarithmic mapping of Drago et al. 2003: a logarithm whose base moves from 2 in the
- * dark to 10 in the brightest spot, by a bias power function (their equation 4).
+/* Adaptive logarithmic mapping of Drago et al. 2003: a logarithm whose base moves from 2 in the dark to 10 in the
+ * brightest spot, by a bias power function (their equation 4).
  *
  *   Ld = display / 100 / log10(Lmax + 1) * ln(L + 1) / ln(2 + 8 (L / Lmax)^(ln bias / ln 0.5))
  *
- * L is luminance over the world adaptation luminance: the log-mean over (1 + bias - 0.85)^5, so
- * that the picture does not darken as the bias grows (as in the paper; pfstools leaves the power
- * out, which is the same only at bias 0.85). Colours keep their ratios. Ld / Y is computed by
- * log1p(L) / L, which has a limit at 0; it depends only on Y, so it is taken from a table. The
- * paper's changes to the display's gamma are left to the display: the result is light.
+ * L is luminance over the world adaptation luminance: the log-mean over (1 + bias - 0.85)^5, so that the picture does
+ * not darken as the bias grows (as in the paper; pfstools leaves the power out, which is the same only at bias 0.85).
+ * Colours keep their ratios. Ld / Y is computed by log1p(L) / L, which has a limit at 0; it depends only on Y, so it is
+ * taken from a table. The paper's changes to the display's gamma are left to the display: the result is light.
+ *
+ * The paper's Lmax is the picture's maximum, which in a noisy picture is one pixel's luck. Ours is a percentile, as
+ * Reinhard has it for his operator's parameters (JGT 7(1), 2002); at 100 it is the paper's.
  */
 #include <math.h>
 
@@ -16,22 +18,25 @@
 #include "common/math/curve_table.h"
 #include "common/tonemap/operators.h"
 
-enum { BIAS, DISPLAY };
+enum { BIAS, DISPLAY, PERCENTILE };
 
 static const struct tonemap_parameter parameters[] = {
     [BIAS] = {"bias", 0.5, 1.0, 0.85,
               "how the logarithm's base moves; less is brighter, 0.7 to 0.9 is of use",
               TONEMAP_NUMBER, NULL},
     [DISPLAY] = {"display", 1.0, 10000.0, 100.0,
-                 "cd/m2 of the display's white; the picture's maximum becomes display / 100",
+                 "cd/m2 of the display's white; the picture's brightest part becomes display / 100",
                  TONEMAP_NUMBER, NULL},
+    [PERCENTILE] = {"percentile", 0.0, 100.0, 99.9,
+                    "of the pixels' luminance: the picture's brightest part; 100: the maximum, one noisy pixel",
+                    TONEMAP_NUMBER, NULL},
 };
 
 static const double PRESET_BIAS = 0.85; /* of the paper's rescaling, not of ours */
 
 struct curve {
     double adaptation; /* multiplies luminance */
-    double max;        /* of the luminances, before that */
+    double max;        /* Lmax, before that */
     double exponent;
     double level;             /* of the display, over log10(Lmax + 1) */
     struct curve_table table; /* of negative_factor over the picture's luminances */
@@ -51,12 +56,10 @@ static double factor_of(const struct curve *curve, double y, double ratio)
 {
     double base = 2.0 + 8.0 * det_pow_d(ratio, curve->exponent);
 
-    return curve->level * curve->adaptation * log1p_ratio(curve->adaptation * y) /
-           det_log_d(base);
+    return curve->level * curve->adaptation * log1p_ratio(curve->adaptation * y) / det_log_d(base);
 }
 
-/* It decreases with Y, which a curve_table must not. Nor may it have a corner where Y is the
- * maximum. */
+/* It decreases with Y, which a curve_table must not. Nor may it have a corner where Y is the maximum. */
 static double negative_factor(double y, const void *user)
 {
     const struct curve *curve = user;
@@ -98,26 +101,36 @@ static int octave_of(double luminance)
     return exponent < OCTAVE_MIN ? OCTAVE_MIN : exponent > OCTAVE_MAX ? OCTAVE_MAX : exponent;
 }
 
-/* NULL for a black frame. */
-static status drago_prepare(void **out, const struct tonemap_frame *frame, const double *state,
-                            struct error *err)
+/* The logarithm of the brightest part's luminance, before exposure. */
+static status drago_measure(const struct tonemap_frame *frame, double *state, struct error *err)
 {
-    double bias = frame->values[BIAS], max, growth = 1.0 + bias - PRESET_BIAS;
+    double brightest;
+    status st = tonemap_percentile_of(&brightest, frame->image, TONEMAP_LUMINANCE, frame->values[PERCENTILE],
+                                      frame->threads, err);
+
+    if (st == STATUS_OK)
+        state[0] = det_log_d((brightest > 0.0 ? brightest : frame->statistics.max) / frame->gain);
+    return st;
+}
+
+/* NULL for a black frame. */
+static status drago_prepare(void **out, const struct tonemap_frame *frame, const double *state UNUSED, struct error *err)
+{
+    double bias = frame->values[BIAS], max, brightest, growth = 1.0 + bias - PRESET_BIAS;
     int first, count;
     struct curve *curve;
 
-    (void)state;
     *out = NULL;
-    if (!(frame->statistics.max > 0.0))
+    if (!state)
         return STATUS_OK;
+    brightest = fmax(det_exp_d(state[0]) * frame->gain, frame->statistics.min);
     first = octave_of(frame->statistics.min);
-    count = octave_of(frame->statistics.max) - first + 1;
+    count = octave_of(brightest) - first + 1;
     curve = mem_alloc(sizeof *curve + (size_t)count * CURVE_PIECES * sizeof *curve->pieces);
-    if (!curve)
-        return error_no_memory(err, "a logarithmic curve");
+    NEED(curve, err, "a logarithmic curve");
     curve->adaptation = growth * growth * growth * growth * growth / frame->statistics.log_mean;
-    max = curve->adaptation * frame->statistics.max;
-    curve->max = frame->statistics.max;
+    max = curve->adaptation * brightest;
+    curve->max = brightest;
     curve->exponent = det_log_d(bias) / det_log_d(0.5);
     curve->level = frame->values[DISPLAY] / 100.0 * det_log_d(10.0) / (log1p_ratio(max) * max);
     curve_table_build(&curve->table, curve->pieces, first, count, negative_factor, curve);
@@ -125,11 +138,8 @@ static status drago_prepare(void **out, const struct tonemap_frame *frame, const
     return STATUS_OK;
 }
 
-static status drago_apply(const struct tonemap_frame *frame, const double *state,
-                          struct error *err)
+static status drago_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err UNUSED)
 {
-    (void)state;
-    (void)err;
     if (frame->prepared)
         tonemap_each_row(frame, drago_row, frame->prepared);
     return STATUS_OK;
@@ -142,7 +152,9 @@ const struct tonemap_operator tonemap_drago03 = {
               "Displaying High Contrast Scenes\", Computer Graphics Forum 22(3), 2003",
     .parameters = parameters,
     .parameter_count = sizeof parameters / sizeof *parameters,
+    .state_count = 1,
     .measured = 1,
+    .measure = drago_measure,
     .prepare = drago_prepare,
     .prepared_free = mem_free,
     .apply = drago_apply,

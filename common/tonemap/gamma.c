@@ -40,26 +40,20 @@ static void gamma_row(const void *user, float *rgb, uint32_t width)
         rgb[i] = rgb[i] >= table->low ? curve_table_at(table, rgb[i]) : 0.0f;
 }
 
-static status gamma_prepare(void **out, const struct tonemap_frame *frame, const double *state,
-                            struct error *err)
+static status gamma_prepare(void **out, const struct tonemap_frame *frame, const double *state UNUSED, struct error *err)
 {
     struct power power = {1.0 / frame->values[GAMMA], frame->values[GAIN]};
     struct curve *curve = *out = mem_alloc(sizeof *curve);
 
-    (void)state;
-    if (!curve)
-        return error_no_memory(err, "a gamma curve");
+    NEED(curve, err, "a gamma curve");
     curve_table_build(&curve->table, curve->pieces, FIRST_OCTAVE, OCTAVES, power_at, &power);
     return STATUS_OK;
 }
 
-static status gamma_apply(const struct tonemap_frame *frame, const double *state,
-                          struct error *err)
+static status gamma_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err UNUSED)
 {
     const struct curve *curve = frame->prepared;
 
-    (void)state;
-    (void)err;
     tonemap_each_row(frame, gamma_row, &curve->table);
     return STATUS_OK;
 }

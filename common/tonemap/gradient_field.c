@@ -1,22 +1,15 @@
 #include "common/tonemap/gradient_field.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "common/base/parallel.h"
+#include "common/system/parallel.h"
 
 enum { PIXELS_PER_PIECE = 1 << 15, SIDE_MIN = 3, STRIP_MIN = 96 };
 
-static size_t lines_per_piece(const struct gradient_level *level)
-{
-    return 1 + PIXELS_PER_PIECE / level->width;
-}
+static size_t lines_per_piece(const struct gradient_level *level) { return 1 + PIXELS_PER_PIECE / level->width; }
 
-static size_t pixels_of(const struct gradient_level *level)
-{
-    return (size_t)level->width * level->height;
-}
+static size_t pixels_of(const struct gradient_level *level) { return (size_t)level->width * level->height; }
 
 /* The next level would have a side below SIDE_MIN. For a strip this is allowed: otherwise the
  * number of the solver's steps would grow with its length. */
@@ -27,8 +20,8 @@ static int is_last(uint32_t width, uint32_t height)
     return shorter < 2 * SIDE_MIN && longer < STRIP_MIN;
 }
 
-status gradient_field_init(struct gradient_field *f, uint32_t width, uint32_t height,
-                           unsigned threads, struct error *err)
+status gradient_field_init(struct gradient_field *f, uint32_t width, uint32_t height, unsigned threads,
+                           struct error *err)
 {
     size_t pixels = (size_t)width * height;
     int complete;
@@ -126,8 +119,7 @@ struct reducing {
     float *to;
 };
 
-static void reduce_line_even(const float *above, const float *below, uint32_t coarse_width,
-                             float *restrict to)
+static void reduce_line_even(const float *above, const float *below, uint32_t coarse_width, float *restrict to)
 {
     for (size_t x = 0; x < coarse_width; x++)
         to[x] = 0.25f * (above[2 * x] + above[2 * x + 1] + below[2 * x] + below[2 * x + 1]);
@@ -171,8 +163,8 @@ static void reduce(struct gradient_field *f, int level, const float *from)
 
 /* Add a line of the coarser level's sums to one of this level: the transpose of the mean, times the
  * ratio of the numbers of pixels, by which the means were divided. */
-static void spread_line(const struct gradient_level *fine, const struct gradient_level *coarse,
-                        size_t y, float *restrict to)
+static void spread_line(const struct gradient_level *fine, const struct gradient_level *coarse, size_t y,
+                        float *restrict to)
 {
     struct owners rows = owners_of(y, fine->height, coarse->height);
 
@@ -200,8 +192,8 @@ static void spread_line(const struct gradient_level *fine, const struct gradient
 /* ---- differences ---------------------------------------------------------------------------- */
 
 /* Differences of the line's pixels from x on; 0 if there is no neighbour. */
-static void take_run(struct gradient_run *run, const struct gradient_level *level,
-                     const float *plane, size_t y, size_t x, size_t count)
+static void take_run(struct gradient_run *run, const struct gradient_level *level, const float *plane, size_t y,
+                     size_t x, size_t count)
 {
     const float *line = plane + y * level->width + x;
     size_t below = y + 1 < level->height ? level->width : 0;
@@ -232,16 +224,14 @@ static void visit_stripes(void *user, size_t begin, size_t end)
         for (; y < last; y++)
             for (size_t x = 0; x < v->level->width; x += GRADIENT_RUN) {
                 size_t left = v->level->width - x;
-                take_run(&run, v->level, v->plane, y, x,
-                         left < GRADIENT_RUN ? left : GRADIENT_RUN);
+                take_run(&run, v->level, v->plane, y, x, left < GRADIENT_RUN ? left : GRADIENT_RUN);
                 v->see(v->user, stripe, &run);
             }
     }
 }
 
 void gradient_field_visit(struct gradient_field *f, const float *plane,
-                          void (*see)(void *user, size_t stripe, const struct gradient_run *run),
-                          void *user)
+                          void (*see)(void *user, size_t stripe, const struct gradient_run *run), void *user)
 {
     for (int l = 0; l < f->level_count; l++) {
         struct visiting v = {&f->levels[l], l ? f->levels[l].value : plane, see, user};
@@ -264,8 +254,7 @@ struct wanting {
 
 /* A run of a line's wanted differences times weights, in run->x and ->y. The pixel left of x is the
  * run's first, all zeros if there is none. */
-static void want_run(const struct wanting *w, struct gradient_run *run, size_t y, size_t x,
-                     size_t count)
+static void want_run(const struct wanting *w, struct gradient_run *run, size_t y, size_t x, size_t count)
 {
     const struct gradient_level *level = w->level;
     size_t before = x > 0;
@@ -320,8 +309,7 @@ static void want_lines(void *user, size_t begin, size_t end)
 }
 
 void gradient_field_want(struct gradient_field *f, const float *plane,
-                         void (*map)(const void *user, struct gradient_run *run),
-                         const void *user)
+                         void (*map)(const void *user, struct gradient_run *run), const void *user)
 {
     for (int l = 0; l + 1 < f->level_count; l++)
         reduce(f, l, l ? f->levels[l].value : plane);
@@ -382,8 +370,7 @@ static void multiply_lines(void *user, size_t begin, size_t end)
         if (m->coarse)
             spread_line(m->level, m->coarse, y, out);
         if (m->line_sums)
-            m->line_sums[y] = dot_line(m->level->value + y * m->level->width, out,
-                                       m->level->width);
+            m->line_sums[y] = dot_line(m->level->value + y * m->level->width, out, m->level->width);
     }
 }
 
@@ -459,8 +446,7 @@ static void compare_lines(void *user, size_t begin, size_t end)
 
 static void update(struct updating *u, void (*body)(void *, size_t, size_t))
 {
-    parallel_for(u->f->threads, u->f->levels[0].height, lines_per_piece(&u->f->levels[0]), body,
-                 u);
+    parallel_for(u->f->threads, u->f->levels[0].height, lines_per_piece(&u->f->levels[0]), body, u);
 }
 
 /* Scale x by the best fitting factor, and compute the residual and its square. */
@@ -487,8 +473,8 @@ int gradient_field_solve(struct gradient_field *f, float *x, double tolerance, i
     int steps = 0;
 
     for (size_t y = 0; y < f->levels[0].height; y++)
-        f->line_sums[y] = dot_line(f->residual + y * f->levels[0].width,
-                                   f->residual + y * f->levels[0].width, f->levels[0].width);
+        f->line_sums[y] =
+            dot_line(f->residual + y * f->levels[0].width, f->residual + y * f->levels[0].width, f->levels[0].width);
     right = sum_of_lines(f);
     square = start(&u);
     u.beta = 0.0f;

@@ -3,8 +3,7 @@
  *   f(x) = (x (A x + C B) + D E) / (x (A x + B) + D F) - E / F
  *   out  = f(bias x) / f(white)
  *
- * on each channel, light in and light out. The two fractions are combined, so that f(0) is exactly
- * 0.
+ * on each channel, light in and light out. The two fractions are combined, so that f(0) is exactly 0.
  */
 #include <math.h>
 
@@ -38,13 +37,10 @@ static void hable_row(const void *user, float *rgb, uint32_t width)
         rgb[i] = (float)fmin(curve->scale * filmic(curve->bias * (double)rgb[i]), 1.0);
 }
 
-static status hable_apply(const struct tonemap_frame *frame, const double *state,
-                          struct error *err)
+static status hable_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err UNUSED)
 {
     struct curve curve = {frame->values[BIAS], 1.0 / filmic(frame->values[WHITE])};
 
-    (void)state;
-    (void)err;
     tonemap_each_row(frame, hable_row, &curve);
     return STATUS_OK;
 }

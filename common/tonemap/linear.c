@@ -1,13 +1,8 @@
-/* No curve: values above 1 are cut off. For comparison, and for pictures that are already display
- * referred. */
+/* No curve: values above 1 are cut off. For comparison, and for pictures that are already display referred. */
 #include "common/tonemap/operators.h"
 
-static status linear_apply(const struct tonemap_frame *frame, const double *state,
-                           struct error *err)
+static status linear_apply(const struct tonemap_frame *frame UNUSED, const double *state UNUSED, struct error *err UNUSED)
 {
-    (void)frame;
-    (void)state;
-    (void)err;
     return STATUS_OK;
 }
 

@@ -23,15 +23,15 @@ enum {
     CUBE_ENTRY_BYTES = 6,   /* of the shortest line of numbers */
     CUBE_SHOWN_MAX = 40,    /* bytes of a bad word in a message */
 };
-static const double CUBE_VALUE_MAX = 1e6;  /* of entries and domains, either way */
+static const double CUBE_VALUE_MAX = 1e6;   /* of entries and domains, either way */
 static const double CUBE_DOMAIN_MIN = 1e-6; /* the narrowest */
 
 /* ---- the file ------------------------------------------------------------------------------- */
 
 struct cube_table {
-    uint32_t size;              /* 0: there is none */
-    double min[3], max[3];      /* of its domain */
-    float (*entries)[3];        /* [size], or [size * size * size] with red fastest */
+    uint32_t size;         /* 0: there is none */
+    double min[3], max[3]; /* of its domain */
+    float (*entries)[3];   /* [size], or [size * size * size] with red fastest */
 };
 
 struct cube {
@@ -75,8 +75,8 @@ static status cube_next_line(struct cube_reader *r, int *found, struct error *er
     stop = memchr(r->data, '\n', (size_t)(r->end - r->data));
     length = (size_t)((stop ? stop : r->end) - r->data);
     if (length > CUBE_LINE_MAX || memchr(r->data, 0, length))
-        return bad_line(r, err, "%s; this is no .cube file", length > CUBE_LINE_MAX
-                        ? "the line is too long" : "the line has a zero byte");
+        return bad_line(r, err, "%s; this is no .cube file",
+                        length > CUBE_LINE_MAX ? "the line is too long" : "the line has a zero byte");
     memcpy(r->line, r->data, length);
     r->data += stop ? length + 1 : length;
     while (length > 0 && isspace((unsigned char)r->line[length - 1]))
@@ -89,8 +89,7 @@ static status cube_next_line(struct cube_reader *r, int *found, struct error *er
 
 /* `count` numbers and nothing else. Only characters of decimal numbers are allowed: strtod alone
  * would accept "nan", "inf" and hexadecimal. */
-static status cube_numbers(const struct cube_reader *r, const char *text, double *out, int count,
-                           struct error *err)
+static status cube_numbers(const struct cube_reader *r, const char *text, double *out, int count, struct error *err)
 {
     for (int i = 0; i < count; i++) {
         size_t length;
@@ -105,8 +104,7 @@ static status cube_numbers(const struct cube_reader *r, const char *text, double
             return bad_line(r, err, "\"%.*s\" is not a number",
                             (int)(length < CUBE_SHOWN_MAX ? length : CUBE_SHOWN_MAX), text);
         if (!(fabs(out[i]) <= CUBE_VALUE_MAX))
-            return bad_line(r, err, "%g is beyond %g; scale the table down", out[i],
-                            CUBE_VALUE_MAX);
+            return bad_line(r, err, "%g is beyond %g; scale the table down", out[i], CUBE_VALUE_MAX);
         text = end;
     }
     text += strspn(text, " \t");
@@ -115,26 +113,22 @@ static status cube_numbers(const struct cube_reader *r, const char *text, double
     return STATUS_OK;
 }
 
-static status cube_size(const struct cube_reader *r, const char *keyword, const char *text,
-                        struct cube_table *table, uint32_t min, uint32_t max, struct error *err)
+static status cube_size(const struct cube_reader *r, const char *keyword, const char *text, struct cube_table *table,
+                        uint32_t min, uint32_t max, struct error *err)
 {
     double size;
-    status st = cube_numbers(r, text, &size, 1, err);
-
-    if (st != STATUS_OK)
-        return st;
+    TRY(cube_numbers(r, text, &size, 1, err));
     if (table->size > 0)
         return bad_line(r, err, "%s is there twice; leave one", keyword);
     if (size != floor(size) || size < min || size > max)
-        return bad_line(r, err, "%s must be a whole number from %u to %u, and is %g", keyword, min,
-                        max, size);
+        return bad_line(r, err, "%s must be a whole number from %u to %u, and is %g", keyword, min, max, size);
     table->size = (uint32_t)size;
     return STATUS_OK;
 }
 
 /* LUT_1D_INPUT_RANGE and LUT_3D_INPUT_RANGE: one pair for all channels. */
-static status cube_range(const struct cube_reader *r, const char *keyword, const char *text,
-                         struct cube_table *table, int *seen, struct error *err)
+static status cube_range(const struct cube_reader *r, const char *keyword, const char *text, struct cube_table *table,
+                         int *seen, struct error *err)
 {
     double range[2];
     status st = cube_numbers(r, text, range, 2, err);
@@ -149,8 +143,7 @@ static status cube_range(const struct cube_reader *r, const char *keyword, const
 }
 
 /* DOMAIN_MIN and DOMAIN_MAX: of whichever table there is. */
-static status cube_domain(struct cube_reader *r, const char *keyword, const char *text, int is_max,
-                          struct error *err)
+static status cube_domain(struct cube_reader *r, const char *keyword, const char *text, int is_max, struct error *err)
 {
     struct cube *cube = r->into;
     double domain[3];
@@ -176,8 +169,7 @@ static status cube_keyword(struct cube_reader *r, struct error *err)
     if (length < sizeof keyword)
         memcpy(keyword, r->line, length);
     if (strcmp(keyword, "TITLE") == 0)
-        return r->has_title++ ? bad_line(r, err, "%s is there twice; leave one", keyword)
-                              : STATUS_OK;
+        return r->has_title++ ? bad_line(r, err, "%s is there twice; leave one", keyword) : STATUS_OK;
     if (strcmp(keyword, "LUT_1D_SIZE") == 0)
         return cube_size(r, keyword, rest, &cube->line, CUBE_1D_MIN, CUBE_1D_MAX, err);
     if (strcmp(keyword, "LUT_3D_SIZE") == 0)
@@ -197,8 +189,7 @@ static status cube_keyword(struct cube_reader *r, struct error *err)
                     (int)(length < CUBE_SHOWN_MAX ? length : CUBE_SHOWN_MAX), r->line);
 }
 
-static status cube_check_domain(const struct cube_reader *r, const struct cube_table *table,
-                                struct error *err)
+static status cube_check_domain(const struct cube_reader *r, const struct cube_table *table, struct error *err)
 {
     for (int c = 0; c < 3; c++)
         if (!(table->max[c] - table->min[c] >= CUBE_DOMAIN_MIN))
@@ -239,14 +230,10 @@ static status cube_begin_entries(struct cube_reader *r, struct error *err)
         return error_set(err, STATUS_ERR_INPUT, "%s should have %zu lines of numbers, and is too "
                          "short for them; it was cut off, or its size is wrong", r->name,
                          r->expected);
-    if (st == STATUS_OK)
-        st = cube_check_domain(r, &cube->line, err);
-    if (st == STATUS_OK)
-        st = cube_check_domain(r, &cube->cube, err);
-    if (st == STATUS_OK)
-        st = cube_allocate(&cube->line, cube->line.size, err);
-    if (st == STATUS_OK)
-        st = cube_allocate(&cube->cube, side * side * side, err);
+    THEN(st, cube_check_domain(r, &cube->line, err));
+    THEN(st, cube_check_domain(r, &cube->cube, err));
+    THEN(st, cube_allocate(&cube->line, cube->line.size, err));
+    THEN(st, cube_allocate(&cube->cube, side * side * side, err));
     return st;
 }
 
@@ -257,8 +244,7 @@ static status cube_entry(struct cube_reader *r, struct error *err)
     float *to;
     status st = r->expected == 0 ? cube_begin_entries(r, err) : STATUS_OK;
 
-    if (st == STATUS_OK)
-        st = cube_numbers(r, r->line, value, 3, err);
+    THEN(st, cube_numbers(r, r->line, value, 3, err));
     if (st != STATUS_OK)
         return st;
     if (r->count == r->expected)
@@ -282,11 +268,10 @@ static status cube_read(struct cube_reader *r, struct error *err)
             break;
         if (st == STATUS_OK && r->line[0] && r->line[0] != '#') {
             if (isalpha((unsigned char)r->line[0]) && r->expected > 0)
-                st = bad_line(r, err, "\"%.*s\" among the numbers; keywords belong above them",
-                              CUBE_SHOWN_MAX, r->line);
+                st =
+                    bad_line(r, err, "\"%.*s\" among the numbers; keywords belong above them", CUBE_SHOWN_MAX, r->line);
             else
-                st = strchr("+-.0123456789", r->line[0]) ? cube_entry(r, err)
-                                                         : cube_keyword(r, err);
+                st = strchr("+-.0123456789", r->line[0]) ? cube_entry(r, err) : cube_keyword(r, err);
         }
         if (st != STATUS_OK)
             return st;
@@ -299,16 +284,14 @@ static status cube_read(struct cube_reader *r, struct error *err)
     return STATUS_OK;
 }
 
-static status cube_load(void **out, const uint8_t *data, size_t size_bytes, const char *name,
-                        struct error *err)
+static status cube_load(void **out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
 {
     struct cube_reader r = {.name = name, .data = data, .end = data + size_bytes};
     struct cube *cube = mem_calloc(1, sizeof *cube);
     status st;
 
     *out = NULL;
-    if (!cube)
-        return error_no_memory(err, "a look-up table");
+    NEED(cube, err, "a look-up table");
     for (int c = 0; c < 3; c++)
         cube->line.max[c] = cube->cube.max[c] = 1.0;
     if (size_bytes >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0) /* a byte order mark */
@@ -324,8 +307,7 @@ static status cube_load(void **out, const uint8_t *data, size_t size_bytes, cons
 
 /* ---- looking up ----------------------------------------------------------------------------- */
 
-/* The position of `value` in a channel of the table: the entry below, and the fraction to the
- * next. */
+/* The position of `value` in a channel of the table: the entry below, and the fraction to the next. */
 static uint32_t locate(const struct cube_table *table, int channel, double value, float *fraction)
 {
     double last = table->size - 1;
@@ -379,8 +361,8 @@ static void look_up_cube(const struct cube_table *table, float rgb[3])
     weight[2] = t[second] - t[third];
     weight[3] = t[third];
     for (int c = 0; c < 3; c++)
-        rgb[c] = weight[0] * corner[0][c] + weight[1] * corner[1][c] + weight[2] * corner[2][c] +
-                 weight[3] * corner[3][c];
+        rgb[c] =
+            weight[0] * corner[0][c] + weight[1] * corner[1][c] + weight[2] * corner[2][c] + weight[3] * corner[3][c];
 }
 
 /* ---- the operator --------------------------------------------------------------------------- */
@@ -412,16 +394,9 @@ static float log2_pieces[CURVE_PIECES][4]; /* of 1 to 2 */
 static struct curve_table log2_table;
 static pthread_once_t log2_once = PTHREAD_ONCE_INIT;
 
-static double log2_of(double x, const void *user)
-{
-    (void)user;
-    return det_log_d(x) / det_log_d(2.0);
-}
+static double log2_of(double x, const void *user UNUSED) { return det_log_d(x) / det_log_d(2.0); }
 
-static void log2_build(void)
-{
-    curve_table_build(&log2_table, log2_pieces, 0, 1, log2_of, NULL);
-}
+static void log2_build(void) { curve_table_build(&log2_table, log2_pieces, 0, 1, log2_of, NULL); }
 
 struct look_up {
     const struct cube *cube;
@@ -434,8 +409,7 @@ static float log2_shape(const struct look_up *l, float light)
 {
     uint32_t bits = float_bits(light > FLT_MIN ? light : FLT_MIN);
     float mantissa = float_from_bits((bits & 0x7fffff) | 0x3f800000);
-    double stops = (double)((int)(bits >> 23) - 127) +
-                   (double)curve_table_at(&log2_table, mantissa);
+    double stops = (double)((int)(bits >> 23) - 127) + (double)curve_table_at(&log2_table, mantissa);
 
     return (float)((stops - l->log2_start) * l->log2_scale);
 }
@@ -460,18 +434,17 @@ static void lut_row(const void *user, float *rgb, uint32_t width)
         srgb_encode_row(rgb, count);
 }
 
-static status lut_apply(const struct tonemap_frame *frame, const double *state, struct error *err)
+static status lut_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err)
 {
     const double *values = frame->values;
     struct look_up l = {
         .cube = frame->file, .input = (int)values[INPUT], .output = (int)values[OUTPUT],
     };
 
-    (void)state;
     if (l.input == INPUT_LOG2 && !(values[LOG2_MAX] > values[LOG2_MIN]))
         return error_set(err, STATUS_ERR_INPUT,
-                         "lut's log2-max must be larger than its log2-min, and they are %g and %g",
-                         values[LOG2_MAX], values[LOG2_MIN]);
+                         "lut's log2-max must be larger than its log2-min, and they are %g and %g", values[LOG2_MAX],
+                         values[LOG2_MIN]);
     pthread_once(&log2_once, log2_build);
     l.log2_start = log2_of(0.18, NULL) + values[LOG2_MIN];
     l.log2_scale = 1.0 / (values[LOG2_MAX] - values[LOG2_MIN]);

@@ -1,5 +1,5 @@
-/* Contrast processing in the gradient domain, of Mantiuk, Myszkowski and Seidel 2006. Where the
- * paper leaves a choice open, this follows their own implementation.
+/* Contrast processing in the gradient domain, of Mantiuk, Myszkowski and Seidel 2006. Where the paper leaves a choice
+ * open, this follows their own implementation.
  *
  *   log10 Y -> differences G to neighbours at all scales (gradient_field)
  *           -> W = 10^(detail |G|) - 1 -> response R, in just noticeable steps
@@ -7,30 +7,28 @@
  *           -> the plane whose differences come nearest to G', each weighed by 1 / threshold(G')
  *           -> its 0.1 % and 99.9 % percentiles to 10^-2.3 and 1, times the exposure
  *
- * The response counts discrimination thresholds (section 3.2): R(0) = 0, R(0.01) = 1, and from
- * there each step is one threshold wide, dW(W) = 0.0928 W^1.08 + 0.0046 W^-0.18 after Whittle 1986,
- * with straight lines between. The recurrence gives the 107 numbers that the implementations
- * tabulate up to W = 10510, and continues above it.
+ * The response counts discrimination thresholds (section 3.2): R(0) = 0, R(0.01) = 1, and from there each step is one
+ * threshold wide, dW(W) = 0.0928 W^1.08 + 0.0046 W^-0.18 after Whittle 1986, with straight lines between. The
+ * recurrence gives the 107 numbers that the implementations tabulate up to W = 10510, and continues above it.
  *
- * When equalizing, a pixel's responses to its right and lower neighbour keep their ratio. The
- * length of the two becomes the share of all pixels of all levels that have a shorter one.
+ * When equalizing, a pixel's responses to its right and lower neighbour keep their ratio. The length of the two becomes
+ * the share of all pixels of all levels that have a shorter one.
  *
- * Differences: black pixels (which would be minus infinity) are 10^-8 of the log-mean, and bright
- * ones end at 10^8 of it, where the implementations take 10^-7 of the maximum and so lose the
- * picture to a firefly; percentiles are only of pixels with light; strips have levels with sides
- * below 3 pixels; a picture without any contrast becomes grey. When equalizing, a difference of 0
- * stays 0, where pfstools divides 0 by 0 in the last corner of each level and gets a full response
- * there.
+ * Differences: black pixels (which would be minus infinity) are 10^-8 of the log-mean, and bright ones end at 10^8 of
+ * it, where the implementations take 10^-7 of the maximum and so lose the picture to a firefly; percentiles are only of
+ * pixels with light; strips have levels with sides below 3 pixels; a picture without any contrast becomes grey. When
+ * equalizing, a difference of 0 stays 0, where pfstools divides 0 by 0 in the last corner of each level and gets a full
+ * response there.
  *
- * A frame's state is the two percentiles, taken from a solution for a small copy. The picture's own
- * percentiles are moved by as much as a mean over frames moves the state: a single frame is exact,
- * and in a sequence the brightness is smoothed.
+ * A frame's state is the two percentiles, taken from a solution for a small copy. The picture's own percentiles are
+ * moved by as much as a mean over frames moves the state: a single frame is exact, and in a sequence the brightness is
+ * smoothed.
  */
 #include <math.h>
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "common/base/parallel.h"
+#include "common/system/parallel.h"
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/quick.h"
@@ -58,10 +56,10 @@ static const struct tonemap_parameter parameters[] = {
 };
 
 static const double LN_10 = 2.302585092994045684, LOG10_2 = 0.30102999566398119521;
-static const double DISPLAY_RANGE = 2.3;   /* decades between the percentiles */
-static const double PERCENT = 0.1;         /* cut off at either end */
-static const double RANGE_MIN = 1e-4;      /* decades: less is noise of the arithmetic */
-static const double DECADES_MAX = 8.0;     /* from the log-mean, either way */
+static const double DISPLAY_RANGE = 2.3; /* decades between the percentiles */
+static const double PERCENT = 0.1;       /* cut off at either end */
+static const double RANGE_MIN = 1e-4;    /* decades: less is noise of the arithmetic */
+static const double DECADES_MAX = 8.0;   /* from the log-mean, either way */
 static const double TOLERANCE = 1e-3;
 enum { STEPS_MAX = 200, SMALL_SIDE = 192, LINES = 32 };
 
@@ -151,10 +149,7 @@ static double difference_of(const struct transducer *t, double r)
 }
 
 /* The weight of a wanted difference: one over the threshold of seeing it change, simplified. */
-static double weight_of(double g)
-{
-    return det_pow_d(fmax(g, 0.001), -0.537756) / 0.038737;
-}
+static double weight_of(double g) { return det_pow_d(fmax(g, 0.001), -0.537756) / 0.038737; }
 
 /* ---- what becomes of differences ------------------------------------------------------------ */
 
@@ -195,11 +190,11 @@ enum { RANKS = 1 << 15 };
 static const float ROUNDING = 0x1p-16f; /* decades: a 280th of the smallest visible difference */
 
 struct equalizing {
-    struct sampled response;            /* R / |G|, of |G| */
-    struct sampled difference, weight;  /* |G| / R and its weight, of R */
+    struct sampled response;           /* R / |G|, of |G| */
+    struct sampled difference, weight; /* |G| / R and its weight, of R */
     float contrast;
-    float *ranks;                       /* [RANKS + 1] */
-    uint64_t (*counts)[RANKS];          /* [GRADIENT_STRIPES] */
+    float *ranks;              /* [RANKS + 1] */
+    uint64_t (*counts)[RANKS]; /* [GRADIENT_STRIPES] */
 };
 
 /* Without any contrast before there must be none after. The last digits of a level's means differ,
@@ -211,8 +206,7 @@ static float response_to(const struct equalizing *e, float difference)
     return size > ROUNDING ? difference * sampled_at(&e->response, size) : 0.0f;
 }
 
-static float response_length(const struct equalizing *e, const struct gradient_run *run, size_t i,
-                             float *x, float *y)
+static float response_length(const struct equalizing *e, const struct gradient_run *run, size_t i, float *x, float *y)
 {
     *x = response_to(e, run->x[i]);
     *y = response_to(e, run->y[i]);
@@ -262,8 +256,8 @@ static void rank_responses(struct equalizing *e)
     e->ranks[RANKS] = 1.0f;
 }
 
-static status want_equalized(struct gradient_field *field, const float *plane,
-                             const struct transducer *t, double contrast, struct error *err)
+static status want_equalized(struct gradient_field *field, const float *plane, const struct transducer *t,
+                             double contrast, struct error *err)
 {
     struct equalizing e = {.contrast = (float)(contrast * FULL_RESPONSE)};
     status st = STATUS_OK;
@@ -292,8 +286,8 @@ static status want_equalized(struct gradient_field *field, const float *plane,
 }
 
 /* The plane (log10 luminance) after contrast processing, up to a constant. */
-static status process(float *plane, uint32_t width, uint32_t height, const double *values,
-                      unsigned threads, struct error *err)
+static status process(float *plane, uint32_t width, uint32_t height, const double *values, unsigned threads,
+                      struct error *err)
 {
     struct gradient_field field;
     struct transducer t;
@@ -321,12 +315,11 @@ struct logging {
     const struct tonemap_frame *frame;
     uint32_t width, height; /* of the plane, not larger than the picture */
     float *plane;
-    uint8_t *lit;           /* whether there is any light */
+    uint8_t *lit; /* whether there is any light */
     struct quick quick;
 };
 
-static double mean_luminance(const struct image *image, size_t x, size_t y, size_t x_end,
-                             size_t y_end)
+static double mean_luminance(const struct image *image, size_t x, size_t y, size_t x_end, size_t y_end)
 {
     double sum = 0.0;
 
@@ -345,10 +338,8 @@ static void log_lines(void *user, size_t begin, size_t end)
 
     for (size_t y = begin; y < end; y++)
         for (size_t x = 0; x < l->width; x++) {
-            double value = mean_luminance(image, x * image->width / l->width,
-                                          y * image->height / l->height,
-                                          (x + 1) * image->width / l->width,
-                                          (y + 1) * image->height / l->height);
+            double value = mean_luminance(image, x * image->width / l->width, y * image->height / l->height,
+                                          (x + 1) * image->width / l->width, (y + 1) * image->height / l->height);
 
             l->lit[y * l->width + x] = value > 0.0;
             value *= inverse_mean;
@@ -371,8 +362,7 @@ static uint32_t ordered_bits(float x)
 enum { HALF_VALUES = 1 << 16 };
 
 /* The value with `rank` smaller ones among those that count; `counts` is scratch memory. */
-static float ranked(const float *plane, const uint8_t *lit, size_t count, uint64_t rank,
-                    uint64_t *counts)
+static float ranked(const float *plane, const uint8_t *lit, size_t count, uint64_t rank, uint64_t *counts)
 {
     uint32_t upper = 0, bits = 0;
 
@@ -402,8 +392,7 @@ static status percentiles(struct processed *p, const struct logging *l, struct e
     size_t count = (size_t)l->width * l->height, lit = 0;
     uint64_t *counts = mem_alloc_array(HALF_VALUES, sizeof *counts), rank;
 
-    if (!counts)
-        return error_no_memory(err, "a histogram");
+    NEED(counts, err, "a histogram");
     for (size_t i = 0; i < count; i++)
         lit += l->lit[i];
     rank = lit > 0 ? (uint64_t)(PERCENT / 100.0 * (double)(lit - 1) + 0.5) : 0;
@@ -414,8 +403,8 @@ static status percentiles(struct processed *p, const struct logging *l, struct e
 }
 
 /* The frame, reduced to `width` by `height`. On success the caller owns the plane. */
-static status process_frame(struct processed *out, const struct tonemap_frame *frame,
-                            uint32_t width, uint32_t height, struct error *err)
+static status process_frame(struct processed *out, const struct tonemap_frame *frame, uint32_t width, uint32_t height,
+                            struct error *err)
 {
     struct logging l = {.frame = frame, .width = width, .height = height};
     size_t count = (size_t)width * height;
@@ -431,8 +420,7 @@ static status process_frame(struct processed *out, const struct tonemap_frame *f
         parallel_for(frame->threads, height, LINES, log_lines, &l);
         st = process(l.plane, width, height, frame->values, frame->threads, err);
     }
-    if (st == STATUS_OK)
-        st = percentiles(out, &l, err);
+    THEN(st, percentiles(out, &l, err));
     mem_free(l.lit);
     if (st == STATUS_OK)
         out->plane = l.plane;
@@ -448,13 +436,10 @@ static status mantiuk_measure(const struct tonemap_frame *frame, double *state, 
     uint32_t side = width > height ? width : height, shrink = 1 + (side - 1) / SMALL_SIDE;
     struct processed p;
     double mean = 0.0;
-    status st;
 
     width = 1 + (width - 1) / shrink;
     height = 1 + (height - 1) / shrink;
-    st = process_frame(&p, frame, width, height, err);
-    if (st != STATUS_OK)
-        return st;
+    TRY(process_frame(&p, frame, width, height, err));
     for (size_t i = 0; i < (size_t)width * height; i++)
         mean += (double)p.plane[i];
     mean /= (double)((size_t)width * height);
@@ -505,8 +490,7 @@ static void colour_lines(void *user, size_t begin, size_t end)
     }
 }
 
-static status mantiuk_apply(const struct tonemap_frame *frame, const double *state,
-                            struct error *err)
+static status mantiuk_apply(const struct tonemap_frame *frame, const double *state, struct error *err)
 {
     struct colouring c = {.frame = frame, .saturation = frame->values[SATURATION]};
     double own[STATE_COUNT], range;
@@ -516,8 +500,7 @@ static status mantiuk_apply(const struct tonemap_frame *frame, const double *sta
     if (!state)
         return STATUS_OK; /* black */
     st = mantiuk_measure(frame, own, err);
-    if (st == STATUS_OK)
-        st = process_frame(&p, frame, frame->image->width, frame->image->height, err);
+    THEN(st, process_frame(&p, frame, frame->image->width, frame->image->height, err));
     if (st != STATUS_OK)
         return st;
     p.low += state[STATE_LOW] - own[STATE_LOW];

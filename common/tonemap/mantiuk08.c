@@ -1,17 +1,16 @@
-/* Display adaptive tone mapping: R. Mantiuk, S. Daly, L. Kerofsky 2008. A tone curve is fitted so
- * that what a viewer sees on a given display, in given light, is as close as possible to what they
- * would see of the scene. The curve is global; colours follow its slope (R. Mantiuk, A.
- * Tomaszewska, W. Heidrich, "Color Correction for Tone Mapping", CGF 28(2), 2009).
+/* Display adaptive tone mapping: R. Mantiuk, S. Daly, L. Kerofsky 2008. A tone curve is fitted so that what a viewer
+ * sees on a given display, in given light, is as close as possible to what they would see of the scene. The curve is
+ * global; colours follow its slope (R. Mantiuk, A. Tomaszewska, W. Heidrich, "Color Correction for Tone Mapping", CGF
+ * 28(2), 2009).
  *
- * `detail` is NOT in the paper: what is finer than half a degree of the viewer's eye and is not an
- * edge (mantiuk08_detail.c) keeps its contrast after the curve, times that factor. At 1 the
- * operator equals the paper's, to the bit.
+ * `detail` is NOT in the paper: what is finer than half a degree of the viewer's eye and is not an edge
+ * (mantiuk08_detail.c) keeps its contrast after the curve, times that factor. At 1 the operator equals the paper's, to
+ * the bit.
  *
- * The state is the curve's y at its nodes, then its slope there. Both may be averaged over frames:
- * a mean of curves that do not decrease and stay within the display's range has the same
- * properties.
+ * The state is the curve's y at its nodes, then its slope there. Both may be averaged over frames: a mean of curves
+ * that do not decrease and stay within the display's range has the same properties.
  */
-#include "common/tonemap/mantiuk08.h"
+#include "common/tonemap/mantiuk08/mantiuk08.h"
 
 #include <math.h>
 #include <string.h>
@@ -59,12 +58,10 @@ static const struct tonemap_parameter parameters[] = {
 
 /* k1 and k2 of the colour correction's sigmoid. */
 static const double COLOUR_K1 = 1.48, COLOUR_K2 = 0.82;
-/* Limit of a channel's distance below the luminance, so that no colour jumps where the curve
- * becomes level. */
+/* Limit of a channel's distance below the luminance, so that no colour jumps where the curve becomes level. */
 static const double RATIO_MIN = 1e-4;
 
-static status choose_display(struct m08_display *out, const struct tonemap_frame *frame,
-                             struct error *err)
+static status choose_display(struct m08_display *out, const struct tonemap_frame *frame, struct error *err)
 {
     int model = (int)frame->values[DISPLAY];
 
@@ -95,11 +92,9 @@ static status measure(const struct tonemap_frame *frame, double *state, struct e
     if (st != STATUS_OK)
         return st;
     contrasts = mem_alloc(sizeof *contrasts);
-    if (!contrasts)
-        return error_no_memory(err, "the contrasts of a picture");
+    NEED(contrasts, err, "the contrasts of a picture");
     st = m08_contrasts_measure(contrasts, frame, frame->values[PPD], err);
-    if (st == STATUS_OK)
-        st = m08_curve_fit(&curve, contrasts, &model, err);
+    THEN(st, m08_curve_fit(&curve, contrasts, &model, err));
     if (st == STATUS_OK)
         memcpy(state, &curve, sizeof curve);
     mem_free(contrasts);
@@ -196,21 +191,18 @@ static void map_row_detail(const void *user, size_t y, const float *base)
 }
 
 /* No pixel counted: those that are not black must have been infinite. */
-static void map_row_black(const void *user, float *rgb, uint32_t width)
+static void map_row_black(const void *user UNUSED, float *rgb, uint32_t width)
 {
-    (void)user;
     for (size_t i = 0; i < (size_t)width * 3; i++)
         rgb[i] = rgb[i] > 0.0f ? 1.0f : 0.0f;
 }
 
-static status apply_detail(const struct tonemap_frame *frame, const struct mapping *m,
-                           struct error *err)
+static status apply_detail(const struct tonemap_frame *frame, const struct mapping *m, struct error *err)
 {
     struct m08_base base;
     status st = m08_base_init(&base, frame, frame->values[PPD], err);
 
-    if (st == STATUS_OK)
-        st = m08_base_each_row(&base, frame->threads, map_row_detail, m, err);
+    THEN(st, m08_base_each_row(&base, frame->threads, map_row_detail, m, err));
     m08_base_release(&base);
     return st;
 }
@@ -218,10 +210,7 @@ static status apply_detail(const struct tonemap_frame *frame, const struct mappi
 static status apply(const struct tonemap_frame *frame, const double *state, struct error *err)
 {
     struct mapping m = {.image = frame->image, .detail = frame->values[DETAIL]};
-    status st = choose_display(&m.display, frame, err);
-
-    if (st != STATUS_OK)
-        return st;
+    TRY(choose_display(&m.display, frame, err));
     if (!state) {
         tonemap_each_row(frame, map_row_black, NULL);
         return STATUS_OK;

@@ -1,7 +1,6 @@
-/* Division by a reference taken from the picture: the value below which a percentile of the pixels
- * lies, a pixel's value being its largest channel, so that at 100 nothing is cut off. The preset
- * gives up the brightest thousandth, because in rendered pictures the maximum is a firefly or the
- * sun, and everything else would be black. */
+/* Division by a reference taken from the picture: the value below which a percentile of the pixels lies, a pixel's
+ * value being its largest channel, so that at 100 nothing is cut off. The preset gives up the brightest thousandth,
+ * because in rendered pictures the maximum is a firefly or the sun, and everything else would be black. */
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
 
@@ -14,12 +13,11 @@ static const struct tonemap_parameter parameters[] = {
 };
 
 /* The logarithm of the reference, before exposure. */
-static status normalize_measure(const struct tonemap_frame *frame, double *state,
-                                struct error *err)
+static status normalize_measure(const struct tonemap_frame *frame, double *state, struct error *err)
 {
     double reference;
-    status st = tonemap_percentile_of(&reference, frame->image, TONEMAP_LARGEST_CHANNEL,
-                                      frame->values[PERCENTILE], frame->threads, err);
+    status st = tonemap_percentile_of(&reference, frame->image, TONEMAP_LARGEST_CHANNEL, frame->values[PERCENTILE],
+                                      frame->threads, err);
 
     if (st == STATUS_OK)
         state[0] = reference > 0.0 ? det_log_d(reference / frame->gain) : 0.0;
@@ -34,12 +32,10 @@ static void scale_row(const void *user, float *rgb, uint32_t width)
         rgb[i] = (float)fmin((double)rgb[i] * scale, 1.0);
 }
 
-static status normalize_apply(const struct tonemap_frame *frame, const double *state,
-                              struct error *err)
+static status normalize_apply(const struct tonemap_frame *frame, const double *state, struct error *err UNUSED)
 {
     double scale = state ? det_exp_d(-state[0]) : 1.0;
 
-    (void)err;
     tonemap_each_row(frame, scale_row, &scale);
     return STATUS_OK;
 }

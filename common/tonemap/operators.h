@@ -1,8 +1,7 @@
 /* The operators, one a file, and what they share. Private to common/tonemap. */
-#ifndef AZULEJO_TONEMAP_OPERATORS_H
-#define AZULEJO_TONEMAP_OPERATORS_H
+#pragma once
 
-#include "common/tonemap/tonemap.h"
+#include "common/tonemap/operator.h"
 
 /* One row per operator, in the order in which they are listed; the first is the default. */
 #define TONEMAP_OPERATORS(X) \
@@ -37,18 +36,16 @@ static inline double tonemap_luminance(const float rgb[3])
 }
 
 /* Call row(user, rgb[width][3], width) for every line of the frame's picture, on its threads. */
-void tonemap_each_row(const struct tonemap_frame *frame,
-                      void (*row)(const void *user, float *rgb, uint32_t width), const void *user);
+void tonemap_each_row(const struct tonemap_frame *frame, void (*row)(const void *user, float *rgb, uint32_t width),
+                      const void *user);
 
 /* The luminance, or largest channel, below which `percent` (0..100) of the frame's pixels lie, as a
  * float, exactly (nearest rank); 0 if no pixel counts. Pixels without light do not count, nor do
  * those with a channel of FLT_MAX, which stands for values that were not finite. ERR_NO_MEMORY. */
 enum tonemap_of { TONEMAP_LUMINANCE, TONEMAP_LARGEST_CHANNEL };
-status tonemap_percentile_of(double *out, const struct image *image, enum tonemap_of of,
-                             double percent, unsigned threads, struct error *err) MUST_CHECK;
+status tonemap_percentile_of(double *out, const struct image *image, enum tonemap_of of, double percent,
+                             unsigned threads, struct error *err) MUST_CHECK;
 
 /* The matrix for linear Rec. 709 that makes a light of that colour temperature look like D65
  * (Bradford). Below 4000 K the Planckian locus, above it the CIE daylight locus. */
 void tonemap_white_balance(double kelvin, double out[3][3]);
-
-#endif

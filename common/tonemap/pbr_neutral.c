@@ -1,12 +1,11 @@
-/* Khronos' neutral tone mapper: values between 0.08 and 0.8 change only by the 0.04 that a
- * dielectric's reflection adds to its base colour; only brighter values are compressed and turned
- * to white. */
+/* Khronos' neutral tone mapper: values between 0.08 and 0.8 change only by the 0.04 that a dielectric's reflection adds
+ * to its base colour; only brighter values are compressed and turned to white. */
 #include <math.h>
 
 #include "common/tonemap/operators.h"
 
-static const double FRESNEL = 0.04;         /* reflectance at normal incidence, ior 1.5 */
-static const double START = 0.8 - 0.04;     /* of the compression */
+static const double FRESNEL = 0.04;     /* reflectance at normal incidence, ior 1.5 */
+static const double START = 0.8 - 0.04; /* of the compression */
 static const double DESATURATION = 0.15;
 
 static void neutral_pixel(float rgb[3])
@@ -27,18 +26,14 @@ static void neutral_pixel(float rgb[3])
         rgb[c] = (float)fmax(((double)rgb[c] - offset) * scale + white, 0.0);
 }
 
-static void neutral_row(const void *user, float *rgb, uint32_t width)
+static void neutral_row(const void *user UNUSED, float *rgb, uint32_t width)
 {
-    (void)user;
     for (float *p = rgb; p < rgb + (size_t)width * 3; p += 3)
         neutral_pixel(p);
 }
 
-static status neutral_apply(const struct tonemap_frame *frame, const double *state,
-                            struct error *err)
+static status neutral_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err UNUSED)
 {
-    (void)state;
-    (void)err;
     tonemap_each_row(frame, neutral_row, NULL);
     return STATUS_OK;
 }

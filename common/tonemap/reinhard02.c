@@ -1,23 +1,22 @@
-/* Photographic tone reproduction of Reinhard et al. 2002: the global operator with burn-out at a
- * white point (their equations 1, 2 and 4), and the local one, dodging and burning (equations 5 to
- * 9). Colours keep their ratios: every channel is scaled like the luminance.
+/* Photographic tone reproduction of Reinhard et al. 2002: the global operator with burn-out at a white point (their
+ * equations 1, 2 and 4), and the local one, dodging and burning (equations 5 to 9). Colours keep their ratios: every
+ * channel is scaled like the luminance.
  *
  *   L  = key / log_mean * Y
  *   Ld = L (1 + L / white^2) / (1 + V)      V = L, or locally V1 at the pixel's scale
  *
  * The scale Ld / Y is computed without dividing by Y, so black stays black without a special case.
  *
- * Locally, V1(s) is L blurred by a Gaussian exp(-r^2 / (alpha1 s)^2), and a pixel takes the largest
- * s up to which no scale's centre and surround differ by more than the threshold. The surround's
- * alpha2 is 1.6 alpha1 and the scales are 1.6 apart, so a scale's surround is the next one's
- * centre: eight scales are nine blurs, the last of them (s = 43) only a surround. The paper has no
- * white point here. Ours is in the numerator, with the same effect as in the global operator: where
- * the surroundings are as bright as the pixel the two agree.
+ * Locally, V1(s) is L blurred by a Gaussian exp(-r^2 / (alpha1 s)^2), and a pixel takes the largest s up to which no
+ * scale's centre and surround differ by more than the threshold. The surround's alpha2 is 1.6 alpha1 and the scales are
+ * 1.6 apart, so a scale's surround is the next one's centre: eight scales are nine blurs, the last of them (s = 43)
+ * only a surround. The paper has no white point here. Ours is in the numerator, with the same effect as in the global
+ * operator: where the surroundings are as bright as the pixel the two agree.
  */
 #include <math.h>
 
 #include "common/base/memory.h"
-#include "common/base/parallel.h"
+#include "common/system/parallel.h"
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
@@ -26,14 +25,19 @@ enum { KEY, WHITE, SCALE, SHARPNESS, THRESHOLD };
 enum scale { SCALE_GLOBAL, SCALE_LOCAL };
 enum { SCALES = 8 };
 
+/* Pure white of the paper's Zone System (its section 2): middle grey, 0.18, is Zone V, and each zone doubles. The
+ * paper's own preset, the picture's maximum, is one pixel: in a noisy picture it is luck. */
+#define ZONE_X (0.18 * 32)
+
 static const char *const scale_names[] = {"global", "local", NULL};
 
 static const struct tonemap_parameter parameters[] = {
     [KEY] = {"key", 0.001, 100.0, 0.18,
              "what the picture's log-mean luminance becomes before compression; "
              "0.045 is low key, 0.72 high key", TONEMAP_NUMBER, NULL},
-    [WHITE] = {"white", 0.0, 1e9, 0.0,
-               "the scaled luminance that becomes white; 0: the picture's maximum",
+    [WHITE] = {"white", 0.0, 1e9, ZONE_X,
+               "the scaled luminance that becomes white; 5.76: Zone X, five stops above middle grey; 0: the "
+               "picture's maximum, which is one noisy pixel; 1e9: never",
                TONEMAP_NUMBER, NULL},
     [SCALE] = {"scale", 0, 1, SCALE_GLOBAL,
                "global: one curve for the picture; local: dodging and burning, each pixel by the "
@@ -55,11 +59,13 @@ struct curve {
 static void scale_pixel(const struct curve *curve, float *p, double around)
 {
     double luminance = curve->scale * tonemap_luminance(p);
-    double factor = curve->scale * (1.0 + luminance * curve->inverse_white2) /
-                    (1.0 + (around < 0.0 ? luminance : around));
+    double factor =
+        curve->scale * (1.0 + luminance * curve->inverse_white2) / (1.0 + (around < 0.0 ? luminance : around));
 
-    for (int c = 0; c < 3; c++)
-        p[c] = (float)fmin((double)p[c] * factor, 1.0);
+    for (int c = 0; c < 3; c++) {
+        double scaled = (double)p[c] * factor;
+        p[c] = (float)(scaled < 1.0 ? scaled : 1.0);
+    }
 }
 
 static void reinhard_row(const void *user, float *rgb, uint32_t width)
@@ -80,8 +86,8 @@ enum {
     LINES = 32,
 };
 
-/* Half of a symmetric kernel, cut off at three times alpha s: the middle, then one side. */
-struct kernel {
+/* Half of a symmetric Gaussian, cut off at three times alpha s: the middle, then one side. */
+struct gaussian {
     int radius;
     float weights[RADIUS_MAX + 1];
 };
@@ -90,7 +96,7 @@ struct local {
     const struct tonemap_frame *frame;
     struct curve curve;
     uint32_t width, height;
-    struct kernel kernel;
+    struct gaussian gaussian;
     float *luminance; /* L */
     float *rows;      /* L blurred along the lines */
     float *centre;    /* V1 at the current scale */
@@ -99,18 +105,18 @@ struct local {
     float threshold;
 };
 
-static void kernel_init(struct kernel *kernel, double s)
+static void gaussian_init(struct gaussian *gaussian, double s)
 {
     double sum = 0.0, weights[RADIUS_MAX + 1];
 
-    kernel->radius = (int)floor(3.0 * ALPHA * s);
-    for (int i = 0; i <= kernel->radius; i++) {
+    gaussian->radius = (int)floor(3.0 * ALPHA * s);
+    for (int i = 0; i <= gaussian->radius; i++) {
         double r = (double)i / (ALPHA * s);
         weights[i] = det_exp_d(-r * r);
         sum += i ? 2.0 * weights[i] : weights[i];
     }
-    for (int i = 0; i <= kernel->radius; i++)
-        kernel->weights[i] = (float)(weights[i] / sum);
+    for (int i = 0; i <= gaussian->radius; i++)
+        gaussian->weights[i] = (float)(weights[i] / sum);
 }
 
 /* The index of a picture mirrored at its borders at `i`: ... 1 0 0 1 2 ... n-1 n-1 ... */
@@ -130,15 +136,12 @@ static void luminance_lines(void *user, size_t begin, size_t end)
     for (size_t i = begin * l->width; i < end * l->width; i++) {
         double value = l->curve.scale * tonemap_luminance(l->frame->image->pixels + 3 * i);
 
-        l->luminance[i] = value < (double)LUMINANCE_MAX || !SAFEGUARD(REINHARD_SUN)
-                              ? (float)value
-                              : LUMINANCE_MAX;
+        l->luminance[i] = value < (double)LUMINANCE_MAX || !SAFEGUARD(REINHARD_SUN) ? (float)value : LUMINANCE_MAX;
     }
 }
 
-/* out[0..count) = the kernel over from[-radius .. count + radius). */
-static void blur_along(const struct kernel *k, float *restrict out, const float *from,
-                       size_t count)
+/* out[0..count) = the Gaussian over from[-radius .. count + radius). */
+static void blur_along(const struct gaussian *k, float *restrict out, const float *from, size_t count)
 {
     for (size_t x = 0; x < count; x++)
         out[x] = k->weights[0] * from[x];
@@ -155,7 +158,7 @@ static void blur_rows(void *user, size_t begin, size_t end)
 {
     struct local *l = user;
     float padded[STRIP + 2 * RADIUS_MAX];
-    size_t radius = (size_t)l->kernel.radius;
+    size_t radius = (size_t)l->gaussian.radius;
 
     for (size_t y = begin; y < end; y++)
         for (size_t x = 0; x < l->width; x += STRIP) {
@@ -164,27 +167,23 @@ static void blur_rows(void *user, size_t begin, size_t end)
 
             for (size_t i = 0; i < count + 2 * radius; i++) {
                 size_t at = x + i - radius; /* wraps below 0, which counts as outside too */
-                padded[i] = line[at < l->width ? at
-                                               : mirrored((ptrdiff_t)at, l->width)];
+                padded[i] = line[at < l->width ? at : mirrored((ptrdiff_t)at, l->width)];
             }
-            blur_along(&l->kernel, l->rows + y * l->width + x, padded + radius, count);
+            blur_along(&l->gaussian, l->rows + y * l->width + x, padded + radius, count);
         }
 }
 
-/* out[0..count) = the kernel over the column of lines around y, from column x on. */
-static void blur_across(const struct local *l, float *restrict out, size_t y, size_t x,
-                        size_t count)
+/* out[0..count) = the Gaussian over the column of lines around y, from column x on. */
+static void blur_across(const struct local *l, float *restrict out, size_t y, size_t x, size_t count)
 {
-    const struct kernel *k = &l->kernel;
+    const struct gaussian *k = &l->gaussian;
     const float *middle = l->rows + y * l->width + x;
 
     for (size_t i = 0; i < count; i++)
         out[i] = k->weights[0] * middle[i];
     for (int r = 1; r <= k->radius; r++) {
-        const float *above =
-            l->rows + mirrored((ptrdiff_t)y - r, l->height) * l->width + x;
-        const float *below =
-            l->rows + mirrored((ptrdiff_t)y + r, l->height) * l->width + x;
+        const float *above = l->rows + mirrored((ptrdiff_t)y - r, l->height) * l->width + x;
+        const float *below = l->rows + mirrored((ptrdiff_t)y + r, l->height) * l->width + x;
         float weight = k->weights[r];
 
         for (size_t i = 0; i < count; i++)
@@ -208,9 +207,8 @@ static void first_scale(void *user, size_t begin, size_t end)
         }
 }
 
-/* Compare a scale's centre with its surround, the next scale's centre. Where they agree, the scale
- * is chosen for now; elsewhere the previous one is final (equation 8). A pixel at which even the
- * smallest scale fails keeps that. */
+/* Compare a scale's centre with its surround, the next scale's centre. Where they agree, the scale is chosen for now;
+ * elsewhere the previous one is final (equation 8). A pixel at which even the smallest scale fails keeps that. */
 static void next_scale(void *user, size_t begin, size_t end)
 {
     struct local *l = user;
@@ -224,8 +222,7 @@ static void next_scale(void *user, size_t begin, size_t end)
 
             blur_across(l, surround, y, x, count);
             for (size_t i = 0; i < count; i++) {
-                int alike = fabsf(centre[i] - surround[i]) <=
-                            l->threshold * (l->activity + centre[i]);
+                int alike = fabsf(centre[i] - surround[i]) <= l->threshold * (l->activity + centre[i]);
                 if (signbit(chosen[i]))
                     chosen[i] = alike ? -centre[i] : -chosen[i];
                 centre[i] = surround[i];
@@ -243,7 +240,7 @@ static void scale_lines(void *user, size_t begin, size_t end)
 
 static void local_blur(struct local *l, double s, void (*across)(void *, size_t, size_t))
 {
-    kernel_init(&l->kernel, s);
+    gaussian_init(&l->gaussian, s);
     parallel_for(l->frame->threads, l->height, LINES, blur_rows, l);
     parallel_for(l->frame->threads, l->height, LINES, across, l);
 }
@@ -264,8 +261,7 @@ static void local_run(struct local *l)
     parallel_for(l->frame->threads, l->height, LINES, scale_lines, l);
 }
 
-static status local_apply(const struct tonemap_frame *frame, const struct curve *curve,
-                          struct error *err)
+static status local_apply(const struct tonemap_frame *frame, const struct curve *curve, struct error *err)
 {
     struct local l = {.frame = frame, .curve = *curve, .width = frame->image->width,
                       .height = frame->image->height};
@@ -287,14 +283,11 @@ static status local_apply(const struct tonemap_frame *frame, const struct curve 
     return st;
 }
 
-static status reinhard_apply(const struct tonemap_frame *frame, const double *state,
-                             struct error *err)
+static status reinhard_apply(const struct tonemap_frame *frame, const double *state UNUSED, struct error *err)
 {
     struct curve curve = {.scale = frame->values[KEY] / frame->statistics.log_mean};
-    double white = frame->values[WHITE] > 0.0 ? frame->values[WHITE]
-                                              : curve.scale * frame->statistics.max;
+    double white = frame->values[WHITE] > 0.0 ? frame->values[WHITE] : curve.scale * frame->statistics.max;
 
-    (void)state;
     curve.inverse_white2 = white > 0.0 || !SAFEGUARD(REINHARD_BLACK) ? 1.0 / (white * white) : 0.0;
     if ((int)frame->values[SCALE] == SCALE_LOCAL)
         return local_apply(frame, &curve, err);
@@ -302,10 +295,7 @@ static status reinhard_apply(const struct tonemap_frame *frame, const double *st
     return STATUS_OK;
 }
 
-static int reinhard_is_local(const double *values)
-{
-    return (int)values[SCALE] == SCALE_LOCAL;
-}
+static int reinhard_is_local(const double *values) { return (int)values[SCALE] == SCALE_LOCAL; }
 
 const struct tonemap_operator tonemap_reinhard02 = {
     .name = "reinhard02",

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "common/base/parallel.h"
+#include "common/system/parallel.h"
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/operators.h"
@@ -42,9 +42,9 @@ static double counted_luminance(const float rgb[3], const double (*matrix)[3])
     if (!matrix)
         return tonemap_luminance(positive);
     for (int i = 0; i < 3; i++)
-        sum += tonemap_weights[i] * fmax(matrix[i][0] * (double)positive[0] +
-                                         matrix[i][1] * (double)positive[1] +
-                                         matrix[i][2] * (double)positive[2], 0.0);
+        sum += tonemap_weights[i] * fmax(matrix[i][0] * (double)positive[0] + matrix[i][1] * (double)positive[1] +
+                                             matrix[i][2] * (double)positive[2],
+                                         0.0);
     return sum;
 }
 
@@ -100,16 +100,15 @@ static void measure_lines(void *user, size_t begin, size_t end)
     }
 }
 
-status statistics_measure(struct tonemap_statistics *out, const struct image *in,
-                          const double matrix[3][3], unsigned threads, struct error *err)
+status statistics_measure(struct tonemap_statistics *out, const struct image *in, const double matrix[3][3],
+                          unsigned threads, struct error *err)
 {
     struct measuring m = {in, is_identity(matrix) ? NULL : matrix,
                           mem_alloc_array(in->height, sizeof *m.lines)};
     double log_sum = 0.0;
 
     *out = (struct tonemap_statistics){.log_mean = 1.0};
-    if (!m.lines)
-        return error_no_memory(err, "the picture's statistics");
+    NEED(m.lines, err, "the picture's statistics");
     parallel_for(threads, in->height, 8, measure_lines, &m);
     for (uint32_t y = 0; y < in->height; y++) {
         const struct line_sum *line = &m.lines[y];
@@ -198,15 +197,13 @@ static uint32_t find_rank(const struct counting *c, uint64_t *rank)
     return HALF_VALUES - 1;
 }
 
-static status percentile(double *out, struct counting *c, double percent, unsigned threads,
-                         struct error *err)
+static status percentile(double *out, struct counting *c, double percent, unsigned threads, struct error *err)
 {
     uint64_t total = 0, rank;
 
     *out = 0.0;
     c->counts = mem_alloc_array(HISTOGRAM_STRIPES, sizeof *c->counts);
-    if (!c->counts)
-        return error_no_memory(err, "a histogram");
+    NEED(c->counts, err, "a histogram");
     parallel_for(threads, HISTOGRAM_STRIPES, 1, count_stripes, c);
     for (uint32_t value = 0; value < HALF_VALUES; value++)
         total += count_of(c, value);
@@ -222,16 +219,16 @@ static status percentile(double *out, struct counting *c, double percent, unsign
     return STATUS_OK;
 }
 
-status tonemap_percentile_of(double *out, const struct image *image, enum tonemap_of of,
-                             double percent, unsigned threads, struct error *err)
+status tonemap_percentile_of(double *out, const struct image *image, enum tonemap_of of, double percent,
+                             unsigned threads, struct error *err)
 {
     struct counting c = {.image = image, .of = of};
 
     return percentile(out, &c, percent, threads, err);
 }
 
-status statistics_percentile(double *out, const struct image *in, const double matrix[3][3],
-                             double percent, unsigned threads, struct error *err)
+status statistics_percentile(double *out, const struct image *in, const double matrix[3][3], double percent,
+                             unsigned threads, struct error *err)
 {
     struct counting c = {.image = in, .matrix = matrix};
 

@@ -1,17 +1,13 @@
 /* statistics: measured over a whole picture, before any operator. Private to common/tonemap. */
-#ifndef AZULEJO_TONEMAP_STATISTICS_H
-#define AZULEJO_TONEMAP_STATISTICS_H
+#pragma once
 
-#include "common/tonemap/tonemap.h"
+#include "common/tonemap/operator.h"
 
 /* Of `in` (3 channels) after the matrix; negative channels count as 0. ERR_NO_MEMORY. */
-status statistics_measure(struct tonemap_statistics *out, const struct image *in,
-                          const double matrix[3][3], unsigned threads, struct error *err)
-    MUST_CHECK;
+status statistics_measure(struct tonemap_statistics *out, const struct image *in, const double matrix[3][3],
+                          unsigned threads, struct error *err) MUST_CHECK;
 
 /* The luminance after the matrix below which `percent` (0..100) of the pixels that count lie, as a
  * float, exactly (nearest rank); 0 if none counts. ERR_NO_MEMORY. */
-status statistics_percentile(double *out, const struct image *in, const double matrix[3][3],
-                             double percent, unsigned threads, struct error *err) MUST_CHECK;
-
-#endif
+status statistics_percentile(double *out, const struct image *in, const double matrix[3][3], double percent,
+                             unsigned threads, struct error *err) MUST_CHECK;

@@ -6,14 +6,18 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "common/base/parallel.h"
+#include "common/system/parallel.h"
 #include "common/base/safeguard.h"
 #include "common/image/color.h"
 #include "common/math/elementary.h"
+#include "common/math/lanes.h"
 #include "common/tonemap/operators.h"
 #include "common/tonemap/statistics.h"
 
-enum { GRAIN = 8 }; /* lines in a piece of a loop */
+enum {
+    GRAIN = 8,           /* lines in a piece of a loop */
+    ALONE_MAX = 1 << 16, /* pixels up to which other threads take longer to begin than one to end */
+};
 
 static const double KEY = 0.18;
 
@@ -42,42 +46,59 @@ struct exposing {
     double matrix[3][3];
 };
 
-static float limited(double value)
+static inline float limited(double value)
 {
     if (!SAFEGUARD(LIGHT_FINITE))
         return (float)value;
-    if (!(value > 0.0)) /* NaN too */
-        return 0.0f;
-    return value > (double)FLT_MAX ? FLT_MAX : (float)value;
+    value = value > 0.0 ? value : 0.0; /* NaN too */
+    return (float)(value < (double)FLT_MAX ? value : (double)FLT_MAX);
+}
+
+/* `count` values, at most 4. */
+static inline void expose_four(float *to, const float *from, size_t count, double gain)
+{
+    lanes light = {0};
+
+    memcpy(&light, from, count * sizeof *from);
+    light = lanes_smaller(lanes_larger(light, lanes_of(0)), lanes_of(FLT_MAX)); /* NaN is 0 */
+    light = lanes_smaller(lanes_times(light, gain), lanes_of(FLT_MAX));
+    memcpy(to, &light, count * sizeof *to);
 }
 
 /* Lines of `in` times the matrix: finite and not negative. */
 static void expose_lines(void *user, size_t begin, size_t end)
 {
     const struct exposing *e = user;
-    const double (*m)[3] = (const double (*)[3])e->matrix;
-    int plain = m[0][1] == 0.0 && m[0][2] == 0.0 && m[1][0] == 0.0 && m[1][2] == 0.0 &&
-                m[2][0] == 0.0 && m[2][1] == 0.0;
+    const double(*m)[3] = (const double(*)[3])e->matrix;
+    size_t first = begin * e->in->width * 3, last = end * e->in->width * 3;
+    const float *from = e->in->pixels;
+    float *to = e->out->pixels;
+    int plain =
+        m[0][1] == 0.0 && m[0][2] == 0.0 && m[1][0] == 0.0 && m[1][2] == 0.0 && m[2][0] == 0.0 && m[2][1] == 0.0;
 
-    for (size_t i = begin * e->in->width * 3; i < end * e->in->width * 3; i += 3) {
-        const float *from = e->in->pixels + i;
-        float *to = e->out->pixels + i;
+    /* The usual case, for vector units: the gain is above 0. */
+    if (plain && m[0][0] == m[1][1] && m[0][0] == m[2][2] && SAFEGUARD(LIGHT_FINITE)) {
+        for (; first + 4 <= last; first += 4)
+            expose_four(to + first, from + first, 4, m[0][0]);
+        expose_four(to + first, from + first, last - first, m[0][0]);
+        return;
+    }
+    for (size_t i = first; i < last; i += 3) {
         double rgb[3];
 
         for (int c = 0; c < 3; c++)
-            rgb[c] = (double)limited((double)from[c]);
-        for (int c = 0; c < 3; c++)
-            to[c] = plain ? limited(rgb[c] * m[c][c])
-                          : limited(m[c][0] * rgb[0] + m[c][1] * rgb[1] + m[c][2] * rgb[2]);
+            rgb[c] = (double)limited((double)from[i + (size_t)c]);
+        for (size_t c = 0; c < 3; c++)
+            to[i + c] =
+                plain ? limited(rgb[c] * m[c][c]) : limited(m[c][0] * rgb[0] + m[c][1] * rgb[1] + m[c][2] * rgb[2]);
     }
 }
 
 /* ---- measuring ------------------------------------------------------------------------------ */
 
 /* Stops that the metering adds. */
-static status meter(double *ev, const struct tonemap_settings *s, const struct image *in,
-                    const double balance[3][3], const struct tonemap_statistics *raw,
-                    unsigned threads, struct error *err)
+static status meter(double *ev, const struct tonemap_settings *s, const struct image *in, const double balance[3][3],
+                    const struct tonemap_statistics *raw, unsigned threads, struct error *err)
 {
     double level = raw->log_mean, target = KEY;
     status st = STATUS_OK;
@@ -105,11 +126,9 @@ struct work {
 };
 
 /* White balance and exposure in one matrix, from the state. */
-static void exposure_of(double matrix[3][3], const struct tonemap_settings *s,
-                        const struct tonemap_state *state)
+static void exposure_of(double matrix[3][3], const struct tonemap_settings *s, const struct tonemap_state *state)
 {
-    double all = stops_to_gain(s->exposure_ev) *
-                 (state->metered_ev == 0.0 ? 1.0 : stops_to_gain(state->metered_ev));
+    double all = stops_to_gain(s->exposure_ev) * (state->metered_ev == 0.0 ? 1.0 : stops_to_gain(state->metered_ev));
 
     balance_of(s, matrix);
     for (int i = 0; i < 9; i++)
@@ -147,10 +166,8 @@ static status measure_raw(struct work *w, struct tonemap_state *state, struct er
     status st;
 
     balance_of(w->settings, matrix);
-    st = statistics_measure(&raw, w->in, (const double (*)[3])matrix, w->frame.threads, err);
-    if (st == STATUS_OK)
-        st = meter(&state->metered_ev, w->settings, w->in, (const double (*)[3])matrix, &raw,
-                   w->frame.threads, err);
+    st = statistics_measure(&raw, w->in, (const double(*)[3])matrix, w->frame.threads, err);
+    THEN(st, meter(&state->metered_ev, w->settings, w->in, (const double(*)[3])matrix, &raw, w->frame.threads, err));
     if (st != STATUS_OK || raw.counted == 0)
         return st;
     ln_gain = state->metered_ev * det_log_d(2.0);
@@ -177,9 +194,15 @@ static status measure(struct work *w, struct tonemap_state *state, struct error 
     return st;
 }
 
-static status work_begin(struct work *w, struct image *out, const struct image *in,
-                         const struct tonemap_settings *s, const struct tonemap_context *context,
-                         struct error *err)
+static unsigned threads_for(const struct image *in, const struct tonemap_context *context)
+{
+    if (context->threads > 0)
+        return context->threads;
+    return (size_t)in->width * in->height <= ALONE_MAX ? 1 : parallel_processors();
+}
+
+static status work_begin(struct work *w, struct image *out, const struct image *in, const struct tonemap_settings *s,
+                         const struct tonemap_context *context, struct error *err)
 {
     static const struct tonemap_context nothing;
     status st;
@@ -191,20 +214,16 @@ static status work_begin(struct work *w, struct image *out, const struct image *
     w->in = in;
     w->out = out;
     if (in->channels != 3)
-        return error_set(err, STATUS_ERR_INTERNAL, "tone mapping needs 3 channels, not %u",
-                         (unsigned)in->channels);
+        return error_set(err, STATUS_ERR_INTERNAL, "tone mapping needs 3 channels, not %u", (unsigned)in->channels);
     st = tonemap_settings_validate(s, err);
     if (st == STATUS_OK && s->op->file_load && w->context->file_data)
-        st = s->op->file_load(&w->file, w->context->file_data, w->context->file_size,
-                              s->file_name, err);
+        st = s->op->file_load(&w->file, w->context->file_data, w->context->file_size, s->file_name, err);
     else if (st == STATUS_OK && s->has_file)
-        st = error_set(err, STATUS_ERR_INTERNAL, "%s's file %s is not at hand", s->op->name,
-                       s->file_name);
-    if (st == STATUS_OK)
-        st = image_init(out, in->width, in->height, 3, err);
+        st = error_set(err, STATUS_ERR_INTERNAL, "%s's file %s is not at hand", s->op->name, s->file_name);
+    THEN(st, image_init(out, in->width, in->height, 3, err));
     w->frame = (struct tonemap_frame){
         .image = out, .values = s->values, .file = w->file, .gain = 1.0,
-        .threads = w->context->threads ? w->context->threads : parallel_processors(),
+        .threads = threads_for(in, w->context),
     };
     return st;
 }
@@ -219,23 +238,21 @@ static void work_end(struct work *w, status st)
         image_release(w->out);
 }
 
-status tonemap_measure(struct tonemap_state *out, const struct image *in,
-                       const struct tonemap_settings *s, const struct tonemap_context *context,
-                       struct error *err)
+status tonemap_measure(struct tonemap_state *out, const struct image *in, const struct tonemap_settings *s,
+                       const struct tonemap_context *context, struct error *err)
 {
     struct image exposed;
     struct work w;
     status st = work_begin(&w, &exposed, in, s, context, err);
 
-    if (st == STATUS_OK)
-        st = measure(&w, out, err);
+    THEN(st, measure(&w, out, err));
     work_end(&w, st);
     image_release(&exposed);
     return st;
 }
 
-void tonemap_state_mean(struct tonemap_state *out, const struct tonemap_state *const *states,
-                        size_t count, const struct tonemap_settings *s)
+void tonemap_state_mean(struct tonemap_state *out, const struct tonemap_state *const *states, size_t count,
+                        const struct tonemap_settings *s)
 {
     size_t counted = 0;
 
@@ -284,8 +301,10 @@ static void finish_row(const void *user, float *rgb, uint32_t width)
 {
     const struct finishing *f = user;
 
-    if (f->encode)
-        srgb_encode_row(rgb, (size_t)width * 3);
+    if (f->encode) {
+        srgb_encode_row(rgb, (size_t)width * 3); /* all of that */
+        return;
+    }
     for (size_t i = 0; i < (size_t)width * 3; i++) {
         float value = in_range(rgb[i]);
 
@@ -302,8 +321,7 @@ static const double *values_of(const struct tonemap_operator *op, const struct t
 static status prepare(struct work *w, const struct tonemap_state *state, struct error *err)
 {
     const struct tonemap_operator *op = w->settings->op;
-    status st = op->prepare ? op->prepare(&w->prepared, &w->frame, values_of(op, state), err)
-                            : STATUS_OK;
+    status st = op->prepare ? op->prepare(&w->prepared, &w->frame, values_of(op, state), err) : STATUS_OK;
 
     w->frame.prepared = w->prepared;
     return st;
@@ -323,10 +341,8 @@ status tonemap_apply(struct image *out, const struct image *in, const struct ton
         st = measure(&w, &own, err);
     else if (st == STATUS_OK)
         expose(&w, state);
-    if (st == STATUS_OK)
-        st = prepare(&w, state, err);
-    if (st == STATUS_OK)
-        st = s->op->apply(&w.frame, values_of(s->op, state), err);
+    THEN(st, prepare(&w, state, err));
+    THEN(st, s->op->apply(&w.frame, values_of(s->op, state), err));
     if (st == STATUS_OK) {
         finish.encode = !s->op->display_encoded && !w.context->linear;
         finish.decode = s->op->display_encoded && w.context->linear;
@@ -342,8 +358,7 @@ enum tonemap_reach tonemap_reach(const struct tonemap_settings *s)
 {
     if (s->op->is_local && s->op->is_local(s->values))
         return TONEMAP_REACH_PICTURE;
-    return s->op->measured || s->metering != TONEMAP_METERING_OFF ? TONEMAP_REACH_STATE
-                                                                  : TONEMAP_REACH_PIXEL;
+    return s->op->measured || s->metering != TONEMAP_METERING_OFF ? TONEMAP_REACH_STATE : TONEMAP_REACH_PIXEL;
 }
 
 void tonemap_stand_in(struct tonemap_settings *out, const struct tonemap_settings *s)
@@ -352,8 +367,7 @@ void tonemap_stand_in(struct tonemap_settings *out, const struct tonemap_setting
     out->temporal = 0;
     if (tonemap_reach(s) != TONEMAP_REACH_PICTURE)
         return;
-    /* The global form of an operator that has both, otherwise the global operator that adapts
-     * alike. */
+    /* The global form of an operator that has both, otherwise the global operator that adapts alike. */
     if (s->op != &tonemap_reinhard02) {
         out->op = &tonemap_reinhard02;
         for (size_t i = 0; i < out->op->parameter_count; i++)
@@ -367,7 +381,7 @@ void tonemap_stand_in(struct tonemap_settings *out, const struct tonemap_setting
 struct tonemap_pixels {
     struct tonemap_settings settings;
     struct tonemap_state state;
-    struct work work;          /* file and tables */
+    struct work work; /* file and tables */
     double matrix[3][3];
 };
 
@@ -388,8 +402,8 @@ const struct tonemap_settings *tonemap_pixels_settings(const struct tonemap_pixe
 }
 
 /* Codes 0..1 of one line of pixels. */
-static status show_line(const struct tonemap_pixels *p, const float *rgb, uint32_t count,
-                        float *codes, struct error *err)
+static status show_line(const struct tonemap_pixels *p, const float *rgb, uint32_t count, float *codes,
+                        struct error *err)
 {
     struct image in = {count, 1, 3, (float *)rgb}, out = {count, 1, 3, codes};
     struct exposing e = {.in = &in, .out = &out};
@@ -406,8 +420,7 @@ static status show_line(const struct tonemap_pixels *p, const float *rgb, uint32
 }
 
 status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_settings *s,
-                          const struct tonemap_state *state, const struct tonemap_context *context,
-                          struct error *err)
+                          const struct tonemap_state *state, const struct tonemap_context *context, struct error *err)
 {
     static const float black[3];
     struct tonemap_pixels *p;
@@ -419,8 +432,7 @@ status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_sett
     if (tonemap_reach(s) == TONEMAP_REACH_PICTURE)
         return error_set(err, STATUS_ERR_INPUT, "%s needs the whole picture", s->op->name);
     p = mem_calloc(1, sizeof *p);
-    if (!p)
-        return error_no_memory(err, "a tone mapping");
+    NEED(p, err, "a tone mapping");
     p->settings = *s;
     if (tonemap_reach(s) == TONEMAP_REACH_STATE)
         p->state = *state;
@@ -428,8 +440,7 @@ status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_sett
     p->work.frame.threads = 1;
     exposure_of(p->matrix, s, &p->state);
     frame_take_state(&p->work.frame, s, &p->state, 1);
-    if (st == STATUS_OK)
-        st = prepare(&p->work, &p->state, err);
+    THEN(st, prepare(&p->work, &p->state, err));
     if (st == STATUS_OK) /* fail now if at all: no later pixel needs more memory */
         st = show_line(p, black, 1, codes, err);
     image_release(&line);
@@ -441,8 +452,7 @@ status tonemap_pixels_new(struct tonemap_pixels **out, const struct tonemap_sett
     return st;
 }
 
-void tonemap_pixels_codes(const struct tonemap_pixels *pixels, const float *rgb, uint32_t count,
-                          float *codes)
+void tonemap_pixels_codes(const struct tonemap_pixels *pixels, const float *rgb, uint32_t count, float *codes)
 {
     (void)show_line(pixels, rgb, count, codes, NULL);
     for (size_t i = 0; i < (size_t)count * 3; i++)

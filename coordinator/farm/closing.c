@@ -2,14 +2,11 @@
 
 #include <stdio.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 
 /* Everything that was merged is on disk, and acknowledged. */
-static int frame_is_settled(const struct job_frame *frame)
-{
-    return frame->dirty_count == 0 && frame->in_flight == 0;
-}
+static int frame_is_settled(const struct job_frame *frame) { return frame->dirty_count == 0 && frame->in_flight == 0; }
 
 void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
 {
@@ -18,8 +15,7 @@ void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t no
     if (frame->end != FRAME_END_NONE || !film_covered(frame->film))
         return;
     if (rules->time_limit_ms > 0 &&
-        job_frame_active_ns(frame, now_ns) - frame->clock.from_active_ns >=
-            rules->time_limit_ms * NS_PER_MS)
+        job_frame_active_ns(frame, now_ns) - frame->clock.from_active_ns >= rules->time_limit_ms * NS_PER_MS)
         farm_frame_end(farm, frame, FRAME_END_TIME);
     else if (rules->core_limit_ms > 0 &&
              job_frame_cpu_ns(frame) - frame->clock.from_cpu_ns >= rules->core_limit_ms * NS_PER_MS)
@@ -48,8 +44,7 @@ static void frame_cut(struct farm *farm, struct job_frame *frame, uint64_t now_n
 static int open_next_film(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     for (uint64_t number = job->first_frame; farm->store && number <= job->last_frame; number++) {
-        if (job_frame_is_done(job, (uint32_t)number) ||
-            !store_film_exists(farm->store, job->id, (uint32_t)number))
+        if (job_frame_is_done(job, (uint32_t)number) || !store_film_exists(farm->store, job->id, (uint32_t)number))
             continue;
         (void)farm_frame_open(farm, job, (uint32_t)number, now_ns);
         return 1;
@@ -65,12 +60,21 @@ static void cut_frames(struct farm *farm, struct job *job, uint64_t now_ns)
     }
 }
 
+/* The cancel came when the last picture was being made. */
+static int left_out_nothing(const struct job *job)
+{
+    for (size_t i = 0; i < job->cut_count; i++)
+        if (job->cuts[i].end == FRAME_END_CANCEL)
+            return 0;
+    return job->frames_done_count == job_frames_wanted(job);
+}
+
 static void cancelling_step(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     uint32_t frame;
 
     /* A film whose folder cannot be read may still exist. */
-    if (trouble_is(&farm->trouble) && job->kernel[0])
+    if (trouble_is(&farm->trouble) && job->ray_tracer[0])
         return;
     cut_frames(farm, job, now_ns);
     while (!job->frames) {
@@ -82,9 +86,14 @@ static void cancelling_step(struct farm *farm, struct job *job, uint64_t now_ns)
     }
     if (job->frames || (job->pictures.next_ns != UINT64_MAX && job_frame_to_develop(job, &frame)))
         return;
+    if (left_out_nothing(job)) {
+        log_info("job %llu (%s) is done: it was cancelled when all of its frames had been rendered",
+                 (unsigned long long)job->id, job->name);
+        farm_job_change(farm, job, JOB_STATE_DONE, NULL, now_ns);
+        return;
+    }
     log_info("job %llu (%s) was cancelled: %u of %u frames have a picture, %zu of them cut short",
-             (unsigned long long)job->id, job->name, job->frames_done_count, job_frame_count(job),
-             job->cut_count);
+             (unsigned long long)job->id, job->name, job->frames_done_count, job_frame_count(job), job->cut_count);
     farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled", now_ns);
 }
 
@@ -93,8 +102,7 @@ static void cancelling_step(struct farm *farm, struct job *job, uint64_t now_ns)
 static int has_open_film(const struct farm *farm, const struct job *job)
 {
     for (uint64_t number = job->first_frame; farm->store && number <= job->last_frame; number++)
-        if (!job_frame_is_done(job, (uint32_t)number) &&
-            store_film_exists(farm->store, job->id, (uint32_t)number))
+        if (!job_frame_is_done(job, (uint32_t)number) && store_film_exists(farm->store, job->id, (uint32_t)number))
             return 1;
     return 0;
 }
@@ -117,7 +125,8 @@ static void finishing_end(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     int early = is_early(job);
 
-    job->marks |= early ? JOB_MARK_EARLY : 0;
+    if (early)
+        job_mark(job, JOB_MARK_EARLY);
     log_info("job %llu (%s) is done%s: %u of %u frames", (unsigned long long)job->id, job->name,
              early ? ", finished early" : "", job->frames_done_count, job_frame_count(job));
     farm_job_change(farm, job, JOB_STATE_DONE, early ? "finished early" : NULL, now_ns);
@@ -137,7 +146,7 @@ static void finishing_step(struct farm *farm, struct job *job, uint64_t now_ns)
         }
     }
     if (!job->frames && open_next_film(farm, job, now_ns)) {
-        farm->pump_wanted = 1;
+        farm_wake(farm);
         return; /* the next step looks at it, or tries again */
     }
     if (!job->frames && job->state == JOB_STATE_FINISHING &&
@@ -174,10 +183,8 @@ static void park_for_deaths(struct farm *farm, struct job *job, uint64_t now_ns)
     park(farm, job, text, now_ns);
 }
 
-struct job *closing_suspected(const struct farm *farm, const struct farm_worker *worker,
-                              uint64_t *lent_ns)
+struct job *closing_suspected(const struct farm *farm UNUSED, const struct farm_worker *worker, uint64_t *lent_ns)
 {
-    (void)farm;
     for (const struct lease *lease = worker->held.oldest; lease; lease = lease->holder_newer) {
         if (lease->frame->job->id == worker->delivered_job)
             continue;
@@ -187,8 +194,8 @@ struct job *closing_suspected(const struct farm *farm, const struct farm_worker 
     return NULL;
 }
 
-void closing_note_death(struct farm *farm, struct job *job, const struct farm_worker *worker,
-                        uint64_t lent_ns, uint64_t now_ns)
+void closing_note_death(struct farm *farm, struct job *job, const struct farm_worker *worker, uint64_t lent_ns,
+                        uint64_t now_ns)
 {
     struct suspicion *suspicion = &job->suspicion;
 
@@ -209,8 +216,8 @@ void closing_note_hang(struct farm *farm, struct job *job, const struct hang_uni
     snprintf(text, sizeof text,
              "%u workers hung on one work unit (frame %u, tile %u, group %u, pass %u); restart them, then "
              "'azulejo resume %llu' or 'azulejo cancel %llu'",
-             unit->session_count, unit->frame, unit->tile, unit->group, unit->pass,
-             (unsigned long long)job->id, (unsigned long long)job->id);
+             unit->session_count, unit->frame, unit->tile, unit->group, unit->pass, (unsigned long long)job->id,
+             (unsigned long long)job->id);
     park(farm, job, text, now_ns);
 }
 
@@ -225,7 +232,6 @@ void closing_step(struct farm *farm, struct job *job, uint64_t now_ns)
     for (struct job_frame *frame = job->frames, *next; frame; frame = next) {
         next = frame->next;
         if (frame->state == FRAME_RENDERING && frame_is_settled(frame))
-            farm_frame_close(farm, frame, job->state == JOB_STATE_PAUSED ? "the job is paused"
-                                                                         : "the job is parked");
+            farm_frame_close(farm, frame, job->state == JOB_STATE_PAUSED ? "the job is paused" : "the job is parked");
     }
 }

@@ -16,29 +16,23 @@
  *
  * closing_step may be called for a job in any state.
  */
-#ifndef AZULEJO_COORDINATOR_CLOSING_H
-#define AZULEJO_COORDINATOR_CLOSING_H
+#pragma once
 
 #include "coordinator/farm/farm.h"
 
-/* End the frame if it has reached a limit of its job's rules, but not before every tile has
- * samples. */
+/* End the frame if it has reached a limit of its job's rules, but not before every tile has samples. */
 void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t now_ns);
 /* From any state that is not final to CANCELLING, or to CANCELLED if no frame needs a picture. */
 void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns);
-/* The job that a worker's death counts against: among the jobs that it holds leases of, the first
- * one other than the job of its last result. *lent_ns: when the oldest of these leases was granted.
- * NULL: none. */
-struct job *closing_suspected(const struct farm *farm, const struct farm_worker *worker,
-                              uint64_t *lent_ns);
+/* The job that a worker's death counts against: among the jobs that it holds leases of, the first one other than the
+ * job of its last result. *lent_ns: when the oldest of these leases was granted. NULL: none. */
+struct job *closing_suspected(const struct farm *farm, const struct farm_worker *worker, uint64_t *lent_ns);
 /* The worker died, and its leases have ended. The job may go from QUEUED or RUNNING to PARKED. */
-void closing_note_death(struct farm *farm, struct job *job, const struct farm_worker *worker,
-                        uint64_t lent_ns, uint64_t now_ns);
+void closing_note_death(struct farm *farm, struct job *job, const struct farm_worker *worker, uint64_t lent_ns,
+                        uint64_t now_ns);
 /* The unit hung as many workers as it may: the job goes to PARKED. */
 void closing_note_hang(struct farm *farm, struct job *job, const struct hang_unit *unit, uint64_t now_ns);
 /* Does the job have a frame in work, open or on disk? */
 int closing_has_begun(const struct farm *farm, const struct job *job);
 /* Take the steps that are due. Call after a develop and at every tick. May end the job. */
 void closing_step(struct farm *farm, struct job *job, uint64_t now_ns);
-
-#endif

@@ -2,8 +2,9 @@
 
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
+#include "common/base/memory.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/freeze.h"
@@ -19,8 +20,8 @@ static status adopt_job(void *user, struct job *job, struct error *err)
     return queue_add(&farm->queue, job, err);
 }
 
-status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
-                 const struct farm_events *events, int64_t wall_s, struct error *err)
+status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns, const struct farm_events *events,
+                 int64_t wall_s, struct error *err)
 {
     uint64_t epoch = 1;
     status s = STATUS_OK;
@@ -31,18 +32,14 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns,
     farm->store = store;
     farm->events = *events;
     farm->wall_s = farm->begun_s = wall_s;
-    farm->pump_wanted = 1;
+    farm_wake(farm);
     farm->hang_ns = HANG_LEAST_S * NS_PER_SECOND;
     if (store) {
         s = store_epoch_begin(store, wall_s, &epoch, err);
-        if (s == STATUS_OK)
-            s = store_deliverers_last(store, &farm->last_deliverer, err);
-        if (s == STATUS_OK)
-            s = store_jobs_load(store, adopt_job, farm, err);
-        if (s == STATUS_OK)
-            s = roster_load(farm, err);
-        if (s == STATUS_OK)
-            s = store_shares_load(store, &farm->order, err);
+        THEN(s, store_deliverers_last(store, &farm->last_deliverer, err));
+        THEN(s, store_jobs_load(store, adopt_job, farm, err));
+        THEN(s, roster_load(farm, err));
+        THEN(s, store_shares_load(store, &farm->order, err));
     }
     if (s != STATUS_OK) {
         roster_release(farm);
@@ -72,6 +69,8 @@ void farm_release(struct farm *farm, uint64_t now_ns)
     queue_release(&farm->queue);
     trace_release(&farm->trace);
     roster_release(farm);
+    mem_free(farm->distrusted);
+    mem_free(farm->again);
     order_release(&farm->order);
 }
 
@@ -79,13 +78,12 @@ void farm_release(struct farm *farm, uint64_t now_ns)
 
 status farm_prepare(const struct farm *farm, struct job *job, struct error *err)
 {
-    job->epoch_floor = farm->leases.epoch + 1;
-    job->submitted_at = farm->wall_s;
+    job_fence(job, farm->leases.epoch);
+    job_set_submitted(job, farm->wall_s);
     if (farm_store_usable(farm, err) != STATUS_OK)
         return STATUS_ERR_IO;
     if (farm->queue.active_count >= JOBS_ACTIVE_MAX)
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "%d jobs are queued or running already; wait for some to end",
+        return error_set(err, STATUS_ERR_LIMIT, "%d jobs are queued or running already; wait for some to end",
                          JOBS_ACTIVE_MAX);
     return waiting_check(farm, job, err);
 }
@@ -100,23 +98,18 @@ status farm_adopt(struct farm *farm, struct job *job, struct error *err)
         return s;
     }
     farm_note(farm, job, job->owner[0] ? job->owner : NULL, "submitted as %s", job->name);
-    farm->pump_wanted = 1;
+    farm_wake(farm);
     farm->events.job_changed(farm->events.user, job);
     return STATUS_OK;
 }
 
 status farm_submit(struct farm *farm, struct job *job, struct error *err)
 {
-    status s = farm_prepare(farm, job, err);
-
-    if (s != STATUS_OK)
-        return s;
+    TRY(farm_prepare(farm, job, err));
     if (farm->store) {
-        s = store_job_insert(farm->store, job, err);
-        if (s != STATUS_OK)
-            return s;
+        TRY(store_job_insert(farm->store, job, err));
     } else {
-        job->id = farm->queue.count ? farm->queue.all[farm->queue.count - 1]->id + 1 : 1;
+        job_set_id(job, farm->queue.count ? farm->queue.all[farm->queue.count - 1]->id + 1 : 1);
     }
     return farm_adopt(farm, job, err);
 }
@@ -133,10 +126,9 @@ void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_n
         closing_begin(farm, job, now_ns);
         return;
     }
-    job->marks |= JOB_MARK_DISCARDED;
+    job_mark(job, JOB_MARK_DISCARDED);
     farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded", now_ns);
-    log_info("job %llu (%s) is cancelled, and its samples are discarded", (unsigned long long)job->id,
-             job->name);
+    log_info("job %llu (%s) is cancelled, and its samples are discarded", (unsigned long long)job->id, job->name);
 }
 
 /* ---- after a restart ------------------------------------------------------------------------- */
@@ -185,7 +177,7 @@ static void trouble_tick(struct farm *farm, uint64_t now_ns)
 }
 
 /* A job's films: what they have, or, if the coordinator was killed after the job's end was stored and before its films
- * were removed, nobody needs them. */
+ * were removed, they are not needed. */
 static void look_at_films(void *user, uint64_t id)
 {
     struct farm *farm = user;
@@ -217,8 +209,8 @@ void farm_resume(struct farm *farm, uint64_t now_ns)
             continue;
         }
         if (job->state == JOB_STATE_RUNNING)
-            log_info("job %llu (%s) continues: %u of %u frames are done", (unsigned long long)job->id,
-                     job->name, job->frames_done_count, job_frame_count(job));
+            log_info("job %llu (%s) continues: %u of %u frames are done", (unsigned long long)job->id, job->name,
+                     job->frames_done_count, job_frame_count(job));
         closing_step(farm, job, now_ns);
         /* A job that has just ended has left its place to the next one. */
         if (i < farm->queue.active_count && farm->queue.active[i] == job)
@@ -243,6 +235,28 @@ static void worker_lapsed(struct farm *farm, const struct lease *lease, uint64_t
     workforce_counts(farm, worker);
 }
 
+/* How many threads are at work for each job, for its time left. Of a worker that holds leases of several jobs, for that of the
+ * oldest one. */
+static void count_threads(struct farm *farm, uint64_t now_ns)
+{
+    const unsigned in_work = CANDIDATES_BIT(CANDIDATES_WORKING) | CANDIDATES_BIT(CANDIDATES_CLOSING);
+    struct job *job;
+
+    for (job = queue_next(&farm->queue, in_work, NULL); job; job = queue_next(&farm->queue, in_work, job))
+        job->threads = 0;
+    farm->counting++;
+    for (struct lease *lease = farm->leases.oldest; lease; lease = lease->newer) {
+        struct farm_worker *worker = farm_worker_of(lease);
+        if (worker->counted == farm->counting)
+            continue;
+        worker->counted = farm->counting;
+        lease->frame->job->threads += worker->threads;
+    }
+    for (job = queue_next(&farm->queue, in_work, NULL); job; job = queue_next(&farm->queue, in_work, job))
+        if (job->threads > 0)
+            throughput_set_threads(&job->throughput, job->threads, now_ns);
+}
+
 void farm_tick(struct farm *farm, uint64_t now_ns)
 {
     const unsigned in_work = CANDIDATES_BIT(CANDIDATES_WORKING) | CANDIDATES_BIT(CANDIDATES_CLOSING);
@@ -252,16 +266,16 @@ void farm_tick(struct farm *farm, uint64_t now_ns)
     (void)waiting_order(farm, now_ns);
     waiting_save_shares(farm, 0, now_ns);
     while ((lease = lease_lapsed(&farm->leases, now_ns))) {
-        log_warn("lease %llu of session %u lapsed: %u work units go to other workers",
-                 (unsigned long long)lease->id, lease->holder->session, lease->open_count);
-        farm->events.revoke(farm->events.user, lease->holder->session, lease->id,
-                            "the lease lapsed");
+        log_warn("lease %llu of session %u lapsed: %u work units go to other workers", (unsigned long long)lease->id,
+                 lease->holder->session, lease->open_count);
+        farm->events.revoke(farm->events.user, lease->holder->session, lease->id, "the lease lapsed");
         worker_lapsed(farm, lease, now_ns);
         farm->counts.leases_lapsed++;
         lease_end(&farm->leases, lease);
-        farm->pump_wanted = 1;
+        farm_wake(farm);
     }
     farm_workers_tick(farm, now_ns);
+    count_threads(farm, now_ns);
     for (struct job *job = queue_next(&farm->queue, in_work, NULL), *next; job; job = next) {
         for (struct job_frame *frame = job->frames, *frame_next; frame; frame = frame_next) {
             frame_next = frame->next;

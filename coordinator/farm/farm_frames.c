@@ -1,13 +1,15 @@
-/* farm_frames: a frame's leases, acknowledgements and end; farm_open opens it and farm_advance
- * advances it. */
+/* farm_frames: a frame's leases, acknowledgements and end; farm_open opens it and farm_advance advances it. */
 #include <assert.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "coordinator/farm/farm.h"
+#include "coordinator/farm/forecast.h"
 
 uint64_t farm_film_bytes(uint32_t width, uint32_t height, uint32_t aovs)
 {
-    return (uint64_t)width * height * GROUPS * (PIXEL_FLOATS + aov_floats(aovs)) * sizeof(double);
+    /* Sums, and the radiance since the last level. */
+    return (uint64_t)width * height * GROUPS *
+           ((PIXEL_FLOATS + aov_floats(aovs)) * sizeof(double) + PIXEL_FLOATS * sizeof(float));
 }
 
 struct job_frame *farm_frame_find(const struct job *job, uint32_t number)
@@ -26,19 +28,17 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
         at = &(*at)->next;
     *at = frame->next;
     if (farm->store)
-        job_note_closed(frame->job, frame->number, film_samples(frame->film));
-    if (frame->number < frame->job->begin_from) /* it may have to be begun again */
-        frame->job->begin_from = frame->number;
-    queue_frames_changed(&farm->queue, frame->job);
+        job_note_closed(frame->job, frame->number,
+                        (struct closed_frame){film_samples(frame->film), (double)job_frame_cpu_ns(frame) / 1e9,
+                                              forecast_frame_share(frame)});
+    queue_frame_closed(&farm->queue, frame->job, frame->number);
     farm->open_frames--;
     farm->leaving -= (uint32_t)frame->leaving;
-    farm->open_bytes -= farm_film_bytes(film_width(frame->film), film_height(frame->film),
-                                   film_aovs(frame->film));
+    farm->open_bytes -= farm_film_bytes(film_width(frame->film), film_height(frame->film), film_aovs(frame->film));
 }
 
 /* Revoke the leases of one frame, or with NULL of all frames of the job. */
-static void revoke_leases(struct farm *farm, const struct job *job, const struct job_frame *frame,
-                          const char *reason)
+static void revoke_leases(struct farm *farm, const struct job *job, const struct job_frame *frame, const char *reason)
 {
     for (struct lease *lease = farm->leases.oldest, *newer; lease; lease = newer) {
         newer = lease->newer;
@@ -80,6 +80,8 @@ void farm_frame_close(struct farm *farm, struct job_frame *frame, const char *re
         frame->job->closing_frames++;
 }
 
+void farm_frame_pin(struct job_frame *frame) { frame->in_flight++; }
+
 void farm_frame_unpin(struct farm *farm, struct job_frame *frame)
 {
     struct job *job = frame->job;
@@ -120,8 +122,7 @@ void farm_frame_end(struct farm *farm, struct job_frame *frame, enum frame_end e
     if (frame->outstanding_count > 0)
         farm_frame_revoke(farm, frame, "the frame has ended");
     if (!frame_end_is_whole(end))
-        log_info("job %llu, frame %u: %s; its picture has %.1f %% of the samples",
-                 (unsigned long long)frame->job->id, frame->number, frame_end_text(end),
-                 100.0 * (double)film_samples(frame->film) /
-                     (double)film_samples_total(frame->film));
+        log_info("job %llu, frame %u: %s; its picture has %.1f %% of the samples", (unsigned long long)frame->job->id,
+                 frame->number, frame_end_text(end),
+                 100.0 * (double)film_samples(frame->film) / (double)film_samples_total(frame->film));
 }

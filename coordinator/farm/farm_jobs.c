@@ -2,12 +2,12 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "coordinator/farm/farm.h"
 
 /* The store's thread writes it soon; nothing here waits for the disk. What a person did must not be undone by a
  * crash, so the answer is sent when it is on disk (session_answer_change). Everything else may be lost in a crash:
- * counters are estimates, and a job with nothing left to render is ended again at the start. The pinned kernel is on
+ * counters are estimates, and a job with nothing left to render is ended again at the start. The pinned ray tracer is on
  * disk before any result: see merge_commit_run. */
 void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
 {
@@ -22,8 +22,7 @@ void farm_job_save(struct farm *farm, struct job *job, uint64_t now_ns)
     job->unsaved = s != STATUS_OK;
     farm->unsaved |= job->unsaved;
     if (job->unsaved)
-        log_debug("job %llu: its state cannot be stored now: %s", (unsigned long long)job->id,
-                  err.text);
+        log_debug("job %llu: its state cannot be stored now: %s", (unsigned long long)job->id, err.text);
 }
 
 void farm_event(struct farm *farm, const struct job_event *event)
@@ -82,8 +81,7 @@ static void note_state(struct farm *farm, const struct job *job)
     }
 }
 
-void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text,
-                     uint64_t now_ns)
+void farm_job_change(struct farm *farm, struct job *job, enum job_state state, const char *text, uint64_t now_ns)
 {
     int ends = job_state_ended(state);
 
@@ -95,7 +93,7 @@ void farm_job_change(struct farm *farm, struct job *job, enum job_state state, c
         farm->events.job_state(farm->events.user, job);
     note_state(farm, job);
     farm_job_save(farm, job, now_ns); /* its films are removed when that is on disk */
-    farm->pump_wanted = 1;
+    farm_wake(farm);
     farm->events.job_changed(farm->events.user, job);
 }
 
@@ -113,17 +111,15 @@ void farm_fail(struct farm *farm, struct job *job, uint64_t now_ns, const char *
     farm_job_change(farm, job, JOB_STATE_FAILED, text, now_ns);
 }
 
-void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker,
-                      uint64_t now_ns)
+void farm_job_started(struct farm *farm, struct job *job, const struct farm_worker *worker, uint64_t now_ns)
 {
     int changed = 0;
 
-    if (!job->active_since_ns)
-        job->active_since_ns = now_ns ? now_ns : 1;
-    /* The pinned kernel changes: the workers that held its units disconnected without a result. */
-    if (strcmp(job->kernel, worker->kernel) != 0) {
+    job_start_clock(job, now_ns);
+    /* The pinned ray tracer changes: the workers that held its units disconnected without a result. */
+    if (strcmp(job->ray_tracer, worker->ray_tracer) != 0) {
         /* A job without one is QUEUED: its change to RUNNING moves it to its new lane (candidates.h). */
-        snprintf(job->kernel, sizeof job->kernel, "%s", worker->kernel);
+        snprintf(job->ray_tracer, sizeof job->ray_tracer, "%s", worker->ray_tracer);
         snprintf(job->release, sizeof job->release, "%s", AZULEJO_VERSION);
         changed = 1;
     }

@@ -1,5 +1,6 @@
 /* farm_open: frames are opened with the films on disk. */
-#include "common/base/log.h"
+#include "common/system/log.h"
+#include "coordinator/farm/distrusted.h"
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/figures.h"
 #include "coordinator/farm/freeze.h"
@@ -15,26 +16,18 @@ static int frame_may_open(const struct farm *farm, const struct job *job)
            (farm->open_frames == 0 || farm->open_bytes + bytes <= FRAMES_OPEN_BYTES);
 }
 
-/* A frame with its film from the store. On failure *out is NULL. */
-static status frame_load(struct farm *farm, struct job *job, uint32_t number,
-                         struct job_frame **out, struct error *err)
+/* A frame with its film from the store, before it begins. On failure *out is NULL. */
+static status frame_read(struct farm *farm, struct job *job, uint32_t number, struct job_frame **out, struct error *err)
 {
     const struct render_settings *settings = &job->settings;
-    struct job_frame *frame = job_frame_new(job, number, settings->width, settings->height,
-                                            settings->spp, settings->aovs, NULL);
+    struct job_frame *frame =
+        job_frame_new(job, number, settings->width, settings->height, settings->spp, settings->aovs, NULL);
     status s = STATUS_OK;
 
     if (!frame)
         s = error_no_memory(err, "the film");
     else if (farm->store)
-        s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, frame->slot,
-                            &frame->file, err);
-    if (s == STATUS_OK)
-        s = freeze_open(frame, err);
-    if (s == STATUS_OK && farm->store)
-        s = store_clock_load(farm->store, job->id, number, &frame->clock, err);
-    if (s == STATUS_OK)
-        s = job_frame_begin(frame, err);
+        s = store_film_open(farm->store, job->id, number, frame->film, frame->durable, &frame->file, err);
     if (s != STATUS_OK) {
         job_frame_free(frame);
         frame = NULL;
@@ -43,9 +36,63 @@ static status frame_load(struct farm *farm, struct job *job, uint32_t number,
     return s;
 }
 
-/* An estimate may have rendered more than the job's rules want. The job's pictures must not depend
- * on an earlier estimate, so such a frame begins again: it needs fewer samples than the estimate
- * took. */
+/* What deliverers sent that are not believed is rendered again (distrusted.h). */
+static status frame_drop_distrusted(struct farm *farm, struct job_frame **frame, struct error *err)
+{
+    struct job *job = (*frame)->job;
+    uint32_t number = (*frame)->number, all = film_tile_count((*frame)->film);
+    struct distrusted_loss loss;
+    status s = distrusted_take_out(farm, *frame, &loss, err);
+
+    if (s == STATUS_OK && loss.part == DISTRUSTED_ALL) {
+        job_frame_free(*frame);
+        store_film_remove(farm->store, job->id, number);
+        s = frame_read(farm, job, number, frame, err);
+    }
+    if (s != STATUS_OK || loss.part == DISTRUSTED_NONE)
+        return s;
+    if (loss.part == DISTRUSTED_ALL)
+        farm_note(farm, job, NULL, "frame %u is rendered again from its beginning: %u of its %u tiles have samples of a worker that is not believed",
+                  number, loss.tiles, all);
+    else
+        farm_note(farm, job, NULL, "%u of the %u tiles of frame %u are rendered again from their beginning: a worker that is not believed had sent samples of them",
+                  loss.tiles, all, number);
+    return s;
+}
+
+static status frame_begin(struct farm *farm, struct job_frame *frame, struct error *err)
+{
+    const struct job *job = frame->job;
+    status s;
+
+    if (farm->store)
+        job_frame_keep_journal(frame);
+    s = freeze_open(frame, err);
+    if (s == STATUS_OK && farm->store && stop_has_rounds(&job->stop) && film_has_skipped(frame->film))
+        s = store_film_measure(farm->store, job->id, frame->number, frame->film, err); /* it had no rounds before */
+    if (s == STATUS_OK && farm->store)
+        s = store_clock_load(farm->store, job->id, frame->number, &frame->clock, err);
+    THEN(s, job_frame_begin(frame, err));
+    return s;
+}
+
+/* On failure *out is NULL. */
+static status frame_load(struct farm *farm, struct job *job, uint32_t number, struct job_frame **out, struct error *err)
+{
+    status s = frame_read(farm, job, number, out, err);
+
+    if (s == STATUS_OK && farm->store)
+        s = frame_drop_distrusted(farm, out, err);
+    THEN(s, frame_begin(farm, *out, err));
+    if (s != STATUS_OK) {
+        job_frame_free(*out);
+        *out = NULL;
+    }
+    return s;
+}
+
+/* An estimate may have rendered more than the job's rules want. The job's pictures must not depend on an earlier
+ * estimate, so such a frame begins again: it needs fewer samples than the estimate took. */
 static status frame_drop_excess(struct farm *farm, struct job_frame **frame, struct error *err)
 {
     struct job *job = (*frame)->job;
@@ -68,8 +115,7 @@ static status frame_drop_excess(struct farm *farm, struct job_frame **frame, str
     return frame_load(farm, job, number, frame, err);
 }
 
-struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number,
-                                  uint64_t now_ns)
+struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t number, uint64_t now_ns)
 {
     const struct render_settings *settings = &job->settings;
     struct job_frame *frame, **at = &job->frames;
@@ -77,8 +123,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     status s;
 
     if (!frame_may_open(farm, job) || trouble_waits(&job->trouble, now_ns) ||
-        (trouble_is(&farm->trouble) &&
-         !(farm->store && store_film_exists(farm->store, job->id, number))))
+        (trouble_is(&farm->trouble) && !(farm->store && store_film_exists(farm->store, job->id, number))))
         return NULL;
     s = frame_load(farm, job, number, &frame, &err);
     if (s == STATUS_OK && farm->store)
@@ -89,7 +134,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
         return NULL;
     }
     farm_trouble_over(farm, job, &job->trouble, now_ns);
-    job_note_closed(job, number, 0);
+    job_note_closed(job, number, (struct closed_frame){0});
     figures_open(farm, frame, now_ns);
     while (*at && (*at)->number < number)
         at = &(*at)->next;
@@ -100,8 +145,7 @@ struct job_frame *farm_frame_open(struct farm *farm, struct job *job, uint32_t n
     farm->open_bytes += farm_film_bytes(settings->width, settings->height, settings->aovs);
     if (film_samples(frame->film) > 0)
         log_info("job %llu, frame %u: continues at %.1f %%", (unsigned long long)job->id, number,
-                 100.0 * (double)film_samples(frame->film) /
-                     (double)film_samples_total(frame->film));
+                 100.0 * (double)film_samples(frame->film) / (double)film_samples_total(frame->film));
     freeze_step(farm, frame, now_ns);
     farm_frame_decide(farm, frame, now_ns);
     farm_frame_advance(farm, frame, now_ns);
@@ -113,13 +157,14 @@ struct closed_films {
     struct job *job;
 };
 
-static void note_closed(void *user, uint32_t frame, uint64_t samples)
+static void note_closed(void *user, uint32_t frame, uint64_t samples, double core_s)
 {
     const struct closed_films *c = user;
 
     if (frame >= c->job->first_frame && frame <= c->job->last_frame && !job_frame_is_done(c->job, frame) &&
         !farm_frame_find(c->job, frame) && store_film_exists(c->farm->store, c->job->id, frame))
-        job_note_closed(c->job, frame, samples);
+        job_note_closed(c->job, frame,
+                        (struct closed_frame){samples, core_s, (double)samples / (double)job_frame_samples(c->job)});
 }
 
 void farm_note_closed(struct farm *farm, struct job *job)
@@ -133,8 +178,7 @@ void farm_note_closed(struct farm *farm, struct job *job)
 
 int farm_may_begin(const struct farm *farm)
 {
-    return farm->open_frames < FRAMES_OPEN_MAX &&
-           (farm->open_frames == 0 || farm->open_bytes < FRAMES_OPEN_BYTES);
+    return farm->open_frames < FRAMES_OPEN_MAX && (farm->open_frames == 0 || farm->open_bytes < FRAMES_OPEN_BYTES);
 }
 
 /* ---- room ------------------------------------------------------------------------------------ */
@@ -154,8 +198,8 @@ static void make_room(struct farm *farm, const struct job *job)
                 victim = frame;
     if (!victim)
         return;
-    log_info("job %llu, frame %u leaves memory, to make room for job %llu",
-             (unsigned long long)victim->job->id, victim->number, (unsigned long long)job->id);
+    log_info("job %llu, frame %u leaves memory, to make room for job %llu", (unsigned long long)victim->job->id,
+             victim->number, (unsigned long long)job->id);
     victim->leaving = 1;
     farm->leaving++;
     farm_frame_revoke(farm, victim, "its frame makes room for another");
@@ -171,10 +215,9 @@ void farm_frame_leave(struct farm *farm, struct job_frame *frame, uint64_t now_n
         frame->in_flight > 0)
         return;
     farm_frame_close(farm, frame, returns ? "the job has other rules" : "its frame makes room for another");
-    farm->pump_wanted = 1;
+    farm_wake(farm);
     /* Now, because it may have enough samples: no worker would ask for it then. */
-    if (returns && job_state_is_open(job->state) && farm->store &&
-        store_film_exists(farm->store, job->id, number))
+    if (returns && job_state_is_open(job->state) && farm->store && store_film_exists(farm->store, job->id, number))
         (void)farm_frame_open(farm, job, number, now_ns);
 }
 
@@ -195,10 +238,10 @@ struct job_frame *farm_frame_open_next(struct farm *farm, struct job *job, uint6
         return NULL;
     }
     for (uint64_t number = job->begin_from; number <= job->last_frame; number++) {
-        if (!job_frame_is_done(job, (uint32_t)number) &&
-            !job_frame_is_resting(job, (uint32_t)number) && !farm_frame_find(job, (uint32_t)number))
+        if (!job_frame_is_done(job, (uint32_t)number) && !job_frame_is_resting(job, (uint32_t)number) &&
+            !farm_frame_find(job, (uint32_t)number))
             return farm_frame_open(farm, job, (uint32_t)number, now_ns);
-        job->begin_from = (uint32_t)number;
+        job_begun_before(job, (uint32_t)number);
     }
     queue_all_begun(&farm->queue, job);
     return NULL;

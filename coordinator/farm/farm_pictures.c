@@ -2,15 +2,14 @@
  * output settings change; the last one ends the job. */
 #include <stdio.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/farm.h"
 
 void farm_job_end_when_done(struct farm *farm, struct job *job, uint64_t now_ns)
 {
-    if (job_state_ended(job->state) || job->state == JOB_STATE_CANCELLING ||
-        job->state == JOB_STATE_FINISHING || job->frames_done_count < job_frames_wanted(job) ||
-        job->frames_developed_count < job->frames_done_count)
+    if (job_state_ended(job->state) || job->state == JOB_STATE_CANCELLING || job->state == JOB_STATE_FINISHING ||
+        job->frames_done_count < job_frames_wanted(job) || job->frames_developed_count < job->frames_done_count)
         return;
     if (job->state == JOB_STATE_PARKED || job->state == JOB_STATE_PAUSED)
         job_set_state(&farm->queue, job, JOB_STATE_QUEUED, NULL, now_ns, farm->wall_s);
@@ -59,25 +58,17 @@ void farm_pictures_next(struct farm *farm, uint64_t now_ns)
     }
 }
 
-status farm_develop(struct farm *farm, struct job *job, const struct output_settings *output,
-                    struct error *err)
+status farm_develop(struct farm *farm, struct job *job, const struct output_settings *output, struct error *err)
 {
-    struct output_settings before = job->output;
-    uint32_t revision = job->revision;
-    status s = STATUS_OK;
+    struct job revised = *job;
 
-    job->output = *output;
-    job->output.exr = before.exr;
-    job->output.exr_half = before.exr_half;
-    job->revision++;
+    revised.output = *output;
+    revised.output.exr = job->output.exr;
+    revised.output.exr_half = job->output.exr_half;
+    revised.revision++;
     if (farm->store)
-        s = store_job_revise(farm->store, job, err);
-    job->revision = revision;
-    if (s != STATUS_OK) {
-        job->output = before;
-        return s;
-    }
-    job_revise(job);
+        TRY(store_job_revise(farm->store, &revised, err));
+    job_revise(job, &revised.output);
     log_info("job %llu (%s) is developed with %s", (unsigned long long)job->id, job->name,
              job->output.tonemap.op->name);
     farm_pictures_wanted(farm, job);
@@ -86,27 +77,27 @@ status farm_develop(struct farm *farm, struct job *job, const struct output_sett
 }
 
 /* Try a picture again later, or give up the job's pictures. */
-static void develop_failed(struct farm *farm, struct job *job, uint32_t frame,
-                           const struct error *why, uint64_t now_ns)
+static void develop_failed(struct farm *farm, struct job *job, uint32_t frame, const struct error *why, uint64_t now_ns)
 {
     char text[sizeof job->pictures.text];
 
-    if (status_is_environment(why->code)) {
+    /* A damaged picture is made again (coordinator/steering/remake.h). */
+    if (status_is_environment(why->code) ||
+        (why->code == STATUS_ERR_CORRUPT && farm->store && store_film_exists(farm->store, job->id, frame))) {
         farm_trouble(farm, job, frame, &job->pictures, "", why, now_ns);
         return;
     }
     snprintf(text, sizeof text, "frame %u: %.200s", frame, why->text);
     (void)trouble_note(&job->pictures, text, now_ns);
     job->pictures.next_ns = UINT64_MAX;
-    log_error("job %llu: the picture of frame %u cannot be made: %s", (unsigned long long)job->id,
-              frame, why->text);
+    log_error("job %llu: the picture of frame %u cannot be made: %s", (unsigned long long)job->id, frame, why->text);
     farm_pictures_unwanted(farm, job);
     if (!job_state_ended(job->state))
         farm_fail(farm, job, now_ns, "the picture of %s", text);
 }
 
-void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision,
-                        status result, const struct error *why, uint64_t now_ns)
+void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int64_t revision, status result,
+                        const struct error *why, uint64_t now_ns)
 {
     farm->developing = NULL;
     if (job->removed) {
@@ -128,8 +119,8 @@ void farm_pictures_made(struct farm *farm, struct job *job, uint32_t frame, int6
     closing_step(farm, job, now_ns);
 }
 
-void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision,
-                          status result, const struct error *why, uint64_t now_ns)
+void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t revision, status result,
+                          const struct error *why, uint64_t now_ns)
 {
     struct job *job = frame->job;
     uint32_t number = frame->number;
@@ -165,14 +156,13 @@ void farm_frame_developed(struct farm *farm, struct job_frame *frame, int64_t re
     farm_frame_close(farm, frame, "the frame is done");
     farm->counts.frames++;
     job_frame_set_done(job, number);
-    if (coverage.samples < job_frame_samples(job) &&
-        job_frame_set_cut(job, number, end, &coverage, &err) != STATUS_OK)
+    if (coverage.samples < job_frame_samples(job) && job_frame_set_cut(job, number, end, &coverage, &err) != STATUS_OK)
         log_error("job %llu, frame %u: %s", (unsigned long long)job->id, number, err.text);
     if (revision == (int64_t)job->revision)
         job_frame_set_developed(job, number);
-    log_info("job %llu (%s), frame %u is done: %u of %u", (unsigned long long)job->id, job->name,
-             number, job->frames_done_count, job_frame_count(job));
-    farm->pump_wanted = 1;
+    log_info("job %llu (%s), frame %u is done: %u of %u", (unsigned long long)job->id, job->name, number,
+             job->frames_done_count, job_frame_count(job));
+    farm_wake(farm);
     farm_pictures_wanted(farm, job);
     farm_job_end_when_done(farm, job, now_ns);
     if (!job_state_ended(job->state))

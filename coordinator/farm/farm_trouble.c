@@ -3,7 +3,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "coordinator/farm/farm.h"
 
 static void tell_jobs(struct farm *farm)
@@ -16,19 +16,17 @@ static void store_failed(struct farm *farm, const struct error *why, uint64_t no
 {
     if (!trouble_note(&farm->trouble, why->text, now_ns))
         return;
-    log_error("the store cannot be used: %s; jobs wait, and the coordinator keeps trying",
-              why->text);
+    log_error("the store cannot be used: %s; jobs wait, and the coordinator keeps trying", why->text);
     tell_jobs(farm);
 }
 
-void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, struct trouble *trouble,
-                  const char *what, const struct error *why, uint64_t now_ns)
+void farm_trouble(struct farm *farm, const struct job *job, uint32_t frame, struct trouble *trouble, const char *what,
+                  const struct error *why, uint64_t now_ns)
 {
     char text[sizeof trouble->text];
     struct error store_why = {0};
 
-    if (farm->store && !trouble_is(&farm->trouble) &&
-        store_check(farm->store, &store_why) != STATUS_OK)
+    if (farm->store && !trouble_is(&farm->trouble) && store_check(farm->store, &store_why) != STATUS_OK)
         store_failed(farm, &store_why, now_ns);
     snprintf(text, sizeof text, "frame %u%s%s: %.200s", frame, what[0] ? " " : "", what, why->text);
     if (!trouble_note(trouble, text, now_ns) && !trouble->quiet)
@@ -53,8 +51,7 @@ void farm_trouble_over(struct farm *farm, struct job *job, struct trouble *troub
     if (!quiet)
         farm_note(farm, job, NULL, "continues after %.1f s", (double)lasted_ns / 1e9);
     if (!quiet)
-        log_info("job %" PRIu64 " (%s) continues after %.1f s", job->id, job->name,
-                 (double)lasted_ns / 1e9);
+        log_info("job %" PRIu64 " (%s) continues after %.1f s", job->id, job->name, (double)lasted_ns / 1e9);
     farm->events.job_changed(farm->events.user, job);
 }
 
@@ -68,8 +65,7 @@ status farm_store_usable(const struct farm *farm, struct error *err)
 {
     if (!trouble_is(&farm->trouble))
         return STATUS_OK;
-    return error_set(err, STATUS_ERR_IO,
-                     "the coordinator's store cannot be used: %s; try again when it can",
+    return error_set(err, STATUS_ERR_IO, "the coordinator's store cannot be used: %s; try again when it can",
                      farm->trouble.text);
 }
 
@@ -85,8 +81,7 @@ int farm_takes_again(const struct farm *farm, uint64_t id)
 {
     const struct job *job = queue_find(&farm->queue, id);
 
-    return !trouble_is(&farm->trouble) &&
-           (!job || job_state_ended(job->state) || !trouble_is(&job->trouble));
+    return !trouble_is(&farm->trouble) && (!job || job_state_ended(job->state) || !trouble_is(&job->trouble));
 }
 
 void farm_store_check(struct farm *farm, uint64_t now_ns)
@@ -104,7 +99,7 @@ void farm_store_check(struct farm *farm, uint64_t now_ns)
     if (!trouble_end(&farm->trouble, now_ns, &lasted_ns))
         return;
     log_info("the store can be used again after %.1f s: jobs continue", (double)lasted_ns / 1e9);
-    farm->pump_wanted = 1;
+    farm_wake(farm);
     farm->barren.lanes = 0;
     farm->resume_wanted = 1;
     tell_jobs(farm);

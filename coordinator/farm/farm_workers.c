@@ -3,8 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/roster.h"
@@ -41,9 +41,9 @@ void farm_deliverer_begin(struct farm *farm, struct farm_worker *worker)
         return;
     worker->deliverer.number = ++farm->last_deliverer;
     worker->deliverer.first_seen = farm->wall_s;
+    snprintf(worker->deliverer.label, sizeof worker->deliverer.label, "%s", worker->label);
     /* A conflict is then reported with the number only. */
-    if (farm->store &&
-        store_deliverer_save_later(farm->store, &worker->deliverer, &err) != STATUS_OK)
+    if (farm->store && store_deliverer_save_later(farm->store, &worker->deliverer, &err) != STATUS_OK)
         log_warn("%s", err.text);
 }
 
@@ -58,10 +58,9 @@ void farm_deliverer_text(const struct farm *farm, uint32_t deliverer, char out[D
         snprintf(out, DELIVERER_TEXT_MAX, "session %u (%s)", worker->held.session, worker->name);
         return;
     }
-    if (farm->store && store_deliverer_find(farm->store, deliverer, &gone, NULL) == STATUS_OK &&
-        gone.number)
-        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has left (%s, process %u, %s)", gone.host,
-                 gone.process, gone.software);
+    if (farm->store && store_deliverer_find(farm->store, deliverer, &gone, NULL) == STATUS_OK && gone.number)
+        snprintf(out, DELIVERER_TEXT_MAX, "a worker that has left (%s, process %u, %s)", gone.host, gone.process,
+                 gone.software);
     else
         snprintf(out, DELIVERER_TEXT_MAX, "a worker that has left (number %u)", deliverer);
 }
@@ -79,7 +78,7 @@ void farm_worker_remove(struct farm *farm, struct farm_worker *worker, int died,
     workforce_leave(farm, worker);
     farm->workers[worker->place.index] = farm->workers[--farm->worker_count];
     farm->workers[worker->place.index]->place.index = worker->place.index;
-    farm->pump_wanted = 1;
+    farm_wake(farm);
     farm_workers_changed(farm);
 }
 
@@ -93,39 +92,55 @@ static int job_has_results(const struct job *job)
     return 0;
 }
 
-/* Does the job have results, or units with workers, that belong to its pinned kernel? */
-static int job_is_begun(const struct job *job)
+/* Does the job have results, or units with workers, that belong to its pinned ray tracer? */
+static int job_is_begun(const struct job *job) { return job->leases > 0 || job_has_results(job); }
+
+static void explain_refusal(const struct job *job, const struct refusal *refusal, char *why, size_t why_size)
 {
-    return job->leases > 0 || job_has_results(job);
+    if (refusal->damaged)
+        snprintf(why, why_size, "its machine said that it cannot render job %llu", (unsigned long long)job->id);
+    else
+        snprintf(why, why_size, "its machine lacks something for job %llu, and is tried again: %.180s",
+                 (unsigned long long)job->id, refusal->shortage.text);
 }
 
-int farm_can_serve(const struct job *job, const struct farm_worker *worker, char *why,
-                   size_t why_size)
+int farm_can_serve(const struct job *job, const struct farm_worker *worker, char *why, size_t why_size)
 {
     if (!(worker->isa_mask >> job->settings.isa & 1))
         snprintf(why, why_size,
                  "it does not offer %s, which job %llu is pinned to (its CPU has none, or its --isa "
                  "leaves it out)",
                  isa_name(job->settings.isa), (unsigned long long)job->id);
-    else if (job->kernel[0] && strcmp(job->kernel, worker->kernel) != 0 && job_is_begun(job))
+    else if (job->ray_tracer[0] && strcmp(job->ray_tracer, worker->ray_tracer) != 0 && job_is_begun(job))
         snprintf(why, why_size,
                  "it traces rays with %s, but job %llu was begun with %s; mixing them would change "
                  "the picture's bits",
-                 worker->kernel, (unsigned long long)job->id, job->kernel);
-    else if (job_is_broken_for(job, worker->machine))
-        snprintf(why, why_size, "its machine said that it cannot render job %llu",
-                 (unsigned long long)job->id);
+                 worker->ray_tracer, (unsigned long long)job->id, job->ray_tracer);
+    else if (refusals_bar(&job->refusals, worker->machine))
+        explain_refusal(job, refusals_find(&job->refusals, worker->machine), why, why_size);
     else
         return needs_fit(&job->needs, job->id, worker->tags, worker->memory, why, why_size);
     return 0;
 }
 
-void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker,
-                     const char *text, uint64_t now_ns)
+/* Machines of connected workers that may yet render the job: a shortage passes. */
+static uint32_t machines_able(const struct farm *farm, const struct job *job)
 {
-    uint32_t able = 0, held = 0;
-    status s = STATUS_OK;
+    uint32_t able = 0;
     char why[256];
+
+    for (uint32_t i = 0; i < farm->worker_count; i++) {
+        const struct refusal *refusal = refusals_find(&job->refusals, farm->workers[i]->machine);
+        able += (refusal && refusal->waits) || farm_can_serve(job, farm->workers[i], why, sizeof why);
+    }
+    return able;
+}
+
+void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *worker, status code, const char *text,
+                     uint64_t now_ns)
+{
+    const struct refusal *before = refusals_find(&job->refusals, worker->machine);
+    uint32_t held = 0;
 
     for (struct lease *lease = worker->held.oldest, *newer; lease; lease = newer) {
         newer = lease->holder_newer;
@@ -136,26 +151,49 @@ void farm_job_broken(struct farm *farm, struct job *job, struct farm_worker *wor
     }
     if (held == 0 || !job_state_is_open(job->state))
         return; /* a second report, one for a revoked lease, or a false one */
-    farm->pump_wanted = 1;
-    farm_note(farm, job, NULL, "%s cannot render it: %s", worker->name, text);
-    if (!job_is_broken_for(job, worker->machine))
-        s = job_set_broken_for(job, worker->machine);
-    for (uint32_t i = 0; i < farm->worker_count; i++)
-        able += (uint32_t)farm_can_serve(job, farm->workers[i], why, sizeof why);
+    farm_wake(farm);
+    farm->order.stale = 1;
+    farm->shortage_ns = 0; /* look when the next one is due */
+    if (!before || status_is_scene(code))
+        farm_note(farm, job, NULL, "%s cannot render it%s: %s", worker->name,
+                  status_is_scene(code) ? "" : " at present, and is tried again", text);
+    if (refusals_note(&job->refusals, worker->machine, code, text, now_ns) != STATUS_OK)
+        log_warn("job %llu (%s): no memory to note that %s cannot render it", (unsigned long long)job->id, job->name,
+                 worker->name);
+    farm->events.job_changed(farm->events.user, job);
     /* With a result, some machine can render it: machines that cannot are skipped. */
-    if (s != STATUS_OK || able == 0 || job->broken_count >= JOB_BROKEN_MACHINES_MAX ||
-        (job->broken_count >= JOB_BROKEN_MAX && !job_has_results(job)))
-        farm_fail(farm, job, now_ns, "%zu machine%s cannot render it: %s", job->broken_count,
-                  job->broken_count == 1 ? "" : "s", text);
+    if (job->refusals.damaged > 0 &&
+        (machines_able(farm, job) == 0 || job->refusals.damaged >= JOB_BROKEN_MACHINES_MAX ||
+         (job->refusals.damaged >= JOB_BROKEN_MAX && !job_has_results(job))))
+        farm_fail(farm, job, now_ns, "%zu machine%s cannot render it: %s", job->refusals.damaged,
+                  job->refusals.damaged == 1 ? "" : "s", text);
 }
+
+/* Ask machines again that were short of something: those whose turn it is, or all. */
+static void ask_again(struct farm *farm, int all, uint64_t now_ns)
+{
+    farm->shortage_ns = UINT64_MAX;
+    for (size_t i = 0; i < farm->queue.active_count; i++) {
+        struct refusals *refusals = &farm->queue.active[i]->refusals;
+        int some = all && refusals_hurry(refusals);
+        some |= refusals_due(refusals, now_ns, &farm->shortage_ns);
+        if (some)
+            farm_wake(farm);
+        farm->order.stale |= some;
+    }
+}
+
+void farm_shortages_hurry(struct farm *farm, uint64_t now_ns) { ask_again(farm, 1, now_ns); }
 
 void farm_workers_tick(struct farm *farm, uint64_t now_ns)
 {
+    if (now_ns >= farm->shortage_ns)
+        ask_again(farm, 0, now_ns);
     for (uint32_t i = 0; i < farm->worker_count; i++) {
         struct farm_worker *worker = farm->workers[i];
         if (worker->saved_ns && now_ns - worker->saved_ns < WORKER_SAVE_MS * NS_PER_MS)
             continue;
-        if (!worker->saved.told || worker->units_done != worker->saved.units)
+        if (!worker->saved.stored || worker->units_done != worker->saved.units)
             worker_save(farm, worker, NULL);
         worker->saved_ns = now_ns ? now_ns : 1;
     }
@@ -174,7 +212,7 @@ static void take_back(struct farm *farm, const struct job_frame *frame, struct u
         if (lease->holder != &worker->held)
             continue;
         lease_return_unit(&farm->leases, lease, name);
-        farm->pump_wanted = 1;
+        farm_wake(farm);
         return;
     }
 }
@@ -187,13 +225,13 @@ static int is_noted(const struct farm_worker *worker, uint64_t job, uint32_t fra
            worker->hang_unit.pass == name.pass;
 }
 
-static void note_hang(struct farm *farm, struct job *job, struct job_frame *frame,
-                      struct unit_name name, struct farm_worker *worker, uint64_t now_ns)
+static void note_hang(struct farm *farm, struct job *job, struct job_frame *frame, struct unit_name name,
+                      struct farm_worker *worker, uint64_t now_ns)
 {
-    const struct hang_unit *unit =
-        hangs_note(&job->hangs, (struct hang_unit){.frame = frame->number, .tile = name.tile,
-                                                   .group = name.group, .pass = name.pass},
-                   worker->held.session);
+    const struct hang_unit *unit = hangs_note(
+        &job->hangs,
+        (struct hang_unit){.frame = frame->number, .tile = name.tile, .group = name.group, .pass = name.pass},
+        worker->held.session);
 
     if (!unit)
         return;

@@ -3,17 +3,16 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/tonemap/tonemap.h"
-#include "coordinator/store/blobs.h"
+#include "coordinator/store/files/blobs.h"
 #include "coordinator/job/wire.h"
 
 /* ---- the note ------------------------------------------------------------------------------- */
 
-/* A note: settings and the state measured with them. Its form in a film's file: the settings'
- * length (32 bits), the settings in their wire form, then the state's numbers as doubles, all
- * little-endian. */
+/* A note: settings and the state measured with them. Its form in a film's file: the settings' length (32 bits), the
+ * settings in their wire form, then the state's numbers as doubles, all little-endian. */
 struct note {
     struct tonemap_settings settings;
     struct tonemap_state state;
@@ -47,8 +46,7 @@ static status note_pack(const struct note *note, struct buffer *out, struct erro
 {
     const struct tonemap_state *s = &note->state;
     uint8_t *length = buffer_append_space(out, 4);
-    status st = length ? wire_tonemap_pack(&note->settings, out, err)
-                       : error_no_memory(err, "a frame's statistics");
+    status st = length ? wire_tonemap_pack(&note->settings, out, err) : error_no_memory(err, "a frame's statistics");
     size_t size = out->size - 4;
 
     if (st != STATUS_OK)
@@ -70,18 +68,14 @@ static status note_unpack(struct note *note, const struct buffer *in, struct err
 {
     const uint8_t *at = in->data;
     size_t settings = 0, numbers;
-    status st;
 
     for (int i = 3; i >= 0 && in->size >= 4; i--)
         settings = settings << 8 | at[i];
     if (in->size < 4 || settings > in->size - 4)
         return error_set(err, STATUS_ERR_CORRUPT, "it is too short");
-    st = wire_tonemap_unpack(&note->settings, at + 4, settings, err);
-    if (st != STATUS_OK)
-        return st;
+    TRY(wire_tonemap_unpack(&note->settings, at + 4, settings, err));
     numbers = STATE_FIXED + note->settings.op->state_count;
-    if (in->size - 4 - settings != numbers * 8 ||
-        tonemap_reach(&note->settings) == TONEMAP_REACH_PICTURE)
+    if (in->size - 4 - settings != numbers * 8 || tonemap_reach(&note->settings) == TONEMAP_REACH_PICTURE)
         return error_set(err, STATUS_ERR_CORRUPT, "it has %zu bytes", in->size);
     at += 4 + settings;
     note->state = (struct tonemap_state){
@@ -94,8 +88,7 @@ static status note_unpack(struct note *note, const struct buffer *in, struct err
 }
 
 /* The group's note on disk. *found 0: there is no usable one. */
-static status note_read(struct note *note, const struct job_frame *frame, uint32_t group, int *found,
-                        struct error *err)
+static status note_read(struct note *note, const struct job_frame *frame, uint32_t group, int *found, struct error *err)
 {
     struct buffer bytes = BUFFER_INIT;
     struct error why = {0};
@@ -113,8 +106,7 @@ static status note_read(struct note *note, const struct job_frame *frame, uint32
     return s;
 }
 
-static status note_write(const struct note *note, struct job_frame *frame, uint32_t group,
-                         struct error *err)
+static status note_write(const struct note *note, struct job_frame *frame, uint32_t group, struct error *err)
 {
     struct buffer bytes = BUFFER_INIT;
     status s = STATUS_OK;
@@ -122,8 +114,7 @@ static status note_write(const struct note *note, struct job_frame *frame, uint3
     if (!frame->file)
         return STATUS_OK;
     s = note_pack(note, &bytes, err);
-    if (s == STATUS_OK)
-        s = film_file_note_write(frame->file, group, &bytes, err);
+    THEN(s, film_file_note_write(frame->file, group, &bytes, err));
     buffer_release(&bytes);
     return s;
 }
@@ -174,10 +165,24 @@ status freeze_open(struct job_frame *frame, struct error *err)
         /* Not synced: until later samples are synced, it can be measured again. */
         if (!found)
             s = note_write(note, frame, g, err);
-        if (s == STATUS_OK)
-            s = tonemap_pixels_new(&pixels, &note->settings, &note->state, NULL, err);
+        THEN(s, tonemap_pixels_new(&pixels, &note->settings, &note->state, NULL, err));
         if (s == STATUS_OK)
             freeze_group(frame, g, pixels);
+    }
+    mem_free(note);
+    return s;
+}
+
+status freeze_was_measured(const struct job_frame *frame, int *measured, struct error *err)
+{
+    struct note *note = mem_alloc(sizeof *note);
+    status s = note ? STATUS_OK : error_no_memory(err, "a frame's statistics");
+
+    *measured = 0;
+    for (uint32_t g = 0; g < GROUPS && s == STATUS_OK; g++) {
+        int found;
+        s = note_read(note, frame, g, &found, err);
+        *measured |= s == STATUS_OK && found && tonemap_reach(&note->settings) != TONEMAP_REACH_PIXEL;
     }
     mem_free(note);
     return s;
@@ -188,18 +193,16 @@ status freeze_open(struct job_frame *frame, struct error *err)
 struct freezing {
     struct job_frame *frame;
     uint32_t group;
-    const struct store *store;   /* NULL: none */
-    struct note note;            /* the settings to measure with, until it is run */
-    struct image image;          /* of the group's level 0 */
+    const struct store *store; /* NULL: none */
+    struct note note;          /* the settings to measure with, until it is run */
+    struct image image;        /* of the group's level 0 */
+    int smooth;                /* it is there, smoothed */
     struct tonemap_pixels *pixels;
     status result;
     struct error error;
 };
 
-const struct job_frame *freezing_frame(const struct freezing *f)
-{
-    return f->frame;
-}
+const struct job_frame *freezing_frame(const struct freezing *f) { return f->frame; }
 
 static void freezing_free(struct freezing *f)
 {
@@ -208,26 +211,35 @@ static void freezing_free(struct freezing *f)
     mem_free(f);
 }
 
-static status freezing_new(struct freezing **out, const struct farm *farm, struct job_frame *frame,
-                           uint32_t group, struct error *err)
+static status freezing_new(struct freezing **out, const struct farm *farm, struct job_frame *frame, uint32_t group,
+                           struct error *err)
 {
     struct freezing *f = mem_calloc(1, sizeof *f);
-    status s;
 
-    if (!f)
-        return error_no_memory(err, "a frame's statistics");
-    s = image_init(&f->image, film_width(frame->film), film_height(frame->film), 3, err);
-    if (s != STATUS_OK) {
-        freezing_free(f);
-        return s;
-    }
+    NEED(f, err, "a frame's statistics");
     f->frame = frame;
     f->group = group;
     f->store = farm->store;
     frame_settings(&f->note.settings, frame);
-    film_develop_group(frame->film, group, f->image.pixels);
     *out = f;
     return STATUS_OK;
+}
+
+/* In any thread: the group stays as it is until film_freeze. */
+static status take_image(struct freezing *f, struct error *err)
+{
+    const struct film *film = f->frame->film;
+    status s;
+
+    if (f->smooth)
+        return STATUS_OK;
+    image_release(&f->image);
+    s = image_init(&f->image, film_width(film), film_height(film), 3, err);
+    if (s == STATUS_OK)
+        film_develop_group(film, f->group, f->image.pixels);
+    THEN(s, image_smooth(&f->image, FREEZE_RADIUS, err));
+    f->smooth = s == STATUS_OK;
+    return s;
 }
 
 /* Measure, unless the note exists already, and make the transform from it. */
@@ -239,18 +251,18 @@ static status measure_with(struct freezing *f, int has_state, struct error *err)
     status s = STATUS_OK;
 
     if (note->settings.has_file) {
-        s = f->store ? blobs_read(store_folder(f->store), &note->settings.file,
-                                  TONEMAP_FILE_BYTES_MAX, &file, err)
+        s = f->store ? blobs_read(store_folder(f->store), &note->settings.file, TONEMAP_FILE_BYTES_MAX, &file, err)
                      : error_set(err, STATUS_ERR_NOT_FOUND, "no store has the operator's file");
         context.file_data = file.data;
         context.file_size = file.size;
     }
     if (s == STATUS_OK && !has_state)
+        s = take_image(f, err);
+    if (s == STATUS_OK && !has_state)
         s = tonemap_measure(&note->state, &f->image, &note->settings, &context, err);
     tonemap_pixels_free(f->pixels); /* from an earlier attempt */
     f->pixels = NULL;
-    if (s == STATUS_OK)
-        s = tonemap_pixels_new(&f->pixels, &note->settings, &note->state, &context, err);
+    THEN(s, tonemap_pixels_new(&f->pixels, &note->settings, &note->state, &context, err));
     buffer_release(&file);
     return s;
 }
@@ -263,8 +275,7 @@ void freezing_run(struct freezing *f)
     int found;
     status s = note_read(&f->note, f->frame, f->group, &found, err);
 
-    if (s == STATUS_OK)
-        s = measure_with(f, found, err);
+    THEN(s, measure_with(f, found, err));
     if (s != STATUS_OK && !status_is_environment(s) &&
         tonemap_settings_init(&linear, "linear", &why) == STATUS_OK) {
         /* Its pictures will fail with an error; its samples can still be distributed. */
@@ -308,11 +319,10 @@ void freezing_end(struct farm *farm, struct freezing *f, uint64_t now_ns)
         f->pixels = NULL;
         farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
         job_frame_mark_folded(frame, now_ns);
-        farm->pump_wanted = 1;
+        farm_wake(farm);
         farm_frame_advance(farm, frame, now_ns);
     } else {
-        farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be measured", &f->error,
-                     now_ns);
+        farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be measured", &f->error, now_ns);
     }
     freezing_free(f);
 }
@@ -325,8 +335,8 @@ void freeze_step(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
         status s;
 
         if (!film_wants_freeze(frame->film, g) || frame->freezing[g] || frame->closing ||
-            frame->state != FRAME_RENDERING || !job_state_is_open(frame->job->state) ||
-            trouble_is(&farm->trouble) || trouble_waits(&frame->trouble, now_ns))
+            frame->state != FRAME_RENDERING || !job_state_is_open(frame->job->state) || trouble_is(&farm->trouble) ||
+            trouble_waits(&frame->trouble, now_ns))
             continue;
         s = freezing_new(&f, farm, frame, g, &err);
         if (s == STATUS_OK && farm->events.freeze) {
@@ -337,8 +347,7 @@ void freeze_step(struct farm *farm, struct job_frame *frame, uint64_t now_ns)
             freezing_run(f);
         }
         if (s != STATUS_OK) {
-            farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be measured",
-                         &err, now_ns);
+            farm_trouble(farm, frame->job, frame->number, &frame->trouble, "cannot be measured", &err, now_ns);
             continue;
         }
         frame->freezing[g] = 1;

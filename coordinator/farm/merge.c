@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "common/base/bytes.h"
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/base/safeguard.h"
 #include "coordinator/farm/figures.h"
@@ -29,8 +29,8 @@ static void tell_others(void *user, uint32_t session, uint64_t lease)
     farm->events.revoke(farm->events.user, session, lease, "another worker was faster");
 }
 
-static void report_conflict(struct farm *farm, const struct job_frame *frame,
-                            const struct tile_result *result, const struct farm_worker *worker)
+static void report_conflict(struct farm *farm, const struct job_frame *frame, const struct tile_result *result,
+                            const struct farm_worker *worker)
 {
     struct job *job = frame->job;
     struct unit_name u = result->unit;
@@ -40,20 +40,17 @@ static void report_conflict(struct farm *farm, const struct job_frame *frame,
     job->conflicts++;
     farm_deliverer_text(farm, film_deliverer(frame->film, u.tile, u.group, u.pass), first);
     log_error("job %llu, frame %u, tile %u, group %u, pass %u: session %u (%s, %s) sent a result that "
-              "differs from the one merged before, which came from %s; the first is kept. One of the two machines computes wrong results: check their memory and CPUs, and render the frame again",
+              "differs from the one merged before, which came from %s. One of the two machines computes wrong results: other workers decide which (an audit)",
               (unsigned long long)job->id, result->frame, u.tile, u.group, u.pass,
-              worker->held.session, worker->name, worker->kernel, first);
+              worker->held.session, worker->name, worker->ray_tracer, first);
     farm->events.job_changed(farm->events.user, job);
 }
 
-static int is_amount(double x)
-{
-    return (isfinite(x) && x >= 0) || !SAFEGUARD(FINITE_AMOUNT);
-}
+static int is_amount(double x) { return (isfinite(x) && x >= 0) || !SAFEGUARD(FINITE_AMOUNT); }
 
 /* The count is one that the unit can have, and the example one of its samples. */
-static int health_fits(const struct job_frame *frame, const struct tile_result *result,
-                       uint64_t samples, enum health_kind kind)
+static int health_fits(const struct job_frame *frame, const struct tile_result *result, uint64_t samples,
+                       enum health_kind kind)
 {
     const struct render_settings *settings = &frame->job->settings;
     const struct health *h = &result->work.health;
@@ -79,24 +76,22 @@ static int health_fits(const struct job_frame *frame, const struct tile_result *
         break;
     }
     pass_range(settings->spp, u->group, u->pass, &begin, &end);
-    return health_place_of(h->first[kind], &p) && h->frame[kind] == 0 && p.pass == u->pass &&
-           p.tile == u->tile && p.pixel < rect.width * rect.height &&
-           p.sample % GROUPS == u->group && p.sample / GROUPS >= begin && p.sample / GROUPS < end;
+    return health_place_of(h->first[kind], &p) && h->frame[kind] == 0 && p.pass == u->pass && p.tile == u->tile &&
+           p.pixel < rect.width * rect.height && p.sample % GROUPS == u->group && p.sample / GROUPS >= begin &&
+           p.sample / GROUPS < end;
 }
 
 /* Impossible counts would overflow the film's. */
-static status check_work(const struct job_frame *frame, const struct tile_result *result,
-                         struct error *err)
+static status check_work(const struct job_frame *frame, const struct tile_result *result, struct error *err)
 {
     const struct unit_work *w = &result->work;
     uint64_t samples = job_frame_unit_samples(frame, result->unit);
     uint64_t most = samples * SAMPLE_COUNTS_MAX;
 
     if (!is_amount(w->clamped_luminance) || !is_amount(w->kept_luminance))
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
-                         result->unit.tile, result->unit.group, result->unit.pass,
-                         w->clamped_luminance, w->kept_luminance);
+        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
+                         result->unit.tile, result->unit.group, result->unit.pass, w->clamped_luminance,
+                         w->kept_luminance);
     if (!depth_light_is_valid(&w->depth))
         return error_set(err, STATUS_ERR_PROTOCOL,
                          "tile %u, group %u, pass %u: a sum of light by depth is negative or not finite",
@@ -106,35 +101,52 @@ static status check_work(const struct job_frame *frame, const struct tile_result
             return error_set(err, STATUS_ERR_PROTOCOL,
                              "tile %u, group %u, pass %u: %llu times %s of %llu samples, first at %llu",
                              result->unit.tile, result->unit.group, result->unit.pass,
-                             (unsigned long long)w->health.count[k], health_rows[k].name,
-                             (unsigned long long)samples, (unsigned long long)w->health.first[k]);
+                             (unsigned long long)w->health.count[k], health_rows[k].name, (unsigned long long)samples,
+                             (unsigned long long)w->health.first[k]);
     if (w->samples == samples && w->rays <= most && w->vertices <= most && w->leaked_rays <= most &&
-        w->clamped_samples <= samples)
+        w->clamped_samples <= samples && w->subject_samples <= samples)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_PROTOCOL,
                      "a result with %llu samples, %llu rays and %llu vertices for %llu samples",
-                     (unsigned long long)w->samples, (unsigned long long)w->rays,
-                     (unsigned long long)w->vertices, (unsigned long long)samples);
+                     (unsigned long long)w->samples, (unsigned long long)w->rays, (unsigned long long)w->vertices,
+                     (unsigned long long)samples);
+}
+
+/* Sums of radiance are negative only where samples were, which the result counts, or with dispersion, whose single
+ * wavelengths have colours with negative parts. */
+static status check_radiance(const struct job_frame *frame, const struct tile_result *result, const float *sums,
+                             struct error *err)
+{
+    const struct render_settings *settings = &frame->job->settings;
+    struct tile_rect rect = tile_rect_of(settings->width, settings->height, result->unit.tile);
+    size_t count = (size_t)rect.width * rect.height * PIXEL_FLOATS;
+
+    if (result->work.health.count[HEALTH_NEGATIVE_SAMPLES] > 0 || result->stats.effects & EFFECT_DISPERSION)
+        return STATUS_OK;
+    for (size_t i = 0; i < count && i < result->sums_bytes / 4; i++)
+        if (sums[i] < 0)
+            return error_set(err, STATUS_ERR_PROTOCOL,
+                             "tile %u, group %u, pass %u: pixel %zu has a negative radiance, %g", result->unit.tile,
+                             result->unit.group, result->unit.pass, i / PIXEL_FLOATS, (double)sums[i]);
+    return STATUS_OK;
 }
 
 /* The frame that the result is for; NULL with an outcome when it needs no merging. */
-static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *worker,
-                              const struct tile_result *result, uint64_t now_ns,
-                              enum merge_outcome *outcome)
+static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *worker, const struct tile_result *result,
+                                  uint64_t now_ns, enum merge_outcome *outcome)
 {
     struct job *job = queue_find(&farm->queue, result->job);
     struct job_frame *frame;
 
     *outcome = MERGE_UNWANTED;
-    if (!job || result->epoch < job->epoch_floor || result->frame < job->first_frame ||
-        result->frame > job->last_frame)
+    if (!job || result->epoch < job->epoch_floor || result->frame < job->first_frame || result->frame > job->last_frame)
         return NULL;
     if (job_frame_is_done(job, result->frame)) {
         if (!job_frame_is_cut(job, result->frame))
             *outcome = MERGE_KEPT;
         return NULL;
     }
-    if (!job_state_is_open(job->state) || job_frame_is_resting(job, result->frame) || strcmp(job->kernel, worker->kernel) != 0)
+    if (!job_state_is_open(job->state) || job_frame_is_resting(job, result->frame) || strcmp(job->ray_tracer, worker->ray_tracer) != 0)
         return NULL;
     frame = farm_frame_find(job, result->frame);
     if (!frame && job->state != JOB_STATE_FINISHING)
@@ -145,9 +157,8 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
 }
 
 /* Fold the result into the frame's film. */
-static status merge_into(struct job_frame *frame, const struct farm_worker *worker,
-                         const struct tile_result *result, enum film_merge_result *merged,
-                         struct error *err)
+static status merge_into(struct job_frame *frame, const struct farm_worker *worker, const struct tile_result *result,
+                         enum film_merge_result *merged, struct error *err)
 {
     static float sums[TILE_FLOATS_MAX];
     struct unit_name u = result->unit;
@@ -155,19 +166,22 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
                                .count = result->sums_bytes / 4, .tail = result->tail,
                                .work = result->work};
     struct pending_ack ack = {result->lease, worker->held.session, u};
+    size_t recorded = frame->journal.size;
     status s;
 
     s = check_work(frame, result, err);
     /* Reserve the acknowledgement first: once merged, a result must not be lost. */
-    if (s == STATUS_OK)
-        s = job_frame_await_ack(frame, ack, err);
+    THEN(s, job_frame_await_ack(frame, ack, err));
     if (s != STATUS_OK)
         return s;
     frame->ack_count--;
     floats_from_wire(sums, result->sums, unit.count);
+    TRY(check_radiance(frame, result, sums, err));
     s = film_merge(frame->film, &unit, worker->deliverer.number, merged, err);
     if (s == STATUS_OK && (*merged == FILM_MERGED || *merged == FILM_WAITING))
         film_note_cost(frame->film, u.tile, u.group, u.pass, result->times.thread, result->stats.cpu_ns);
+    if (frame->journal.size > recorded)
+        film_record_cost(&frame->journal, recorded, frame->film); /* those that waited for it have theirs */
     if (s == STATUS_ERR_INPUT) {
         s = STATUS_ERR_PROTOCOL;
         if (err)
@@ -202,8 +216,8 @@ static void count_result(struct farm_counts *counts, const struct tile_result *r
     rate_add(&counts->sample_rate, result->work.samples, now_ns);
 }
 
-status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
-                    uint64_t now_ns, enum merge_outcome *outcome, struct error *err)
+status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result, uint64_t now_ns,
+                    enum merge_outcome *outcome, struct merge_conflict *conflict, struct error *err)
 {
     struct unit_name name = result->unit;
     struct pending_ack ack = {result->lease, worker->held.session, name};
@@ -215,25 +229,30 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     status s;
 
     if (result->epoch > farm->leases.epoch || result->epoch == 0)
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "a result of lease %llu, epoch %llu, which was never granted",
+        return error_set(err, STATUS_ERR_PROTOCOL, "a result of lease %llu, epoch %llu, which was never granted",
                          (unsigned long long)result->lease, (unsigned long long)result->epoch);
     if (result->sums_bytes % 4 || result->sums_bytes / 4 > TILE_FLOATS_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", result->sums_bytes);
     frame = frame_of(farm, worker, result, now_ns, outcome);
     if (!frame)
         return STATUS_OK;
+    if (result->epoch == farm->leases.epoch && result->lease > farm->leases.last_id) {
+        *outcome = MERGE_IMPOSSIBLE;
+        return error_set(err, STATUS_ERR_PROTOCOL, "a result of lease %llu, which was never granted",
+                         (unsigned long long)result->lease);
+    }
+    *outcome = MERGE_IMPOSSIBLE;
     if (!job_frame_has_unit(frame, name))
-        return error_set(err, STATUS_ERR_PROTOCOL,
-                         "job %llu, frame %u, tile %u, group %u, pass %u: there is none",
-                         (unsigned long long)result->job, result->frame, name.tile, name.group,
-                         name.pass);
+        return error_set(err, STATUS_ERR_PROTOCOL, "job %llu, frame %u, tile %u, group %u, pass %u: there is none",
+                         (unsigned long long)result->job, result->frame, name.tile, name.group, name.pass);
     if (frame->end != FRAME_END_NONE && !film_has(frame->film, name.tile, name.group, name.pass)) {
         *outcome = MERGE_UNWANTED;
         return STATUS_OK;
     }
     farm_deliverer_begin(farm, worker);
     s = merge_into(frame, worker, result, &merged, err);
+    if (s != STATUS_OK && s != STATUS_ERR_PROTOCOL)
+        *outcome = MERGE_PENDING;
     if (s == STATUS_ERR_PROTOCOL)
         error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);
     if (s != STATUS_OK)
@@ -245,8 +264,12 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     unit = job_frame_unit_find(frame, name);
     if (unit && unit->holder_count == 1)
         granted_ns = unit->granted_ns;
-    if (merged == FILM_CONFLICT)
+    if (merged == FILM_CONFLICT) {
         report_conflict(farm, frame, result, worker);
+        if (conflict)
+            *conflict = (struct merge_conflict){1, film_deliverer(frame->film, name.tile, name.group, name.pass),
+                                                film_unit_hash(frame->film, name.tile, name.group, name.pass)};
+    }
     if (merged == FILM_MERGED || merged == FILM_WAITING) {
         lease_settle_unit(&farm->leases, frame, name, worker->held.session, tell_others, farm);
         count_result(&farm->counts, result, now_ns);
@@ -256,10 +279,10 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
         hangs_settle(&frame->job->hangs, (struct hang_unit){.frame = frame->number, .tile = name.tile,
                                                             .group = name.group, .pass = name.pass});
         figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
-        scheduler_learn(farm, worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns,
-                        now_ns);
+        scheduler_learn(farm, worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns, now_ns);
         workforce_due(farm, worker);
-        farm->pump_wanted |= farm->workforce.hungry > 0 && job_frame_unleased(frame) > 0;
+        if (farm->workforce.hungry > 0 && job_frame_unleased(frame) > 0)
+            farm_wake(farm);
     } else {
         farm->counts.repeats++;
     }
@@ -304,10 +327,10 @@ static uint64_t frame_due_ns(const struct job_frame *f, uint64_t delay_ns)
 {
     uint64_t share_ns = f->dirty_since_ns > f->begun_ns ? (f->dirty_since_ns - f->begun_ns) / COMMIT_DELAY_AGES : 0;
 
-    if (f->state == FRAME_COMPLETE)
+    if (f->state == FRAME_COMPLETE || f->leaving)
         return f->dirty_since_ns;
-    if (share_ns < COMMIT_DELAY_MIN_MS * NS_PER_MS)
-        share_ns = COMMIT_DELAY_MIN_MS * NS_PER_MS;
+    if (share_ns < COMMIT_DELAY_YOUNG_MS * NS_PER_MS)
+        share_ns = COMMIT_DELAY_YOUNG_MS * NS_PER_MS;
     return f->dirty_since_ns + (delay_ns < share_ns ? delay_ns : share_ns);
 }
 
@@ -321,9 +344,7 @@ int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles)
         return 0;
     for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job)) {
         for (const struct job_frame *f = job->frames; f; f = f->next) {
-            uint64_t frame_ns = trouble_is(&f->trouble)
-                                    ? f->trouble.next_ns
-                                    : frame_due_ns(f, delay_ns);
+            uint64_t frame_ns = trouble_is(&f->trouble) ? f->trouble.next_ns : frame_due_ns(f, delay_ns);
             if (f->dirty_count == 0)
                 continue;
             if (!trouble_is(&f->trouble))
@@ -339,59 +360,74 @@ static void commit_free(struct commit *commit)
 {
     if (!commit)
         return;
+    for (uint32_t i = 0; i < commit->part_count; i++) {
+        buffer_release(&commit->parts[i].film.units);
+        buffer_release(&commit->parts[i].film.states);
+    }
     mem_free(commit->items);
     mem_free(commit->parts);
-    mem_free(commit->data);
     mem_free(commit);
 }
 
-/* Copy the states of up to the commit's room of the frame's dirty tiles. */
-static void commit_take(struct commit *commit, struct job_frame *frame, uint32_t room, size_t *used)
+/* The states that the film's file asks for. Without memory for one, it asks again. */
+static void take_stale(struct commit_part *part)
 {
-    uint32_t taken = 0;
+    struct job_frame *frame = part->frame;
 
-    while (taken < frame->dirty_count && commit->count < room) {
-        uint32_t tile = frame->dirty[taken++];
-        struct commit_item *item = &commit->items[commit->count++];
+    part->film.stale = frame->stale;
+    for (uint32_t i = 0; i < part->film.stale.count; i++)
+        if (film_tile_samples(frame->film, part->film.stale.first + i) > 0 &&
+            !film_record_state(&part->film.states, frame->film, part->film.stale.first + i))
+            part->film.stale.count = i;
+}
+
+/* Take what is dirty of a frame: its journal, and the states of up to `room` tiles of which the journal has not all. The
+ * rest stays dirty. */
+static void commit_take(struct commit *commit, struct job_frame *frame, uint32_t *room)
+{
+    struct commit_part *part = &commit->parts[commit->part_count];
+    uint32_t left = 0;
+
+    *part = (struct commit_part){.frame = frame, .first = commit->count, .film.units = frame->journal};
+    buffer_init(&frame->journal);
+    for (uint32_t i = 0; i < frame->dirty_count; i++) {
+        uint32_t tile = frame->dirty[i];
+        struct commit_item *item = &commit->items[commit->count];
+        if (frame->dirty_mark[tile] & FRAME_TILE_WHOLE &&
+            (*room == 0 || !film_record_state(&part->film.states, frame->film, tile))) {
+            frame->dirty[left++] = tile;
+            continue;
+        }
+        *room -= frame->dirty_mark[tile] & FRAME_TILE_WHOLE ? 1 : 0;
         frame->dirty_mark[tile] = 0;
-        item->frame = frame;
-        item->tile = tile;
+        *item = (struct commit_item){.frame = frame, .tile = tile};
         for (uint32_t g = 0; g < GROUPS; g++)
             item->passes[g] = film_tile_passes(frame->film, tile, g);
-        item->slot = !frame->slot[tile];
-        item->offset = *used;
-        item->size = film_tile_state_size(frame->film, tile);
-        film_tile_save(frame->film, tile, commit->data + *used);
-        *used += item->size;
+        commit->count++;
+        part->count++;
     }
-    frame->dirty_count -= taken;
-    memmove(frame->dirty, frame->dirty + taken, frame->dirty_count * sizeof *frame->dirty);
-    if (taken == 0)
-        return;
-    commit->parts[commit->part_count++] =
-        (struct commit_part){.frame = frame, .first = commit->count - taken, .count = taken};
+    frame->dirty_count = left;
+    take_stale(part);
+    commit->part_count++;
     frame->in_flight++;
+}
+
+static int takes_part(const struct job_frame *frame, uint64_t now_ns)
+{
+    return frame->dirty_count > 0 && !trouble_waits(&frame->trouble, now_ns);
 }
 
 struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
 {
     struct commit *commit;
-    size_t bytes = 0, used = 0;
-    uint32_t count = 0, parts = 0;
+    uint32_t count = 0, parts = 0, room = COMMIT_STATES_MAX;
 
     if (trouble_is(&farm->trouble) && now_ns != UINT64_MAX)
         return NULL;
     for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job)) {
         for (const struct job_frame *f = job->frames; f; f = f->next) {
-            uint32_t take = COMMIT_TILES_MAX - count;
-            if (take > f->dirty_count)
-                take = f->dirty_count;
-            if (trouble_waits(&f->trouble, now_ns))
-                take = 0;
-            parts += take > 0;
-            count += take;
-            for (uint32_t k = 0; k < take; k++)
-                bytes += film_tile_state_size(f->film, f->dirty[k]);
+            parts += (uint32_t)takes_part(f, now_ns);
+            count += takes_part(f, now_ns) ? f->dirty_count : 0;
         }
     }
     if (count == 0)
@@ -402,15 +438,14 @@ struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns)
     commit->store = farm->store;
     commit->items = mem_alloc_array(count, sizeof *commit->items);
     commit->parts = mem_calloc(parts, sizeof *commit->parts);
-    commit->data = mem_alloc(bytes);
-    if (!commit->items || !commit->parts || !commit->data) {
+    if (!commit->items || !commit->parts) {
         commit_free(commit);
         return NULL;
     }
     for (const struct job *job = next_in_work(farm, NULL); job; job = next_in_work(farm, job))
         for (struct job_frame *f = job->frames; f; f = f->next)
-            if (!trouble_waits(&f->trouble, now_ns))
-                commit_take(commit, f, count, &used);
+            if (takes_part(f, now_ns))
+                commit_take(commit, f, &room);
     return commit;
 }
 
@@ -421,22 +456,16 @@ static void part_run(struct commit *commit, struct commit_part *part)
     if (!file)
         return;
     part->begun_ns = clock_monotonic_ns();
-    for (uint32_t i = part->first; i < part->first + part->count && part->result == STATUS_OK; i++) {
-        const struct commit_item *item = &commit->items[i];
-        part->result = film_file_write(file, item->tile, item->slot, commit->data + item->offset,
-                                       item->size, &part->error);
-    }
-    part->written_ns = clock_monotonic_ns();
-    if (part->result == STATUS_OK)
-        part->result = film_file_sync(file, &part->error);
+    part->result = film_file_commit(file, &part->film, &part->error);
     part->ended_ns = clock_monotonic_ns();
+    part->written_ns = part->film.written_ns ? part->film.written_ns : part->ended_ns;
     if (part->ended_ns - part->written_ns > commit->sync_ns)
         commit->sync_ns = part->ended_ns - part->written_ns;
 }
 
 void merge_commit_run(struct commit *commit)
 {
-    /* The kernel that a job is pinned to is on disk before any of its results. */
+    /* The ray tracer that a job is pinned to is on disk before any of its results. */
     if (commit->store)
         commit->result = store_await_saves(commit->store, &commit->error);
     for (uint32_t i = 0; i < commit->part_count; i++) {
@@ -458,25 +487,26 @@ void merge_commit_run(struct commit *commit)
 
 static void item_is_durable(const struct commit_item *item)
 {
-    struct job_frame *frame = item->frame;
-
-    memcpy(frame->durable[item->tile], item->passes, sizeof item->passes);
-    frame->slot[item->tile] = item->slot;
+    memcpy(item->frame->durable[item->tile], item->passes, sizeof item->passes);
 }
 
-/* The frame's tiles did not reach the disk: they are dirty again. Meanwhile each worker keeps its
- * unacknowledged results. */
-static void part_failed(struct farm *farm, const struct commit *commit,
-                        const struct commit_part *part, uint64_t now_ns)
+static void mark_whole(struct job_frame *frame, uint32_t tile, uint64_t now_ns)
+{
+    frame->dirty_mark[tile] |= FRAME_TILE_WHOLE;
+    job_frame_mark_dirty(frame, tile, now_ns);
+}
+
+/* The frame's tiles did not reach the disk: they are dirty again, as a whole, so that no journal has to be kept. Meanwhile each
+ * worker keeps its unacknowledged results. */
+static void part_failed(struct farm *farm, const struct commit *commit, const struct commit_part *part, uint64_t now_ns)
 {
     for (uint32_t i = part->first; i < part->first + part->count; i++)
-        job_frame_mark_dirty(part->frame, commit->items[i].tile, now_ns);
-    farm_trouble(farm, part->frame->job, part->frame->number, &part->frame->trouble,
-                 "cannot be written", &part->error, now_ns);
+        mark_whole(part->frame, commit->items[i].tile, now_ns);
+    farm_trouble(farm, part->frame->job, part->frame->number, &part->frame->trouble, "cannot be written", &part->error,
+                 now_ns);
 }
 
-static void part_end(struct farm *farm, const struct commit *commit, const struct commit_part *part,
-                     uint64_t now_ns)
+static void part_end(struct farm *farm, const struct commit *commit, const struct commit_part *part, uint64_t now_ns)
 {
     struct job_frame *frame = part->frame;
 
@@ -488,6 +518,7 @@ static void part_end(struct farm *farm, const struct commit *commit, const struc
     }
     for (uint32_t i = part->first; i < part->first + part->count; i++)
         item_is_durable(&commit->items[i]);
+    frame->stale = part->film.stale;
     farm_trouble_over(farm, frame->job, &frame->trouble, now_ns);
     farm_frame_send_acks(farm, frame);
     farm_frame_advance(farm, frame, now_ns);

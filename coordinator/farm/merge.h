@@ -1,28 +1,28 @@
 /* merge: the path of a result: checked, merged into the film, written to disk, acknowledged.
  *
  *   tile result --merge_result--> film (dirty tile, pending ack)
- *     --merge_commit_begin--> a batch of tile states, copied
+ *     --merge_commit_begin--> the journals of frames, and states that their films' files ask for
  *     --merge_commit_run (any thread)--> written and synced
  *     --merge_commit_end--> durable; acknowledged
  *
  * A result is acknowledged only when the passes up to it are on disk, or when it is not part of the
- * picture. One commit is in flight at a time; each takes every dirty tile, up to COMMIT_TILES_MAX,
- * so results that arrive during a commit share the next one. Syncs run beside the loop, which goes on
+ * picture. One commit is in flight at a time; each takes every dirty tile, so results that arrive during
+ * a commit share the next one. A tile that a commit could not write comes again as a whole, COMMIT_STATES_MAX at once. Syncs run beside the loop, which goes on
  * receiving. The slower the disk, the longer a first dirty tile waits for others, so that the disk spends
  * at most a fifth of its time on syncs of sparse results. Only a worker's memory waits for the
- * acknowledgement. A frame that is complete does not wait: its picture does.
+ * acknowledgement. A frame that is complete does not wait: its picture does. Nor does one that makes room for another.
  */
-#ifndef AZULEJO_COORDINATOR_MERGE_H
-#define AZULEJO_COORDINATOR_MERGE_H
+#pragma once
 
 #include "coordinator/farm/farm.h"
 
 enum {
-    COMMIT_TILES_MAX = 1024,
-    COMMIT_DELAY_MIN_MS = 20,    /* how long a first dirty tile waits for others: */
+    COMMIT_STATES_MAX = 1024,    /* tiles' states in one commit, besides those that files ask for */
+    COMMIT_DELAY_MIN_MS = 250,   /* how long a first dirty tile waits for others: */
     COMMIT_DELAY_SYNCS = 4,      /* so many times what the last sync took, */
     COMMIT_DELAY_MAX_MS = 1000,  /* and at most this, */
-    COMMIT_DELAY_AGES = 4,       /* nor more than this part of the frame's age */
+    COMMIT_DELAY_AGES = 4,       /* nor more than this part of the frame's age, but */
+    COMMIT_DELAY_YOUNG_MS = 20,  /* at least this */
     COMMIT_TILES_ENOUGH = 256,   /* this many dirty tiles do not wait */
 };
 
@@ -30,7 +30,7 @@ struct tile_result {
     uint64_t lease, epoch, job;
     uint32_t frame;
     struct unit_name unit;
-    const uint8_t *sums;         /* float32 little-endian */
+    const uint8_t *sums; /* float32 little-endian */
     size_t sums_bytes;
     struct tail tail;
     struct unit_work work;
@@ -44,26 +44,32 @@ enum merge_outcome {
     MERGE_UNWANTED, /* it is not wanted (job ended, ...): revoke its lease */
     MERGE_DEFERRED, /* its film cannot be opened at present: the worker keeps it, and sends it again
                      * when it connects again */
+    MERGE_IMPOSSIBLE, /* with ERR_PROTOCOL: no machine in order can send it */
+};
+
+/* Another worker's result of the same unit, which was merged before and has other bits. */
+struct merge_conflict {
+    int found;
+    uint32_t deliverer; /* 0: not known */
+    uint64_t hash;      /* unit_hash() */
 };
 
 /* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, impossible counts, an epoch
- * never granted): end its session. ERR_NO_MEMORY, ERR_LIMIT: nothing changed. A conflict is logged
- * and counted, and the first result kept; it counts as KEPT or PENDING. */
-status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result,
-                    uint64_t now_ns, enum merge_outcome *outcome, struct error *err) MUST_CHECK;
-
+ * never granted): end its session, and if the outcome is MERGE_IMPOSSIBLE, block it. ERR_NO_MEMORY, ERR_LIMIT: nothing changed. A conflict is logged
+ * and counted, and the first result kept until an audit decides; it counts as KEPT or PENDING. */
+status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result, uint64_t now_ns,
+                    enum merge_outcome *outcome, struct merge_conflict *conflict, struct error *err) MUST_CHECK;
 
 struct commit_item {
     struct job_frame *frame;
     uint32_t tile, passes[GROUPS];
-    uint8_t slot;
-    size_t offset, size;
 };
 
 /* The items of one frame, which stand together. */
 struct commit_part {
     struct job_frame *frame;
     uint32_t first, count;
+    struct film_commit film;
     uint64_t begun_ns, written_ns, ended_ns; /* writing, syncing; 0: not reached */
     status result;
     struct error error;
@@ -75,9 +81,8 @@ struct commit {
     uint32_t count;
     struct commit_part *parts;
     uint32_t part_count;
-    uint8_t *data;
-    uint64_t sync_ns;            /* of the slowest part */
-    status result;               /* of the first part that failed */
+    uint64_t sync_ns; /* of the slowest part */
+    status result;    /* of the first part that failed */
     struct error error;
 };
 
@@ -90,10 +95,7 @@ int merge_is_dirty(const struct farm *farm, uint64_t *due_ns, uint32_t *tiles);
  * nothing, or out of memory (try again later). */
 struct commit *merge_commit_begin(struct farm *farm, uint64_t now_ns);
 void merge_commit_run(struct commit *commit);
-/* Frees the commit. Tiles that could not be written are dirty again, and their frame is in
- * trouble. */
+/* Frees the commit. Tiles that could not be written are dirty again, and their frame is in trouble. */
 void merge_commit_end(struct farm *farm, struct commit *commit, uint64_t now_ns);
 /* Frees the commit without its result: nothing is durable, nothing is acknowledged. */
 void merge_commit_abandon(struct farm *farm, struct commit *commit);
-
-#endif

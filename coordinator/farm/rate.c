@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 
 void rate_add(struct rate *rate, uint64_t amount, uint64_t now_ns)
 {

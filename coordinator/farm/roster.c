@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "protocol/worker_name.h"
 
@@ -71,8 +71,7 @@ static void name_of_host(char out[WORKER_LABEL_MAX + 1], const char *host)
 
 /* The first of HOST, HOST-2, ... that is free. Many workers of one host join at once: numbers that
  * were taken a moment ago are not looked at again. */
-static void make_name(struct roster *roster, const struct farm *farm, const char *host,
-                      char out[WORKER_LABEL_MAX + 1])
+static void make_name(struct roster *roster, const struct farm *farm, const char *host, char out[WORKER_LABEL_MAX + 1])
 {
     char base[WORKER_LABEL_MAX + 1];
     uint32_t number = 1;
@@ -118,8 +117,7 @@ static status mark_add(void *user, const struct worker_mark *mark, struct error 
     struct worker_mark *found = mark_find(roster, mark->name);
 
     if (!found) {
-        if (!MEM_GROW(roster->marks, roster->mark_capacity, roster->mark_count + 1))
-            return error_no_memory(err, "a worker's state");
+        NEED(MEM_GROW(roster->marks, roster->mark_capacity, roster->mark_count + 1), err, "a worker's state");
         found = &roster->marks[roster->mark_count++];
     }
     *found = *mark;
@@ -172,11 +170,11 @@ static void replace(struct farm *farm, struct farm_worker *old)
     roster_leave(farm, old);
     old->is_replaced = 1;
     lease_end_all_of(&farm->leases, &old->held);
-    farm->pump_wanted = 1;
+    farm_wake(farm);
 }
 
-status roster_join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish,
-                   int chosen, struct farm_worker **replaced, struct error *err)
+status roster_join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish, int chosen,
+                   struct farm_worker **replaced, struct error *err)
 {
     struct farm_worker *holder = wish[0] ? roster_find(farm, wish) : NULL;
     char name[WORKER_LABEL_MAX + 1];
@@ -224,18 +222,16 @@ static int forget_a_drain(struct farm *farm, struct error *err)
     return oldest && clear_mark(farm, oldest, err) == STATUS_OK;
 }
 
-static status set_mark(struct farm *farm, const char *name, int blocked, uint64_t instance,
-                       const char *who, struct error *err)
+static status set_mark(struct farm *farm, const char *name, int blocked, uint64_t instance, const char *who,
+                       struct error *err)
 {
     struct worker_mark mark = {.blocked = blocked, .instance = instance, .at = farm->wall_s};
     status s = STATUS_OK;
 
     snprintf(mark.name, sizeof mark.name, "%s", name);
     snprintf(mark.who, sizeof mark.who, "%s", who);
-    if (farm->roster.mark_count >= ROSTER_MARKS_MAX && !roster_mark(farm, name) &&
-        !forget_a_drain(farm, err))
-        return error_set(err, STATUS_ERR_LIMIT, "%d names of workers are blocked or drained already",
-                         ROSTER_MARKS_MAX);
+    if (farm->roster.mark_count >= ROSTER_MARKS_MAX && !roster_mark(farm, name) && !forget_a_drain(farm, err))
+        return error_set(err, STATUS_ERR_LIMIT, "%d names of workers are blocked or drained already", ROSTER_MARKS_MAX);
     if (!MEM_GROW(farm->roster.marks, farm->roster.mark_capacity, farm->roster.mark_count + 1))
         return error_no_memory(err, "a worker's state");
     if (farm->store)
@@ -244,8 +240,7 @@ static status set_mark(struct farm *farm, const char *name, int blocked, uint64_
 }
 
 /* Nothing but the log needs it: the words of what was done. */
-static void tell(struct farm *farm, struct farm_worker *worker, const char *name, const char *what,
-                 const char *who)
+static void tell(struct farm *farm, struct farm_worker *worker, const char *name, const char *what, const char *who)
 {
     char text[WORKER_LINE_SIZE];
 
@@ -264,7 +259,7 @@ static void hold(struct farm *farm, struct farm_worker *worker, enum worker_hold
     worker->hold = how;
     snprintf(worker->held_by, sizeof worker->held_by, "%s", who);
     workforce_counts(farm, worker);
-    farm->pump_wanted = 1;
+    farm_wake(farm);
 }
 
 static void revoke_all(struct farm *farm, struct farm_worker *worker)
@@ -276,34 +271,26 @@ static void revoke_all(struct farm *farm, struct farm_worker *worker)
         farm->events.revoke(farm->events.user, worker->held.session, lease->id, "the worker is blocked");
         lease_end(&farm->leases, lease);
     }
-    farm->pump_wanted = 1;
+    farm_wake(farm);
 }
 
 static status drain(struct farm *farm, struct farm_worker *worker, const char *who, struct error *err)
 {
-    status s;
-
     if (worker->hold == WORKER_DRAINED)
         return STATUS_OK;
-    s = set_mark(farm, worker->label, 0, worker->instance, who, err);
-    if (s != STATUS_OK)
-        return s;
+    TRY(set_mark(farm, worker->label, 0, worker->instance, who, err));
     hold(farm, worker, WORKER_DRAINED, who);
     tell(farm, worker, worker->label, "drained", who);
     return STATUS_OK;
 }
 
-static status block(struct farm *farm, struct farm_worker *worker, const char *name, const char *who,
-                    struct error *err)
+static status block(struct farm *farm, struct farm_worker *worker, const char *name, const char *who, struct error *err)
 {
     const struct worker_mark *mark = roster_mark(farm, name);
-    status s;
 
     if (mark && mark->blocked)
         return STATUS_OK;
-    s = set_mark(farm, name, 1, 0, who, err);
-    if (s != STATUS_OK)
-        return s;
+    TRY(set_mark(farm, name, 1, 0, who, err));
     hold(farm, worker, WORKER_BLOCKED, who);
     if (worker)
         revoke_all(farm, worker);
@@ -311,23 +298,20 @@ static status block(struct farm *farm, struct farm_worker *worker, const char *n
     return STATUS_OK;
 }
 
-static status lift(struct farm *farm, struct farm_worker *worker, struct worker_mark *mark,
-                   const char *what, const char *who, struct error *err)
+static status lift(struct farm *farm, struct farm_worker *worker, struct worker_mark *mark, const char *what,
+                   const char *who, struct error *err)
 {
     char name[WORKER_LABEL_MAX + 1];
-    status s;
 
     snprintf(name, sizeof name, "%s", mark->name);
-    s = clear_mark(farm, mark, err);
-    if (s != STATUS_OK)
-        return s;
+    TRY(clear_mark(farm, mark, err));
     hold(farm, worker, WORKER_FREE, "");
     tell(farm, worker, name, what, who);
     return STATUS_OK;
 }
 
-static status resume(struct farm *farm, struct farm_worker *worker, struct worker_mark *mark,
-                     const char *who, struct error *err)
+static status resume(struct farm *farm, struct farm_worker *worker, struct worker_mark *mark, const char *who,
+                     struct error *err)
 {
     if (mark && !mark->blocked)
         return lift(farm, worker, mark, "resumed", who, err);
@@ -339,16 +323,15 @@ static status resume(struct farm *farm, struct farm_worker *worker, struct worke
     return STATUS_OK;
 }
 
-status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, const char *who,
-                    struct error *err)
+status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, const char *who, struct error *err)
 {
     struct worker_mark *mark = mark_find(&farm->roster, name);
     struct farm_worker *worker = roster_find(farm, name);
 
     if (!worker_name_is_valid(name))
         return error_set(err, STATUS_ERR_INPUT,
-                         "'%.64s' is not a worker's name: these have 1 to %d letters, digits, '.', '_' and '-'",
-                         name, WORKER_LABEL_MAX);
+                         "'%.64s' is not a worker's name: these have 1 to %d letters, digits, '.', '_' and '-'", name,
+                         WORKER_LABEL_MAX);
     if (verb == WORKER_VERB_BLOCK)
         return block(farm, worker, name, who, err);
     if (!worker && !mark)
@@ -369,6 +352,21 @@ status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, 
     return drain(farm, worker, who, err);
 }
 
+void roster_block_liar(struct farm *farm, struct farm_worker *worker, uint64_t job, const char *why)
+{
+    const struct job *of = queue_find(&farm->queue, job);
+    struct error err = {0};
+
+    log_error("worker %s is blocked: it sent a result that cannot be: %s; check its machine's memory and processor, then "
+              "'azulejo workers unblock %s'",
+              worker->label, why, worker->label);
+    worker_line_add(farm, worker, "blocked: a result that cannot be: %s", why);
+    if (of)
+        farm_note(farm, of, NULL, "worker %s is blocked: it sent a result that cannot be: %s", worker->label, why);
+    if (roster_steer(farm, worker->label, WORKER_VERB_BLOCK, "the coordinator: an impossible result", &err) != STATUS_OK)
+        log_error("worker %s cannot be blocked: %s", worker->label, err.text);
+}
+
 /* ---- a worker -------------------------------------------------------------------------------- */
 
 int worker_takes_work(const struct farm_worker *worker)
@@ -382,8 +380,7 @@ void worker_explain(const struct farm_worker *worker, char *out, size_t size)
     if (worker->hold != WORKER_FREE)
         snprintf(out, size, "%s by %s", worker->hold == WORKER_BLOCKED ? "blocked" : "drained", worker->held_by);
     else if (worker->mode != WORKER_MODE_WORKING)
-        snprintf(out, size, "%s: %s", worker->mode == WORKER_MODE_PAUSED ? "paused" : "it ends",
-                 worker->mode_reason);
+        snprintf(out, size, "%s: %s", worker->mode == WORKER_MODE_PAUSED ? "paused" : "it ends", worker->mode_reason);
 }
 
 void worker_line_add(const struct farm *farm, struct farm_worker *worker, const char *format, ...)
@@ -421,14 +418,14 @@ void worker_save(struct farm *farm, struct farm_worker *worker, const char *why)
     row->joined_at = worker->joined_at;
     row->seen_at = farm->wall_s;
     row->left_at = why ? farm->wall_s : 0;
-    row->connections = !worker->saved.told;
+    row->connections = !worker->saved.stored;
     row->units = worker->units_done - worker->saved.units;
     row->samples = worker->samples_done - worker->saved.samples;
     row->cpu_ns = worker->cpu_ns - worker->saved.cpu_ns;
     row->line_count = worker->line_count;
     memcpy(row->lines, worker->lines, sizeof row->lines);
     store_worker_later(farm->store, row);
-    worker->saved.told = 1;
+    worker->saved.stored = 1;
     worker->saved.units = worker->units_done;
     worker->saved.samples = worker->samples_done;
     worker->saved.cpu_ns = worker->cpu_ns;

@@ -17,8 +17,7 @@
  * a blocked one holds goes to others at once, and its name stays blocked across restarts of both. Both
  * are on disk when roster_steer returns.
  */
-#ifndef AZULEJO_COORDINATOR_ROSTER_H
-#define AZULEJO_COORDINATOR_ROSTER_H
+#pragma once
 
 #include "coordinator/farm/farm.h"
 
@@ -31,8 +30,8 @@ void roster_release(struct farm *farm);
 /* Give the worker, which is about to be added, its name and what people did to that. `wish`: "" or a
  * valid name; `chosen`: by a person. *replaced: the same process under an older connection, which has
  * lost its name and its leases, and must be ended; NULL: none. ERR_LIMIT: another has the name. */
-status roster_join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish,
-                   int chosen, struct farm_worker **replaced, struct error *err) MUST_CHECK;
+status roster_join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish, int chosen,
+                   struct farm_worker **replaced, struct error *err) MUST_CHECK;
 /* The worker leaves: its name is free. */
 void roster_leave(struct farm *farm, struct farm_worker *worker);
 /* The connected worker of that name; NULL: none. */
@@ -41,6 +40,8 @@ const struct worker_mark *roster_mark(const struct farm *farm, const char *name)
 
 /* A person's verb. ERR_INPUT: not a name; ERR_REFUSED, ERR_NOT_FOUND: see above, with what to do
  * instead; ERR_IO, ERR_NO_MEMORY: nothing changed. */
+/* The worker sent what no machine in order can send: it is blocked by name, and its leases go to others. */
+void roster_block_liar(struct farm *farm, struct farm_worker *worker, uint64_t job, const char *why);
 status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, const char *who,
                     struct error *err) MUST_CHECK;
 
@@ -53,5 +54,3 @@ void worker_line_add(const struct farm *farm, struct farm_worker *worker, const 
     __attribute__((format(printf, 3, 4)));
 /* Store what it did since the last call. `why`: it leaves, for this reason; NULL: it stays. */
 void worker_save(struct farm *farm, struct farm_worker *worker, const char *why);
-
-#endif

@@ -1,17 +1,16 @@
 #include "coordinator/farm/scheduler.h"
 
 #include <stdio.h>
-#include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "coordinator/farm/roster.h"
 #include "coordinator/farm/waiting.h"
 
 /* The amount that the worker may be lent now. */
 struct budget {
     uint32_t units;
-    double samples;              /* the lease ends with the unit that reaches this */
+    double samples; /* the lease ends with the unit that reaches this */
 };
 
 static double samples_in(const struct farm_worker *worker, uint32_t milliseconds)
@@ -19,10 +18,39 @@ static double samples_in(const struct farm_worker *worker, uint32_t milliseconds
     return milliseconds * 1e6 * worker->credit.threads / worker->cost_ns;
 }
 
+/* The job's units that the worker holds: each keeps a core busy, as far as it has cores. */
+static uint32_t units_of(const struct farm_worker *worker, const struct job *job)
+{
+    uint32_t units = 0;
+
+    for (const struct lease *lease = worker->held.oldest; lease; lease = lease->holder_newer)
+        units += lease->frame->job == job ? lease->open_count : 0;
+    return units;
+}
+
+/* How many units the worker may get of a job that only so many cores may render: a worker that does not fit as a whole
+ * holds none in reserve. 0: the cores are taken. */
+static uint32_t units_within(const struct farm *farm, const struct job *job, const struct farm_worker *worker)
+{
+    uint32_t left = job->needs.max_cores, held;
+
+    if (left == 0)
+        return UINT32_MAX;
+    for (uint32_t i = 0; i < farm->worker_count && job->leases > 0 && left > 0; i++) {
+        const struct farm_worker *other = farm->workers[i];
+        uint32_t cores = other == worker ? 0 : units_of(other, job);
+        cores = cores < other->threads ? cores : other->threads;
+        left -= cores < left ? cores : left;
+    }
+    if (worker->threads <= left)
+        return UINT32_MAX;
+    held = units_of(worker, job);
+    return held < left ? left - held : 0;
+}
+
 /* 0: the worker holds enough. */
-static int budget_for(struct farm *farm, const struct farm_worker *worker,
-                      const struct job_frame *frame, int early, uint64_t now_ns,
-                      struct budget *budget)
+static int budget_for(struct farm *farm, const struct farm_worker *worker, const struct job_frame *frame, int early,
+                      uint64_t now_ns, struct budget *budget)
 {
     uint32_t threads = worker->credit.threads;
     uint64_t share;
@@ -38,20 +66,21 @@ static int budget_for(struct farm *farm, const struct farm_worker *worker,
     } else {
         if (held >= samples_in(worker, HELD_WORK_MS) && worker->held.units >= threads)
             return 0;
-        budget->samples = samples_in(worker, film_covered(frame->film) ? LEASE_WORK_MS
-                                                                       : LEASE_WORK_FIRST_MS);
+        budget->samples = samples_in(worker, film_covered(frame->film) ? LEASE_WORK_MS : LEASE_WORK_FIRST_MS);
         share = early ? threads : job_frame_unleased(frame) * threads / (2 * workforce_threads(farm, worker, now_ns));
     }
     if (share < 1)
         share = 1;
     if (share < budget->units)
         budget->units = (uint32_t)share;
+    if (units_within(farm, frame->job, worker) < budget->units)
+        budget->units = units_within(farm, frame->job, worker);
     return budget->units > 0;
 }
 
 /* The unit hangs there, and another worker may have it. */
-static int is_barred(const struct farm *farm, const struct job_frame *frame,
-                     const struct farm_worker *worker, struct unit_name name)
+static int is_barred(const struct farm *farm, const struct job_frame *frame, const struct farm_worker *worker,
+                     struct unit_name name)
 {
     const struct job *job = frame->job;
     char why[256];
@@ -67,17 +96,15 @@ static int is_barred(const struct farm *farm, const struct job_frame *frame,
     return 0;
 }
 
-static uint32_t take_fresh(const struct farm *farm, struct job_frame *frame,
-                           const struct farm_worker *worker, const struct budget *budget, int early,
-                           struct unit_name units[LEASE_UNITS_MAX])
+static uint32_t take_fresh(const struct farm *farm, struct job_frame *frame, const struct farm_worker *worker,
+                           const struct budget *budget, int early, struct unit_name units[LEASE_UNITS_MAX])
 {
     struct unit_name barred[HANG_UNITS_MAX];
     uint32_t count = 0, barred_count = 0;
     double samples = 0;
 
     while (count < budget->units && samples < budget->samples &&
-           (early ? job_frame_take_early(frame, &units[count])
-                  : job_frame_take(frame, &units[count]))) {
+           (early ? job_frame_take_early(frame, &units[count]) : job_frame_take(frame, &units[count]))) {
         if (frame->job->state == JOB_STATE_FINISHING && units[count].pass > 0) {
             job_frame_return(frame, units[count]); /* only the first pass is wanted now */
             break;
@@ -111,20 +138,16 @@ static struct lease *unproven_holder(const struct unit *unit, uint64_t now_ns)
     for (uint32_t i = 0; i < unit->holder_count; i++) {
         struct lease *lease = unit->holders[i];
         const struct farm_worker *worker = farm_worker_of(lease);
-        if (!credit_is_proven(&worker->credit, now_ns) &&
-            (!found || lease->id < found->id))
+        if (!credit_is_proven(&worker->credit, now_ns) && (!found || lease->id < found->id))
             found = lease;
     }
     return found;
 }
 
-/* Is there a place for the worker among the unit's holders, if necessary after one has lost its
- * place? */
-static int make_place(struct farm *farm, const struct unit *unit, const struct farm_worker *worker,
-                      uint64_t now_ns)
+/* Is there a place for the worker among the unit's holders, if necessary after one has lost its place? */
+static int make_place(struct farm *farm, const struct unit *unit, const struct farm_worker *worker, uint64_t now_ns)
 {
-    uint32_t places = credit_is_proven(&worker->credit, now_ns) ? UNIT_HOLDERS_MAX
-                                                                : UNIT_HOLDERS_UNPROVEN_MAX;
+    uint32_t places = credit_is_proven(&worker->credit, now_ns) ? UNIT_HOLDERS_MAX : UNIT_HOLDERS_UNPROVEN_MAX;
     struct lease *lease;
     struct farm_worker *loser;
 
@@ -143,18 +166,17 @@ static int make_place(struct farm *farm, const struct unit *unit, const struct f
     return 1;
 }
 
-static uint32_t take_overdue(struct farm *farm, const struct job_frame *frame,
-                             const struct farm_worker *worker, uint64_t now_ns,
-                             struct unit_name units[LEASE_UNITS_MAX])
+static uint32_t take_overdue(struct farm *farm, const struct job_frame *frame, const struct farm_worker *worker,
+                             uint64_t now_ns, struct unit_name units[LEASE_UNITS_MAX])
 {
     uint64_t limit_ns = overdue_limit_ns(frame->job);
-    uint32_t count = 0;
+    uint32_t count = 0, most = units_within(farm, frame->job, worker);
 
     if (credit_is_stuck(&worker->credit, worker->held.units, limit_ns, now_ns))
         return 0;
     for (const struct unit *unit = frame->oldest;
-         unit && count < worker->credit.threads && count < worker->room &&
-         count < LEASE_UNITS_MAX && now_ns - unit->granted_ns >= limit_ns;
+         unit && count < worker->credit.threads && count < worker->room && count < most && count < LEASE_UNITS_MAX &&
+         now_ns - unit->granted_ns >= limit_ns;
          unit = unit->newer)
         if (!is_barred(farm, frame, worker, unit->name) && make_place(farm, unit, worker, now_ns))
             units[count++] = unit->name;
@@ -165,13 +187,16 @@ static struct lease *grant(struct farm *farm, struct job_frame *frame, struct fa
                            const struct unit_name *units, uint32_t count, uint64_t now_ns)
 {
     uint32_t held = worker->held.units;
-    struct lease *lease = lease_grant(&farm->leases, frame, &worker->held, units, count, now_ns);
+    struct lease *lease;
+
+    if (frame->job->leases == 0) /* what passed without work says nothing of its speed */
+        throughput_idle(&frame->job->throughput, now_ns);
+    lease = lease_grant(&farm->leases, frame, &worker->held, units, count, now_ns);
 
     if (!lease)
         return NULL;
     credit_lent(&worker->credit, held, now_ns);
-    if (frame->job->suspicion.deaths > 0)
-        frame->job->suspicion.probe = worker->held.session;
+    suspicion_lent(&frame->job->suspicion, worker->held.session);
     worker->room -= lease->unit_count;
     worker->note[0] = 0;
     order_served(frame->job, now_ns);
@@ -182,8 +207,7 @@ static struct lease *grant(struct farm *farm, struct job_frame *frame, struct fa
 }
 
 /* Is another worker already probing the suspected job? */
-static int is_probed_by_another(const struct farm *farm, const struct job *job,
-                                const struct farm_worker *worker)
+static int is_probed_by_another(const struct farm *farm, const struct job *job, const struct farm_worker *worker)
 {
     uint32_t probe = job->suspicion.probe;
 
@@ -200,25 +224,24 @@ static int may_serve(struct farm *farm, const struct job *job, struct farm_worke
 {
     char why[sizeof worker->note];
 
-    if (!job_state_is_open(job->state) || is_probed_by_another(farm, job, worker))
+    if (!job_state_is_open(job->state) || is_probed_by_another(farm, job, worker) ||
+        units_within(farm, job, worker) == 0)
         return 0;
     if (farm_can_serve(job, worker, why, sizeof why))
         return 1;
     snprintf(worker->note, sizeof worker->note, "%s", why);
-    if (job->id > worker->noticed_job &&
-        needs_fit(&job->needs, job->id, worker->tags, worker->memory, NULL, 0)) {
+    if (job->id > worker->noticed_job && needs_fit(&job->needs, job->id, worker->tags, worker->memory, NULL, 0)) {
         char text[sizeof why + 64];
         worker->noticed_job = job->id;
-        snprintf(text, sizeof text, "this worker gets no work of job %llu: %s",
-                 (unsigned long long)job->id, why);
+        snprintf(text, sizeof text, "this worker gets no work of job %llu: %s", (unsigned long long)job->id, why);
         farm->events.notice(farm->events.user, worker->held.session, text);
     }
     return 0;
 }
 
 /* `early`: units that may never be wanted. */
-static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
-                                 struct farm_worker *worker, int early, uint64_t now_ns, int *full)
+static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame, struct farm_worker *worker, int early,
+                                 uint64_t now_ns, int *full)
 {
     static struct unit_name units[LEASE_UNITS_MAX];
     struct budget budget;
@@ -235,8 +258,8 @@ static struct lease *grant_fresh(struct farm *farm, struct job_frame *frame,
     return count ? grant(farm, frame, worker, units, count, now_ns) : NULL;
 }
 
-static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame,
-                                   struct farm_worker *worker, uint64_t now_ns)
+static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame, struct farm_worker *worker,
+                                   uint64_t now_ns)
 {
     static struct unit_name units[LEASE_UNITS_MAX];
     uint32_t count;
@@ -246,14 +269,14 @@ static struct lease *grant_overdue(struct farm *farm, struct job_frame *frame,
     count = take_overdue(farm, frame, worker, now_ns, units);
     if (count == 0)
         return NULL;
-    log_info("job %llu, frame %u: %u overdue work units go to session %u as well",
-             (unsigned long long)frame->job->id, frame->number, count, worker->held.session);
+    log_info("job %llu, frame %u: %u overdue work units go to session %u as well", (unsigned long long)frame->job->id,
+             frame->number, count, worker->held.session);
     return grant(farm, frame, worker, units, count, now_ns);
 }
 
 /* Of the job's open frames. */
-static struct lease *grant_of_job(struct farm *farm, const struct job *job,
-                                  struct farm_worker *worker, int early, uint64_t now_ns, int *full)
+static struct lease *grant_of_job(struct farm *farm, const struct job *job, struct farm_worker *worker, int early,
+                                  uint64_t now_ns, int *full)
 {
     struct lease *lease = NULL;
 
@@ -262,10 +285,7 @@ static struct lease *grant_of_job(struct farm *farm, const struct job *job,
     return lease;
 }
 
-static int has_clock(const struct job *job)
-{
-    return job->stop.time_limit_ms > 0 || job->stop.core_limit_ms > 0;
-}
+static int has_clock(const struct job *job) { return job->stop.time_limit_ms > 0 || job->stop.core_limit_ms > 0; }
 
 /* The next ready job after `after` (NULL: the first) in one of the lists; those that are not ready come last. */
 static struct job *next_ready(const struct farm *farm, unsigned lists, const struct job *after)
@@ -275,7 +295,7 @@ static struct job *next_ready(const struct farm *farm, unsigned lists, const str
     return job && job->place.ready ? job : NULL;
 }
 
-/* The lanes of waiting jobs that the worker may be able to serve. Of each of the others, it is told once
+/* The lanes of waiting jobs that the worker may be able to serve. It hears of each of the others once
  * why it gets none of the first job. */
 static unsigned lanes_of(struct farm *farm, struct farm_worker *worker)
 {
@@ -400,8 +420,8 @@ struct lease *scheduler_grant(struct farm *farm, struct farm_worker *worker, uin
     return lease;
 }
 
-void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *job, uint64_t samples,
-                     uint64_t cpu_ns, uint64_t granted_ns, uint64_t now_ns)
+void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *job, uint64_t samples, uint64_t cpu_ns,
+                     uint64_t granted_ns, uint64_t now_ns)
 {
     double cost = 0;
 
@@ -410,8 +430,10 @@ void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *
     worker->cpu_ns += cpu_ns;
     hangs_learn(&job->hangs, samples, cpu_ns);
     worker->delivered_job = job->id;
-    farm->pump_wanted |= job->suspicion.deaths > 0; /* others may have its units again */
+    if (job->suspicion.deaths > 0)
+        farm_wake(farm); /* others may have its units again */
     suspicion_clear(&job->suspicion);
+    refusals_settle(&job->refusals, worker->machine);
     worker->samples_done += samples;
     if (samples > 0 && cpu_ns > 0) {
         cost = (double)cpu_ns / (double)samples;
@@ -424,13 +446,11 @@ void scheduler_learn(struct farm *farm, struct farm_worker *worker, struct job *
         worker->cost_job = job->id;
     }
     order_charge(&farm->order, job, cost * (double)samples / 1e9, farm->wall_s);
-    credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)samples),
-                     now_ns);
+    credit_delivered(&worker->credit, worker->held.units, (uint64_t)(cost * (double)samples), now_ns);
     workforce_counts(farm, worker);
     if (granted_ns && now_ns > granted_ns) {
         uint64_t turnaround = now_ns - granted_ns;
-        job->turnaround_ns = job->turnaround_ns ? job->turnaround_ns - job->turnaround_ns / 16 +
-                                                      turnaround / 16
-                                                : turnaround;
+        job->turnaround_ns =
+            job->turnaround_ns ? job->turnaround_ns - job->turnaround_ns / 16 + turnaround / 16 : turnaround;
     }
 }

@@ -6,17 +6,16 @@
 #include <time.h>
 
 #include "common/base/bytes_text.h"
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "coordinator/farm/roster.h"
 
 enum { MACHINES_NAMED_MAX = 3 };  /* that have too little memory */
 
 /* ---- the order ------------------------------------------------------------------------------- */
 
-static int is_ready(void *user, const struct job *job)
+static int is_ready(void *user UNUSED, const struct job *job)
 {
-    (void)user;
     return job->needs.after_count == 0 && job->needs.not_before == 0;
 }
 
@@ -101,10 +100,9 @@ status waiting_check(const struct farm *farm, const struct job *job, struct erro
 
 void waiting_end(struct farm *farm, struct job *job)
 {
-    job->needs.after_count = 0;
-    job->needs.not_before = 0;
+    needs_waited(&job->needs);
     farm->order.stale = 1;
-    farm->pump_wanted = 1;
+    farm_wake(farm);
 }
 
 /* ---- words ----------------------------------------------------------------------------------- */
@@ -125,9 +123,8 @@ static void explain_after(char *out, size_t size, const struct farm *farm, const
             snprintf(out + used, size - used,
                      "; %" PRIu64 " was removed before it was done: 'start' this one without it", needs->after[i]);
         else if (other->state != JOB_STATE_DONE)
-            snprintf(out + used, size - used,
-                     "; %" PRIu64 " %s%s: 'retry' it, or 'start' this one without it", needs->after[i],
-                     other->state == JOB_STATE_FAILED ? "" : "was ", job_state_word(other->state));
+            snprintf(out + used, size - used, "; %" PRIu64 " %s%s: 'retry' it, or 'start' this one without it",
+                     needs->after[i], other->state == JOB_STATE_FAILED ? "" : "was ", job_state_word(other->state));
         return;
     }
 }

@@ -1,15 +1,11 @@
-/* waiting: which jobs wait for something else than their turn (needs.h), and why; the order of the others
- * (order.h).
- */
-#ifndef AZULEJO_COORDINATOR_WAITING_H
-#define AZULEJO_COORDINATOR_WAITING_H
+/* waiting: which jobs wait for something else than their turn (needs.h), and why; the order of the others (order.h). */
+#pragma once
 
 #include "coordinator/farm/farm.h"
 
 enum { SHARES_SAVE_MS = 10 * 1000 }; /* how often the owners' shares go to the store */
 
-/* The ready jobs in the order in which they get work. What jobs waited for and what has come leaves their
- * needs. */
+/* The ready jobs in the order in which they get work. What jobs waited for and what has come leaves their needs. */
 const struct order *waiting_order(struct farm *farm, uint64_t now_ns);
 
 /* What has been done is waited for no longer, on disk, too. Also called before a done job is removed. */
@@ -26,5 +22,3 @@ int waiting_explain_workers(char *out, size_t size, const struct farm *farm, con
 
 /* Hand the shares that changed to the store, now and then, or at once. */
 void waiting_save_shares(struct farm *farm, int now, uint64_t now_ns);
-
-#endif

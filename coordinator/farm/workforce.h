@@ -1,7 +1,7 @@
 /* workforce: the connected workers, and what is known of them without walking their list.
  *
  * Due are workers that may be able to take work: one that asked for more or delivered something
- * (workforce_due), or all (farm->pump_wanted: something came that any may take). Hungry is a worker that
+ * (workforce_due), or all (farm_wake: something came that any may take). Hungry is a worker that
  * had room and got nothing because there was nothing for it; one that holds enough is not.
  *
  * Proven workers (credit.h) are kept in the order of their last delivery, so that the sum of their
@@ -10,8 +10,7 @@
  * Invariant: proven_threads is the sum of counted_threads over the list from proven_oldest; it equals
  * the sum of credit.threads of proven workers that take work whenever workforce_threads returns.
  */
-#ifndef AZULEJO_COORDINATOR_WORKFORCE_H
-#define AZULEJO_COORDINATOR_WORKFORCE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -20,7 +19,7 @@ struct farm_worker;
 
 struct workforce {
     struct farm_worker *due_first, *due_last;
-    uint32_t hungry;                     /* how many are */
+    uint32_t hungry; /* how many are */
     struct farm_worker *proven_oldest, *proven_newest;
     uint64_t proven_threads;
 };
@@ -28,9 +27,9 @@ struct workforce {
 /* A worker's place in the above. Zeroed. */
 struct workforce_place {
     struct farm_worker *due_next, *due_previous;
-    struct farm_worker *older, *newer;   /* by delivery */
-    uint32_t counted_threads;            /* 0: it is not in the list */
-    uint32_t index;                      /* in farm->workers */
+    struct farm_worker *older, *newer; /* by delivery */
+    uint32_t counted_threads;          /* 0: it is not in the list */
+    uint32_t index;                    /* in farm->workers */
     uint8_t is_due, is_hungry;
 };
 
@@ -46,5 +45,3 @@ uint64_t workforce_threads(struct farm *farm, const struct farm_worker *worker, 
 
 /* The worker leaves. */
 void workforce_leave(struct farm *farm, struct farm_worker *worker);
-
-#endif

@@ -3,118 +3,42 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
-#include "common/base/trash.h"
+#include "common/system/trash.h"
 
 struct film_file {
-    pthread_mutex_t lock;        /* of fd, read_only and serials */
+    pthread_mutex_t writing; /* held by a commit, while the disk may hang: of the file and its room */
     int fd;
     int read_only;
-    size_t slot_bytes;
-    uint64_t *serials;           /* of each tile, the last one written */
+    int fresh;                        /* nothing was written yet: the first commit begins with the header, */
+    uint8_t header[FILM_HEADER_SIZE]; /* this one, so that opening a film waits for no disk */
+    uint64_t end;                     /* behind the last record that is on disk */
+    struct film_room room;
+    pthread_mutex_t lock; /* of what follows; taken after `writing`, and never held while something is written */
+    struct buffer notes[GROUPS];
+    unsigned note_waits[GROUPS]; /* for the next commit: how often it was set since one; 0: it does not */
+    struct buffer emptied;       /* records that wait for it */
+    uint64_t used;               /* room.used */
     char *path;
 };
 
-/* Version 2: the film may hold AOVs. Version 3: it has two groups of samples, and is of no cap. */
-static const char header_magic[8] = "AZFILM5\n";
+/* Version 2: the film may hold AOVs. 3: it has two groups of samples, and is of no cap. 7: records are appended. */
+const char film_work_magic[8] = "AZFILM7\n";
 enum {
-    HEADER_VERSION_AT = 6, SLOT_HEADER = 16,
-    NOTES_AT = 1024, NOTE_HEADER = 16, NOTE_SIZE = NOTE_HEADER + FILM_NOTE_MAX,
+    HEADER_VERSION_AT = 6,
+    LIMIT_FLOAT_BYTES = 29, /* film_file_limit, a float of a pixel */
+    KEPT_FLOAT_BYTES = 20,  /* film_kept_limit */
+    LIMIT_MIN_BYTES = 1 << 20,
+    PARTS = 4, /* of a commit: emptied tiles, notes, units, states */
 };
-_Static_assert(NOTES_AT + GROUPS * NOTE_SIZE <= FILM_FILE_HEADER, "the notes fit into the header");
-
-static atomic_long fault_successes = -1;
-
-void film_file_fault(long successes)
-{
-    atomic_store(&fault_successes, successes);
-}
-
-static int fault_hits(void)
-{
-    long left = atomic_load(&fault_successes);
-
-    if (left < 0)
-        return 0;
-    if (left > 0) {
-        atomic_store(&fault_successes, left - 1);
-        return 0;
-    }
-    errno = ENOSPC;
-    return 1;
-}
-
-static status write_at(const struct film_file *file, const uint8_t *data, size_t size,
-                       uint64_t offset, struct error *err)
-{
-    while (size > 0) {
-        ssize_t put = fault_hits() ? -1 : pwrite(file->fd, data, size, (off_t)offset);
-        if (put < 0 && errno == EINTR)
-            continue;
-        if (put < 0)
-            return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path,
-                             strerror(errno));
-        data += put;
-        offset += (uint64_t)put;
-        size -= (size_t)put;
-    }
-    return STATUS_OK;
-}
-
-/* How many bytes there were, short only at the file's end. */
-static status read_at(const struct film_file *file, uint8_t *data, size_t size, uint64_t offset,
-                      size_t *got, struct error *err)
-{
-    *got = 0;
-    while (*got < size) {
-        ssize_t n = pread(file->fd, data + *got, size - *got, (off_t)(offset + *got));
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n < 0)
-            return error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", file->path,
-                             strerror(errno));
-        if (n == 0)
-            break;
-        *got += (size_t)n;
-    }
-    return STATUS_OK;
-}
-
-static void put_number(uint8_t *out, uint64_t value)
-{
-    for (int i = 0; i < 8; i++)
-        out[i] = (uint8_t)(value >> 8 * i);
-}
-
-status film_header_make(uint8_t header[FILM_HEADER_SIZE], const char magic[8],
-                        const struct film *film, uint64_t job, uint32_t frame, struct error *err)
-{
-    struct digest check;
-
-    memcpy(header, magic, 8);
-    put_number(header + 8, film_width(film));
-    put_number(header + 16, film_height(film));
-    put_number(header + 24, film_aovs(film));
-    put_number(header + 32, job);
-    put_number(header + 40, frame);
-    if (digest_of(&check, header, FILM_HEADER_FIELDS) != STATUS_OK)
-        return error_set(err, STATUS_ERR_INTERNAL, "a film's header: no SHA-256");
-    memcpy(header + FILM_HEADER_FIELDS, check.bytes, DIGEST_BYTES);
-    return STATUS_OK;
-}
-
-static uint64_t slot_offset(const struct film_file *file, uint32_t tile, uint8_t slot)
-{
-    return FILM_FILE_HEADER + ((uint64_t)tile * FILM_SLOTS + slot) * file->slot_bytes;
-}
 
 static int all_zero(const uint8_t *data, size_t size)
 {
@@ -124,104 +48,24 @@ static int all_zero(const uint8_t *data, size_t size)
     return 1;
 }
 
-static uint64_t get_number(const uint8_t *in)
+uint64_t film_kept_limit(const struct film *film)
 {
-    uint64_t value = 0;
+    uint64_t pixel_floats = tile_floats(TILE_SIZE, TILE_SIZE, 0, film_aovs(film)) / TILE_PIXELS_MAX;
 
-    for (int i = 7; i >= 0; i--)
-        value = value << 8 | in[i];
-    return value;
+    return (uint64_t)film_width(film) * film_height(film) * pixel_floats * KEPT_FLOAT_BYTES;
 }
 
-/* One slot as it was read. */
-struct slot_state {
-    uint64_t serial;             /* 0: it is empty or damaged */
-    size_t size;
-    uint32_t passes[GROUPS];
-};
-
-/* Read a slot's state into `bytes`. */
-static status read_slot(struct film_file *file, const struct film *film, uint32_t tile, uint8_t slot,
-                        uint8_t *bytes, struct slot_state *out, uint32_t *damaged, struct error *err)
+uint64_t film_file_limit(const struct film *film)
 {
-    uint8_t head[SLOT_HEADER + FILM_STATE_PREFIX];
-    size_t got = 0;
-    status s = read_at(file, head, sizeof head, slot_offset(file, tile, slot), &got, err);
+    uint64_t tile_floats_max = tile_floats(TILE_SIZE, TILE_SIZE, 0, film_aovs(film));
+    uint64_t limit = film_tile_count(film) * tile_floats_max * LIMIT_FLOAT_BYTES;
 
-    memset(out, 0, sizeof *out);
-    memset(head + got, 0, sizeof head - got);
-    if (s != STATUS_OK || all_zero(head, sizeof head))
-        return s;
-    out->size = film_tile_length(head + SLOT_HEADER);
-    if (get_number(head + 8) == hash_bytes(head, 8) && out->size >= FILM_STATE_PREFIX &&
-        out->size <= film_tile_state_bound(film, tile)) {
-        s = read_at(file, bytes, out->size, slot_offset(file, tile, slot) + SLOT_HEADER, &got, err);
-        if (s != STATUS_OK)
-            return s;
-        if (got == out->size &&
-            film_tile_peek(film, tile, bytes, out->size, out->passes, NULL) == STATUS_OK)
-            out->serial = get_number(head);
-    }
-    *damaged += out->serial == 0;
-    return STATUS_OK;
+    return limit > LIMIT_MIN_BYTES ? limit : LIMIT_MIN_BYTES;
 }
 
-/* Does the state have at least the passes of the film? */
-static int is_more(const struct slot_state *state, const struct film *film, uint32_t tile)
-{
-    for (uint32_t g = 0; g < GROUPS; g++)
-        if (state->passes[g] < film_tile_passes(film, tile, g))
-            return 0;
-    return 1;
-}
+/* ---- opening ---------------------------------------------------------------------------------- */
 
-/* Load the newer of a tile's two good slots. */
-static status load_tile(struct film_file *file, struct film *film, uint32_t tile, uint8_t *bytes,
-                        uint32_t durable[GROUPS], uint8_t *slot, uint32_t *damaged,
-                        struct error *err)
-{
-    uint8_t *const places[FILM_SLOTS] = {bytes, bytes + file->slot_bytes};
-    struct slot_state found[FILM_SLOTS];
-    uint8_t best;
-    status s = STATUS_OK;
-
-    for (uint8_t i = 0; i < FILM_SLOTS && s == STATUS_OK; i++)
-        s = read_slot(file, film, tile, i, places[i], &found[i], damaged, err);
-    if (s != STATUS_OK)
-        return s;
-    best = found[1].serial > found[0].serial;
-    file->serials[tile] = found[best].serial;
-    *slot = found[best].serial ? best : 1;
-    if (!found[best].serial || !is_more(&found[best], film, tile))
-        return STATUS_OK;
-    s = film_tile_load(film, tile, places[best], found[best].size, err);
-    if (s == STATUS_OK)
-        memcpy(durable, found[best].passes, sizeof found[best].passes);
-    return s;
-}
-
-static status load_all(struct film_file *file, struct film *film, uint32_t (*durable)[GROUPS],
-                       uint8_t *slot, struct error *err)
-{
-    uint8_t *bytes = mem_alloc_array(2, file->slot_bytes);
-    uint32_t damaged = 0;
-    status s = STATUS_OK;
-
-    if (!bytes)
-        return error_no_memory(err, "a film file");
-    for (uint32_t i = 0; i < film_tile_count(film) && s == STATUS_OK; i++)
-        s = load_tile(file, film, i, bytes, durable[i], &slot[i], &damaged, err);
-    if (damaged)
-        log_warn("%s: %u tile slots were not written to the end; their last passes will be rendered again",
-                 file->path, damaged);
-    mem_free(bytes);
-    return s;
-}
-
-static int printable(uint8_t byte)
-{
-    return byte > 0x20 && byte < 0x7f ? byte : '?';
-}
+static int printable(uint8_t byte) { return byte > 0x20 && byte < 0x7f ? byte : '?'; }
 
 /* The file is not this frame's film. It is renamed, not removed: it may be of use to someone. */
 static status set_aside(struct film_file *file, const uint8_t *found, size_t got, struct error *err)
@@ -234,12 +78,11 @@ static status set_aside(struct film_file *file, const uint8_t *found, size_t got
         s = error_no_memory(err, "a path");
     else if (rename(file->path, buffer_text(&aside)) != 0)
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be renamed: %s", file->path, strerror(errno));
-    else if (got > HEADER_VERSION_AT && memcmp(found, header_magic, HEADER_VERSION_AT) == 0 &&
-             found[HEADER_VERSION_AT] != (uint8_t)header_magic[HEADER_VERSION_AT])
+    else if (got > HEADER_VERSION_AT && memcmp(found, film_work_magic, HEADER_VERSION_AT) == 0 &&
+             found[HEADER_VERSION_AT] != (uint8_t)film_work_magic[HEADER_VERSION_AT])
         log_warn("%s: was written by another version of azulejo (film format %c, this one reads "
                  "%c); the frame will be rendered from its beginning, and the file is kept as %s",
-                 file->path, printable(found[HEADER_VERSION_AT]), header_magic[HEADER_VERSION_AT],
-                 buffer_text(&aside));
+                 file->path, printable(found[HEADER_VERSION_AT]), film_work_magic[HEADER_VERSION_AT], buffer_text(&aside));
     else
         log_warn("%s: belongs to another frame or is damaged; the frame will be rendered from its "
                  "beginning, and the file is kept as %s",
@@ -258,29 +101,71 @@ static status open_there(struct film_file *file, struct error *err)
     }
     if (file->fd >= 0)
         return STATUS_OK;
-    return error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO,
-                     "%s: cannot be opened: %s", file->path, strerror(errno));
+    return error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO, "%s: cannot be opened: %s",
+                     file->path, strerror(errno));
 }
 
 static status make_file(struct film_file *file, const uint8_t wanted[FILM_HEADER_SIZE], struct error *err)
 {
-    status s;
+    int code;
 
     file->fd = open(file->path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     if (file->fd < 0)
         return error_set(err, STATUS_ERR_IO, "%s: cannot be made: %s", file->path, strerror(errno));
-    s = write_at(file, wanted, FILM_HEADER_SIZE, 0, err);
-    if (s != STATUS_OK) {
+    memcpy(file->header, wanted, FILM_HEADER_SIZE);
+    file->fresh = 1;
+    code = posix_fallocate(file->fd, 0, FILM_HEADER_SIZE); /* a disk that is full says so now */
+    if (code == ENOSPC || code == EDQUOT || code == EROFS || code == EIO) {
         unlink(file->path); /* nothing was in it */
-        return s;
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path, strerror(code));
     }
-    /* The file's name must be as durable as the acknowledged results. */
-    return file_sync_folder_of(file->path, err);
+    return STATUS_OK;
 }
 
-static status open_and_load(struct film_file *file, struct film *film,
-                            const uint8_t wanted[FILM_HEADER_SIZE], uint32_t (*durable)[GROUPS], uint8_t *slot,
-                            struct error *err)
+struct opening {
+    struct film_loader loader;
+    struct film_room *room;
+};
+
+static status take_record(void *user, const struct film_record *record, struct error *err)
+{
+    struct opening *o = user;
+
+    if (record->data)
+        film_room_add(o->room, record);
+    return film_loader_take(&o->loader, record, err);
+}
+
+static status load(struct film_file *file, struct film *film, uint32_t (*durable)[GROUPS], struct error *err)
+{
+    struct opening o = {.room = &file->room};
+    uint32_t lost = 0;
+    status s = film_loader_init(&o.loader, film, err);
+
+    o.loader.durable = durable;
+    o.loader.notes = file->notes;
+    THEN(s, film_log_scan(file->fd, file->path, film, take_record, &o, &file->end, err));
+    if (s == STATUS_OK)
+        lost = film_loader_lost(&o.loader);
+    if (lost > 0)
+        log_warn("%s: records of %u tiles are damaged or were not written to the end; their last passes will be "
+                 "rendered again", file->path, lost);
+    film_loader_release(&o.loader);
+    return s;
+}
+
+/* What stands behind the last record was not written to the end. */
+static status cut_tail(struct film_file *file, struct error *err)
+{
+    struct stat info;
+
+    if (fstat(file->fd, &info) != 0 || ((uint64_t)info.st_size > file->end && ftruncate(file->fd, (off_t)file->end) != 0))
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path, strerror(errno));
+    return STATUS_OK;
+}
+
+static status open_and_load(struct film_file *file, struct film *film, const uint8_t wanted[FILM_HEADER_SIZE],
+                            uint32_t (*durable)[GROUPS], struct error *err)
 {
     uint8_t found[FILM_HEADER_SIZE];
     size_t got = 0;
@@ -288,12 +173,13 @@ static status open_and_load(struct film_file *file, struct film *film,
 
     if (s == STATUS_ERR_NOT_FOUND)
         return make_file(file, wanted, err);
-    if (s == STATUS_OK)
-        s = read_at(file, found, sizeof found, 0, &got, err);
+    THEN(s, film_read_at(file->fd, file->path, found, sizeof found, 0, &got, err));
     if (s != STATUS_OK)
         return s;
-    if (got == sizeof found && memcmp(found, wanted, sizeof found) == 0)
-        return load_all(file, film, durable, slot, err);
+    if (got == sizeof found && memcmp(found, wanted, sizeof found) == 0) {
+        s = load(file, film, durable, err);
+        return s == STATUS_OK && !file->read_only ? cut_tail(file, err) : s;
+    }
     if (!all_zero(found, got))
         s = set_aside(file, found, got, err);
     close(file->fd);
@@ -301,102 +187,63 @@ static status open_and_load(struct film_file *file, struct film *film,
     return s == STATUS_OK ? make_file(file, wanted, err) : s;
 }
 
-status film_file_look(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
-                      const struct film *film, struct error *err)
-{
-    struct film_file *file = mem_calloc(1, sizeof *file);
-    uint8_t wanted[FILM_HEADER_SIZE], found[FILM_HEADER_SIZE];
-    size_t got = 0;
-    status s;
-
-    *out = NULL;
-    if (!file)
-        return error_no_memory(err, "a film file");
-    pthread_mutex_init(&file->lock, NULL);
-    file->read_only = 1;
-    file->fd = open(path, O_RDONLY | O_CLOEXEC);
-    file->path = mem_strdup(path);
-    file->serials = mem_calloc(film_tile_count(film), sizeof *file->serials);
-    file->slot_bytes = SLOT_HEADER + film_tile_state_bound(film, 0);
-    if (!file->path || !file->serials)
-        s = error_no_memory(err, "a film file");
-    else if (file->fd < 0)
-        s = error_set(err, errno == ENOENT ? STATUS_ERR_NOT_FOUND : STATUS_ERR_IO, "%s: cannot be opened: %s", path,
-                      strerror(errno));
-    else
-        s = film_header_make(wanted, header_magic, film, job, frame, err);
-    if (s == STATUS_OK)
-        s = read_at(file, found, sizeof found, 0, &got, err);
-    if (s == STATUS_OK && (got < sizeof found || memcmp(found, wanted, sizeof found) != 0))
-        s = error_set(err, STATUS_ERR_NOT_FOUND, "%s: is not the frame's film", path);
-    if (s != STATUS_OK) {
-        film_file_close(file);
-        return s;
-    }
-    *out = file;
-    return STATUS_OK;
-}
-
-size_t film_file_tile_bytes(const struct film_file *file)
-{
-    return FILM_SLOTS * file->slot_bytes;
-}
-
-status film_file_load_tile(struct film_file *file, struct film *film, uint32_t tile, uint8_t *bytes,
-                           struct error *err)
-{
-    uint32_t passes[GROUPS], damaged = 0;
-    uint8_t slot;
-
-    return load_tile(file, film, tile, bytes, passes, &slot, &damaged, err);
-}
-
-status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame,
-                      struct film *film, uint32_t (*durable)[GROUPS], uint8_t *slot, struct error *err)
+status film_file_open(struct film_file **out, const char *path, uint64_t job, uint32_t frame, struct film *film,
+                      uint32_t (*durable)[GROUPS], struct error *err)
 {
     struct film_file *file = mem_calloc(1, sizeof *file);
     uint8_t wanted[FILM_HEADER_SIZE];
     status s;
 
     *out = NULL;
-    if (!file)
-        return error_no_memory(err, "a film file");
+    NEED(file, err, "a film file");
     file->fd = -1;
+    file->end = FILM_HEADER_SIZE;
+    file->room = (struct film_room){.tiles = film_tile_count(film), .limit = film_file_limit(film)};
+    pthread_mutex_init(&file->writing, NULL);
     pthread_mutex_init(&file->lock, NULL);
     file->path = mem_strdup(path);
-    file->serials = mem_calloc(film_tile_count(film), sizeof *file->serials);
-    if (!file->path || !file->serials) {
-        s = error_no_memory(err, "a film file");
-        goto fail;
-    }
-    file->slot_bytes = SLOT_HEADER + film_tile_state_bound(film, 0); /* no tile is larger */
-    memset(slot, 1, film_tile_count(film));
-    s = film_header_make(wanted, header_magic, film, job, frame, err);
-    if (s != STATUS_OK)
-        goto fail;
-    s = open_and_load(file, film, wanted, durable, slot, err);
-    if (s != STATUS_OK)
-        goto fail;
-    *out = file;
-    return STATUS_OK;
-fail:
-    film_file_close(file);
+    s = file->path ? film_header_make(wanted, film_work_magic, film, job, frame, err)
+                   : error_no_memory(err, "a film file");
+    THEN(s, open_and_load(file, film, wanted, durable, err));
+    file->used = file->room.used;
+    if (s == STATUS_OK)
+        *out = file;
+    else
+        film_file_close(file);
     return s;
+}
+
+/* Nothing is in it. Another film may have taken its place. */
+static void remove_empty(const struct film_file *file)
+{
+    struct stat own, named;
+
+    if (fstat(file->fd, &own) == 0 && own.st_size <= FILM_HEADER_SIZE && stat(file->path, &named) == 0 &&
+        own.st_ino == named.st_ino && own.st_dev == named.st_dev)
+        unlink(file->path);
 }
 
 void film_file_close(struct film_file *file)
 {
     if (!file)
         return;
+    if (file->fd >= 0 && file->fresh)
+        remove_empty(file);
     if (file->fd >= 0)
         trash_close_file(file->fd);
     pthread_mutex_destroy(&file->lock);
-    mem_free(file->serials);
+    pthread_mutex_destroy(&file->writing);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        buffer_release(&file->notes[g]);
+    buffer_release(&file->emptied);
+    mem_free(file->room.runs);
     mem_free(file->path);
     mem_free(file);
 }
 
-/* Reopen a file that was opened for reading: the disk may be writable by now. The lock is held. */
+/* ---- committing ------------------------------------------------------------------------------- */
+
+/* Reopen a file that was opened for reading: the disk may be writable by now. `writing` is held. */
 static status become_writable(struct film_file *file, struct error *err)
 {
     int fd;
@@ -405,117 +252,213 @@ static status become_writable(struct film_file *file, struct error *err)
         return STATUS_OK;
     fd = open(file->path, O_RDWR | O_CLOEXEC);
     if (fd < 0)
-        return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path,
-                         strerror(errno));
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be written: %s", file->path, strerror(errno));
     close(file->fd);
     file->fd = fd;
     file->read_only = 0;
+    return cut_tail(file, err);
+}
+
+static status pack_notes(const struct film_file *file, struct buffer *out, struct error *err)
+{
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        uint8_t *at;
+        if (!file->note_waits[g])
+            continue;
+        at = film_record_add(out, FILM_RECORD_NOTE, g, file->notes[g].size);
+        if (!at)
+            return error_no_memory(err, "a note");
+        memcpy(at, file->notes[g].data, file->notes[g].size);
+    }
     return STATUS_OK;
 }
 
-status film_file_write(struct film_file *file, uint32_t tile, uint8_t slot, const uint8_t *state,
-                       size_t size_bytes, struct error *err)
+/* The names of the file and its folder must be as durable as the acknowledged results. */
+static status sync_names(const char *path, struct error *err)
 {
-    uint8_t header[SLOT_HEADER];
+    char *folder = mem_strdup(path), *end = folder ? strrchr(folder, '/') : NULL;
+    status s = file_sync_folder_of(path, err);
+
+    NEED(folder, err, "a path");
+    if (end && end != folder) {
+        *end = 0;
+        THEN(s, file_sync_folder_of(folder, err));
+    }
+    mem_free(folder);
+    return s;
+}
+
+/* Append the records and sync them. `writing` is held. */
+static status append(struct film_file *file, struct buffer *const parts[PARTS], uint64_t *written_ns, struct error *err)
+{
+    uint64_t end = file->end;
+    status s = STATUS_OK;
+
+    if (file->fresh)
+        s = film_write_at(file->fd, file->path, file->header, FILM_HEADER_SIZE, 0, err);
+    for (int i = 0; i < PARTS && s == STATUS_OK; i++) {
+        s = film_write_at(file->fd, file->path, parts[i]->data, parts[i]->size, end, err);
+        end += parts[i]->size;
+    }
+    if (s == STATUS_OK)
+        *written_ns = clock_monotonic_ns();
+    if (s == STATUS_OK && file_sync_data(file->fd) != 0)
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be written to disk: %s", file->path, strerror(errno));
+    if (file->fresh)
+        THEN(s, sync_names(file->path, err));
+    if (s == STATUS_OK)
+        file->fresh = 0;
+    if (s != STATUS_OK) {
+        /* If it cannot be cut now, the next commit overwrites it. */
+        if (ftruncate(file->fd, (off_t)file->end) != 0)
+            log_debug("%s: cannot be cut: %s", file->path, strerror(errno));
+        return s;
+    }
+    for (int i = 0; i < PARTS; i++) {
+        struct film_record r;
+        for (size_t at = 0, next = 0; film_records_next(parts[i], &next, &r); at = next) {
+            r.at = file->end + at;
+            film_room_add(&file->room, &r);
+        }
+        file->end += parts[i]->size;
+    }
+    return STATUS_OK;
+}
+
+/* What waits for a commit, as it was taken for one. */
+struct taken {
+    unsigned notes[GROUPS];
+    size_t emptied;
+};
+
+static status take(struct film_file *file, struct taken *taken, struct buffer *emptied, struct buffer *notes, struct error *err)
+{
     status s;
 
     pthread_mutex_lock(&file->lock);
-    s = become_writable(file, err);
-    if (s == STATUS_OK) {
-        put_number(header, ++file->serials[tile]);
-        put_number(header + 8, hash_bytes(header, 8));
-        s = write_at(file, header, sizeof header, slot_offset(file, tile, slot), err);
-    }
-    if (s == STATUS_OK)
-        s = write_at(file, state, size_bytes, slot_offset(file, tile, slot) + SLOT_HEADER, err);
+    memcpy(taken->notes, file->note_waits, sizeof taken->notes);
+    taken->emptied = file->emptied.size;
+    buffer_append(emptied, file->emptied.data, file->emptied.size);
+    s = pack_notes(file, notes, err);
     pthread_mutex_unlock(&file->lock);
+    return s != STATUS_OK || buffer_ok(emptied) ? s : error_no_memory(err, "a film's tiles");
+}
+
+/* It is on disk. What came meanwhile waits for the next commit. */
+static void settle(struct film_file *file, const struct taken *taken)
+{
+    struct buffer *emptied = &file->emptied;
+
+    pthread_mutex_lock(&file->lock);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        if (file->note_waits[g] == taken->notes[g])
+            file->note_waits[g] = 0;
+    if (taken->emptied > 0) {
+        memmove(emptied->data, emptied->data + taken->emptied, emptied->size - taken->emptied);
+        emptied->size -= taken->emptied;
+    }
+    file->used = file->room.used;
+    pthread_mutex_unlock(&file->lock);
+}
+
+status film_file_commit(struct film_file *file, struct film_commit *commit, struct error *err)
+{
+    struct buffer emptied = BUFFER_INIT, notes = BUFFER_INIT, packed = BUFFER_INIT;
+    struct buffer *const parts[] = {&emptied, &notes, &commit->units, &packed};
+    status s = film_records_pack(&packed, &commit->states, err);
+    struct taken taken = {0};
+
+    pthread_mutex_lock(&file->writing);
+    THEN(s, become_writable(file, err));
+    THEN(s, take(file, &taken, &emptied, &notes, err));
+    for (int i = 0; i < PARTS; i++)
+        film_records_seal(parts[i]);
+    THEN(s, append(file, parts, &commit->written_ns, err));
+    if (s == STATUS_OK) {
+        film_room_step(&file->room, file->fd, file->end, &commit->stale);
+        settle(file, &taken);
+    }
+    pthread_mutex_unlock(&file->writing);
+    buffer_release(&packed);
+    buffer_release(&notes);
+    buffer_release(&emptied);
     return s;
 }
 
 status film_file_sync(struct film_file *file, struct error *err)
 {
-    status s = STATUS_OK;
+    struct film_commit nothing = {0};
+
+    return film_file_commit(file, &nothing, err);
+}
+
+uint64_t film_file_bytes(struct film_file *file)
+{
+    uint64_t bytes;
 
     pthread_mutex_lock(&file->lock);
-    if (fdatasync(file->fd) != 0)
-        s = error_set(err, STATUS_ERR_IO, "%s: cannot be written to disk: %s", file->path,
-                      strerror(errno));
+    bytes = file->used;
     pthread_mutex_unlock(&file->lock);
-    return s;
+    return bytes;
 }
 
-static uint64_t note_offset(uint32_t group)
+status film_file_empty_tile(struct film_file *file, struct film *film, uint32_t tile, struct error *err)
 {
-    return NOTES_AT + (uint64_t)group * NOTE_SIZE;
+    int fits;
+
+    pthread_mutex_lock(&file->lock);
+    fits = film_record_add(&file->emptied, FILM_RECORD_EMPTY, tile, 0) != NULL;
+    pthread_mutex_unlock(&file->lock);
+    NEED(fits, err, "a film's tiles");
+    film_tile_unload(film, tile);
+    return STATUS_OK;
 }
 
-status film_file_note_write(struct film_file *file, uint32_t group, const struct buffer *note,
-                            struct error *err)
+/* ---- notes ------------------------------------------------------------------------------------ */
+
+/* The lock is held. */
+static status set_note(struct film_file *file, uint32_t group, const struct buffer *note, struct error *err)
 {
-    uint8_t header[NOTE_HEADER];
+    struct buffer *own = &file->notes[group];
+
+    buffer_clear(own);
+    buffer_append(own, note->data, note->size);
+    if (!buffer_ok(own)) {
+        buffer_clear(own);
+        return error_no_memory(err, "a note");
+    }
+    file->note_waits[group]++;
+    return STATUS_OK;
+}
+
+status film_file_note_write(struct film_file *file, uint32_t group, const struct buffer *note, struct error *err)
+{
     status s;
 
     if (note->size > FILM_NOTE_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%s: a note of %zu bytes", file->path, note->size);
-    put_number(header, note->size);
-    put_number(header + 8, hash_bytes(note->data, note->size));
     pthread_mutex_lock(&file->lock);
-    s = become_writable(file, err);
-    if (s == STATUS_OK)
-        s = write_at(file, header, sizeof header, note_offset(group), err);
-    if (s == STATUS_OK)
-        s = write_at(file, note->data, note->size, note_offset(group) + NOTE_HEADER, err);
+    s = set_note(file, group, note, err);
     pthread_mutex_unlock(&file->lock);
     return s;
 }
 
-status film_file_note_read(struct film_file *file, uint32_t group, struct buffer *out,
-                           struct error *err)
+status film_file_note_read(struct film_file *file, uint32_t group, struct buffer *out, struct error *err)
 {
-    uint8_t bytes[NOTE_SIZE] = {0};
-    uint64_t size;
-    size_t got;
-    status s;
-
     pthread_mutex_lock(&file->lock);
-    s = read_at(file, bytes, sizeof bytes, note_offset(group), &got, err);
+    buffer_append(out, file->notes[group].data, file->notes[group].size);
     pthread_mutex_unlock(&file->lock);
-    if (s != STATUS_OK || all_zero(bytes, NOTE_HEADER))
-        return s;
-    size = get_number(bytes);
-    if (size > FILM_NOTE_MAX || size + NOTE_HEADER > got ||
-        get_number(bytes + 8) != hash_bytes(bytes + NOTE_HEADER, size)) {
-        log_warn("%s: a note in it was not written to the end", file->path);
-        return STATUS_OK;
-    }
-    buffer_append(out, bytes + NOTE_HEADER, size);
     return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a note");
-}
-
-status film_file_notes_get(struct film_file *file, uint8_t notes[FILM_NOTES_SIZE], struct error *err)
-{
-    size_t got;
-    status s;
-
-    pthread_mutex_lock(&file->lock);
-    s = read_at(file, notes, FILM_NOTES_SIZE, NOTES_AT, &got, err);
-    pthread_mutex_unlock(&file->lock);
-    if (s == STATUS_OK)
-        memset(notes + got, 0, FILM_NOTES_SIZE - got);
-    return s;
 }
 
 status film_file_notes_restore(struct film_file *file, const struct buffer *notes, struct error *err)
 {
-    uint8_t own[FILM_NOTES_SIZE];
-    status s = film_file_notes_get(file, own, err);
+    status s = STATUS_OK;
 
-    if (s != STATUS_OK || notes->size != FILM_NOTES_SIZE || !all_zero(own, sizeof own))
-        return s;
     pthread_mutex_lock(&file->lock);
-    s = become_writable(file, err);
-    if (s == STATUS_OK)
-        s = write_at(file, notes->data, notes->size, NOTES_AT, err);
+    for (uint32_t g = 0; g < GROUPS && s == STATUS_OK; g++)
+        if (file->notes[g].size == 0 && notes[g].size > 0)
+            s = set_note(file, g, &notes[g], err);
     pthread_mutex_unlock(&file->lock);
-    return s == STATUS_OK ? film_file_sync(file, err) : s;
+    return s;
 }

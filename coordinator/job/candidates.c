@@ -41,18 +41,15 @@ enum candidate_list candidates_lane(const struct job *job)
 {
     unsigned isa = (unsigned)job->settings.isa < ISA_COUNT ? job->settings.isa : 0;
 
-    return CANDIDATES_LANES + 2 * isa + (job->kernel[0] != 0);
+    return CANDIDATES_LANES + 2 * isa + (job->ray_tracer[0] != 0);
 }
 
 int candidates_belongs(const struct job *job, enum candidate_list list)
 {
     switch (list) {
-    case CANDIDATES_WORKING:
-        return job->frames != NULL;
-    case CANDIDATES_CLOSING:
-        return job->state == JOB_STATE_FINISHING || job->state == JOB_STATE_CANCELLING;
-    case CANDIDATES_TROUBLED:
-        return trouble_is(&job->trouble);
+    case CANDIDATES_WORKING: return job->frames != NULL;
+    case CANDIDATES_CLOSING: return job->state == JOB_STATE_FINISHING || job->state == JOB_STATE_CANCELLING;
+    case CANDIDATES_TROUBLED: return trouble_is(&job->trouble);
     default:
         return list == candidates_lane(job) && !job->all_begun &&
                (job->state == JOB_STATE_QUEUED || job->state == JOB_STATE_RUNNING);
@@ -133,10 +130,7 @@ void candidates_sort(struct candidates *c)
             qsort(c->lists[i].jobs, c->lists[i].count, sizeof *c->lists[i].jobs, compare);
 }
 
-void candidates_remove(struct candidates *c, struct job *job)
-{
-    set_lists(c, job, 0);
-}
+void candidates_remove(struct candidates *c, struct job *job) { set_lists(c, job, 0); }
 
 struct job *candidates_next(const struct candidates *c, unsigned lists, const struct job *after)
 {

@@ -1,24 +1,20 @@
-/* candidates: lists of the few jobs that an event or a tick must look at, so that nothing walks the
- * whole queue.
+/* candidates: lists of the few jobs that an event or a tick must look at, so that nothing walks the whole queue.
  *
  *   working    have open frames: their units can be lent, their results written
  *   lanes      may have a frame to begin (QUEUED or RUNNING), those with the same needs in one lane
  *   closing    FINISHING or CANCELLING: they end by steps
  *   troubled   a film of theirs cannot be opened: it is tried again
  *
- * Each list is in the order of service (order.h): ready jobs as their `place` says, then the others by
- * job_is_before. Invariant: a list holds exactly the
- * active jobs that candidates_belongs names. Whatever changes the answer for a job must call
- * candidates_update afterwards (queue.c does after a change of state, farm_* after a frame was opened,
- * closed or found to be the last); its place in the order must not change while it is in a list
- * (candidates_remove first).
+ * Each list is in the order of service (order.h): ready jobs as their `place` says, then the others by job_is_before.
+ * Invariant: a list holds exactly the active jobs that candidates_belongs names. Whatever changes the answer for a job
+ * must call candidates_update afterwards (queue.c does after a change of state, farm_* after a frame was opened, closed
+ * or found to be the last); its place in the order must not change while it is in a list (candidates_remove first).
  *
- * A lane keeps apart the jobs that many workers cannot serve: a worker skips a lane, not its jobs. The
- * lane of a job is its instruction set, and whether a kernel is pinned. Other needs that many waiting
- * jobs may share belong here, too (candidates_lane).
+ * A lane keeps apart the jobs that many workers cannot serve: a worker skips a lane, not its jobs. The lane of a job is
+ * its instruction set, and whether a ray tracer is pinned. Other needs that many waiting jobs may share belong here,
+ * too (candidates_lane).
  */
-#ifndef AZULEJO_COORDINATOR_CANDIDATES_H
-#define AZULEJO_COORDINATOR_CANDIDATES_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -70,5 +66,3 @@ void candidates_remove(struct candidates *c, struct job *job);
 /* The first job after `after` (NULL: the first of all) that is in one of the lists; NULL: none. The
  * lists may change between two calls, also by `after` leaving them. */
 struct job *candidates_next(const struct candidates *c, unsigned lists, const struct job *after);
-
-#endif

@@ -8,8 +8,7 @@ static struct hang_unit *find(struct hangs *hangs, const struct hang_unit *unit)
 {
     for (uint32_t i = 0; i < hangs->count; i++) {
         struct hang_unit *u = &hangs->units[i];
-        if (u->frame == unit->frame && u->tile == unit->tile && u->group == unit->group &&
-            u->pass == unit->pass)
+        if (u->frame == unit->frame && u->tile == unit->tile && u->group == unit->group && u->pass == unit->pass)
             return u;
     }
     return NULL;
@@ -74,7 +73,4 @@ void hangs_settle(struct hangs *hangs, struct hang_unit unit)
         *found = hangs->units[--hangs->count];
 }
 
-void hangs_clear(struct hangs *hangs)
-{
-    hangs->count = 0;
-}
+void hangs_clear(struct hangs *hangs) { hangs->count = 0; }

@@ -1,17 +1,15 @@
 /* hang: work units that are rendered for far longer than their kind ever took.
  *
- * Results teach how much processor time one pixel sample took at most. A unit hangs when a worker's
- * thread has been rendering it for HANG_FACTOR times what its samples took at the worst, and for the
- * farm's least limit besides. Before the first result of a job nothing hangs.
+ * Results teach how much processor time one pixel sample took at most. A unit hangs when a worker's thread has been
+ * rendering it for HANG_FACTOR times what its samples took at the worst, and for the farm's least limit besides. Before
+ * the first result of a job nothing hangs.
  *
- * A unit that hangs is lent to another worker as well; the one that hangs gets it no more, as long as
- * there is another. The first of the two results counts, as always. A unit that hung
- * HANG_SESSIONS_MAX workers is the job's own fault.
+ * A unit that hangs is lent to another worker as well; the one that hangs gets it no more, as long as there is another.
+ * The first of the two results counts, as always. A unit that hung HANG_SESSIONS_MAX workers is the job's own fault.
  *
  * This is not stored: a restart of the coordinator forgets it.
  */
-#ifndef AZULEJO_COORDINATOR_HANG_H
-#define AZULEJO_COORDINATOR_HANG_H
+#pragma once
 
 #include <stdint.h>
 
@@ -30,7 +28,7 @@ struct hang_unit {
 
 /* All zero: nothing is known. */
 struct hangs {
-    double sample_ns_max;        /* processor time of one pixel sample; 0: no result yet */
+    double sample_ns_max; /* processor time of one pixel sample; 0: no result yet */
     uint32_t count;
     struct hang_unit units[HANG_UNITS_MAX];
 };
@@ -47,5 +45,3 @@ int hangs_has(const struct hangs *hangs, struct hang_unit unit, uint32_t session
 void hangs_settle(struct hangs *hangs, struct hang_unit unit);
 /* Forget which units hang. */
 void hangs_clear(struct hangs *hangs);
-
-#endif

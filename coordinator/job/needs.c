@@ -39,11 +39,17 @@ int needs_fit(const struct job_needs *needs, uint64_t job, const char *tags, uin
         return 0;
     }
     if (memory > 0 && needs->memory > memory) {
-        snprintf(why, why_size, "it has %s of memory, and job %" PRIu64 " needs %s%s", bytes_text(has, memory),
-                 job, needs->memory_said ? "" : "an estimated ", bytes_text(wants, needs->memory));
+        snprintf(why, why_size, "it has %s of memory, and job %" PRIu64 " needs %s%s", bytes_text(has, memory), job,
+                 needs->memory_said ? "" : "an estimated ", bytes_text(wants, needs->memory));
         return 0;
     }
     return 1;
+}
+
+void needs_waited(struct job_needs *needs)
+{
+    needs->after_count = 0;
+    needs->not_before = 0;
 }
 
 const char *needs_after_text(char out[NEEDS_AFTER_TEXT_SIZE], const struct job_needs *needs)
@@ -52,8 +58,7 @@ const char *needs_after_text(char out[NEEDS_AFTER_TEXT_SIZE], const struct job_n
 
     out[0] = 0;
     for (uint32_t i = 0; i < needs->after_count; i++)
-        used += (size_t)snprintf(out + used, NEEDS_AFTER_TEXT_SIZE - used, "%s%" PRIu64, i ? "," : "",
-                                 needs->after[i]);
+        used += (size_t)snprintf(out + used, NEEDS_AFTER_TEXT_SIZE - used, "%s%" PRIu64, i ? "," : "", needs->after[i]);
     return out;
 }
 

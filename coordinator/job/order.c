@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "coordinator/job/queue.h"
@@ -94,21 +94,14 @@ void order_charge(struct order *order, struct job *job, double core_s, int64_t w
     share->changed = 1;
 }
 
-void order_served(struct job *job, uint64_t now_ns)
-{
-    job->place.served_ns = now_ns;
-}
+void order_served(struct job *job, uint64_t now_ns) { job->place.served_ns = now_ns; }
 
 /* ---- the list -------------------------------------------------------------------------------- */
 
-static int has_turn(const struct job_place *place, uint64_t now_ns)
-{
-    return place->turn_end_ns > now_ns;
-}
+static int has_turn(const struct job_place *place, uint64_t now_ns) { return place->turn_end_ns > now_ns; }
 
 /* Collect the ready jobs, by priority and submission. 1: one of them was not ready before. */
-static int collect(struct order *order, const struct queue *queue, const struct order_questions *ask,
-                   uint64_t now_ns)
+static int collect(struct order *order, const struct queue *queue, const struct order_questions *ask, uint64_t now_ns)
 {
     int newcomer = 0;
 
@@ -127,8 +120,7 @@ static int collect(struct order *order, const struct queue *queue, const struct 
             place->served_ns = now_ns;
             place->turn_end_ns = 0;
         }
-        if (order->count < order->capacity ||
-            MEM_GROW(order->jobs, order->capacity, queue->active_count))
+        if (order->count < order->capacity || MEM_GROW(order->jobs, order->capacity, queue->active_count))
             order->jobs[order->count++] = job;
         else
             order->stale = 1; /* no memory: try again */
@@ -140,9 +132,7 @@ static void rank_owners(struct order *order, int64_t wall_s)
 {
     for (size_t i = 0; i < order->share_count; i++) {
         struct owner_share *share = order->shares[i];
-        share->rank = order->rules.half_life_s > 0
-                          ? owner_share_at(share, order->rules.half_life_s, wall_s)
-                          : 0;
+        share->rank = order->rules.half_life_s > 0 ? owner_share_at(share, order->rules.half_life_s, wall_s) : 0;
     }
 }
 
@@ -158,15 +148,11 @@ static int is_head(const struct order *order, struct job *job)
     return 1;
 }
 
-static void undo_head(struct job *job)
-{
-    job->place.share->pass = 0;
-}
+static void undo_head(struct job *job) { job->place.share->pass = 0; }
 
 /* Give a turn to the job of the priority that has waited for too long, unless another one has its
  * turn: of jobs[from .. to-1], in the order of submission. */
-static void give_turn(struct order *order, const struct order_questions *ask, size_t from, size_t to,
-                      uint64_t now_ns)
+static void give_turn(struct order *order, const struct order_questions *ask, size_t from, size_t to, uint64_t now_ns)
 {
     uint64_t wait_ns = (uint64_t)(order->rules.longest_wait_s * 1e9);
     uint64_t turn_ns = wait_ns / ORDER_TURN_PARTS;
@@ -241,7 +227,7 @@ static void place_owners(struct order *order, size_t count, size_t at)
 
 static struct owner_share *share_or_nobody(struct order *order, const struct job *job)
 {
-    return job->place.share ? job->place.share : &order->nobody;
+    return job->place.share ? job->place.share : &order->unowned;
 }
 
 /* Bring jobs[from .. to-1], of one priority and in the order of submission, into their order: in time linear
@@ -290,8 +276,8 @@ static void sort(struct order *order, uint64_t now_ns)
     memcpy(order->jobs, order->sorted, order->count * sizeof(struct job *));
 }
 
-int order_update(struct order *order, const struct queue *queue, const struct order_questions *ask,
-                  uint64_t now_ns, int64_t wall_s)
+int order_update(struct order *order, const struct queue *queue, const struct order_questions *ask, uint64_t now_ns,
+                 int64_t wall_s)
 {
     int round = now_ns >= order->round_end_ns;
     int newcomer;

@@ -18,8 +18,7 @@
  * The order is a list. A worker gets the first work in it that it can take, so later jobs render at
  * once when the first ones cannot use all workers.
  */
-#ifndef AZULEJO_COORDINATOR_ORDER_H
-#define AZULEJO_COORDINATOR_ORDER_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -40,12 +39,12 @@ struct queue;
 /* What an owner used recently. */
 struct owner_share {
     char owner[ORDER_OWNER_MAX + 1];
-    double core_s;               /* as of at_s */
-    int64_t at_s;                /* seconds since 1970 */
-    int changed;                 /* since order_shares_saved */
-    double rank;                 /* core_s in this round */
-    uint64_t pass;               /* that saw a job of it, */
-    int32_t pass_priority;       /* with this priority */
+    double core_s;         /* as of at_s */
+    int64_t at_s;          /* seconds since 1970 */
+    int changed;           /* since order_shares_saved */
+    double rank;           /* core_s in this round */
+    uint64_t pass;         /* that saw a job of it, */
+    int32_t pass_priority; /* with this priority */
     /* While jobs are sorted: its number of them, the first owner of its rank, and their next place. */
     size_t jobs, next;
     struct owner_share *leader;
@@ -54,31 +53,31 @@ struct owner_share {
 /* A job's part of the order; all zero: it has none yet. */
 struct job_place {
     struct owner_share *share;
-    int ready;                   /* as of the last order_update */
-    uint64_t served_ns;          /* when it was last lent a unit, or became ready */
-    uint64_t turn_end_ns;        /* 0: it had no turn */
-    size_t before;               /* the number of ready jobs before it */
+    int ready;            /* as of the last order_update */
+    uint64_t served_ns;   /* when it was last lent a unit, or became ready */
+    uint64_t turn_end_ns; /* 0: it had no turn */
+    size_t before;        /* the number of ready jobs before it */
 };
 
 struct order_rules {
-    double half_life_s;          /* 0: owners do not count */
-    double longest_wait_s;       /* 0: there are no turns */
+    double half_life_s;    /* 0: owners do not count */
+    double longest_wait_s; /* 0: there are no turns */
 };
 
 struct order {
-    struct job **jobs;           /* the ready ones, in order */
+    struct job **jobs; /* the ready ones, in order */
     size_t count, capacity;
-    struct job **sorted;         /* while jobs are sorted */
+    struct job **sorted; /* while jobs are sorted */
     size_t sorted_capacity;
     struct owner_share **band;
     size_t band_capacity;
-    struct owner_share nobody;   /* of jobs for whose owner there was no memory */
+    struct owner_share unowned; /* of jobs for whose owner there was no memory */
     struct order_rules rules;
     struct owner_share **shares; /* by owner, ascending */
     size_t share_count, share_capacity;
     uint64_t round_end_ns;
     uint64_t pass;
-    unsigned seen_changes;       /* queue->changes at the last update */
+    unsigned seen_changes; /* queue->changes at the last update */
     int stale;
 };
 
@@ -96,8 +95,8 @@ void order_release(struct order *order);
 
 /* Bring order->jobs up to date; 1: places changed (queue_order_changed must follow). It stays valid until a job leaves the queue. Without memory it has only as
  * many jobs as there is room for: those of the highest priorities. */
-int order_update(struct order *order, const struct queue *queue, const struct order_questions *ask,
-                 uint64_t now_ns, int64_t wall_s) MUST_CHECK;
+int order_update(struct order *order, const struct queue *queue, const struct order_questions *ask, uint64_t now_ns,
+                 int64_t wall_s) MUST_CHECK;
 
 /* Add to what the job's owner used. */
 void order_charge(struct order *order, struct job *job, double core_s, int64_t wall_s);
@@ -108,5 +107,3 @@ void order_served(struct job *job, uint64_t now_ns);
 double owner_share_at(const struct owner_share *share, double half_life_s, int64_t wall_s);
 /* The owner's share; a new one if there is none. NULL: no memory. */
 struct owner_share *order_share(struct order *order, const char *owner);
-
-#endif

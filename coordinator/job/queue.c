@@ -22,7 +22,7 @@ const struct job_edge job_edges[] = {
     FROM_TO(PARKED, FAILED),
     FROM_TO(FINISHING, DONE),       FROM_TO(FINISHING, PARKED),     FROM_TO(FINISHING, CANCELLING),
     FROM_TO(FINISHING, CANCELLED),  FROM_TO(FINISHING, FAILED),
-    FROM_TO(CANCELLING, CANCELLED), FROM_TO(CANCELLING, FAILED),
+    FROM_TO(CANCELLING, DONE),      FROM_TO(CANCELLING, CANCELLED), FROM_TO(CANCELLING, FAILED),
     FROM_TO(DONE, QUEUED),          FROM_TO(FAILED, QUEUED),        FROM_TO(CANCELLED, QUEUED),
 #undef FROM_TO
 };
@@ -39,10 +39,7 @@ void work_stats_add(struct work_stats *sum, const struct work_stats *more)
         sum->accounts[i] += more->accounts[i];
 }
 
-void queue_init(struct queue *queue)
-{
-    memset(queue, 0, sizeof *queue);
-}
+void queue_init(struct queue *queue) { memset(queue, 0, sizeof *queue); }
 
 void queue_release(struct queue *queue)
 {
@@ -82,10 +79,10 @@ void job_free(struct job *job)
     mem_free(job->frames_developed);
     mem_free(job->frames_resting);
     mem_free(job->cuts);
-    mem_free(job->samples_closed);
+    mem_free(job->closed);
     job_figures_release(&job->figures);
     buffer_release(&job->schedule);
-    mem_free(job->broken_machines);
+    refusals_release(&job->refusals);
     mem_free(job);
 }
 
@@ -109,8 +106,7 @@ static void active_insert(struct queue *queue, struct job *job)
 {
     size_t place = active_place(queue, job);
 
-    memmove(queue->active + place + 1, queue->active + place,
-            (queue->active_count - place) * sizeof *queue->active);
+    memmove(queue->active + place + 1, queue->active + place, (queue->active_count - place) * sizeof *queue->active);
     queue->active[place] = job;
     queue->active_count++;
     queue->changes++;
@@ -127,16 +123,14 @@ static void active_remove(struct queue *queue, struct job *job)
     candidates_remove(&queue->candidates, job);
     queue->active_count--;
     queue->changes++;
-    memmove(queue->active + place, queue->active + place + 1,
-            (queue->active_count - place) * sizeof *queue->active);
+    memmove(queue->active + place, queue->active + place + 1, (queue->active_count - place) * sizeof *queue->active);
 }
 
 static status check_room(const struct queue *queue, struct error *err)
 {
     if (queue->active_count < JOBS_ACTIVE_MAX)
         return STATUS_OK;
-    return error_set(err, STATUS_ERR_LIMIT,
-                     "%d jobs are queued or running already; wait for some to end",
+    return error_set(err, STATUS_ERR_LIMIT, "%d jobs are queued or running already; wait for some to end",
                      JOBS_ACTIVE_MAX);
 }
 
@@ -191,8 +185,8 @@ void queue_remove(struct queue *queue, struct job *job)
 
     assert(job_state_ended(job->state) && queue->all[place] == job);
     queue->count--;
-    memmove(queue->all + place, queue->all + place + 1,
-            (queue->count - place) * sizeof *queue->all);
+    memmove(queue->all + place, queue->all + place + 1, (queue->count - place) * sizeof *queue->all);
+    job->removed = 1;
 }
 
 void queue_set_priority(struct queue *queue, struct job *job, int32_t priority)
@@ -208,6 +202,13 @@ void queue_frames_changed(struct queue *queue, struct job *job)
     candidates_update(&queue->candidates, job, !job->removed && !job_state_ended(job->state));
 }
 
+void queue_frame_closed(struct queue *queue, struct job *job, uint32_t frame)
+{
+    if (frame < job->begin_from)
+        job->begin_from = frame;
+    queue_frames_changed(queue, job);
+}
+
 void queue_all_begun(struct queue *queue, struct job *job)
 {
     job->all_begun = 1;
@@ -219,10 +220,7 @@ struct job *queue_next(const struct queue *queue, unsigned lists, const struct j
     return candidates_next(&queue->candidates, lists, after);
 }
 
-void queue_order_changed(struct queue *queue)
-{
-    candidates_sort(&queue->candidates);
-}
+void queue_order_changed(struct queue *queue) { candidates_sort(&queue->candidates); }
 
 static int change_is_allowed(enum job_state from, enum job_state to)
 {
@@ -232,8 +230,8 @@ static int change_is_allowed(enum job_state from, enum job_state to)
     return 0;
 }
 
-void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text,
-                   uint64_t now_ns, int64_t wall_s)
+void job_set_state(struct queue *queue, struct job *job, enum job_state state, const char *text, uint64_t now_ns,
+                   int64_t wall_s)
 {
     assert(change_is_allowed(job->state, state) && !job_state_ended(job->state));
     queue->changes += job_state_is_open(job->state) != job_state_is_open(state);
@@ -252,29 +250,64 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
     snprintf(job->state_text, sizeof job->state_text, "%s", text ? text : "");
 }
 
-static int bit_is_set(const uint8_t *bits, uint32_t i)
+void job_set_id(struct job *job, uint64_t id) { job->id = id; }
+
+void job_set_submitted(struct job *job, int64_t wall_s) { job->submitted_at = wall_s; }
+
+void job_set_map_max(struct job *job, double value) { job->map_max = value; }
+
+void job_fence(struct job *job, uint64_t epoch) { job->epoch_floor = epoch + 1; }
+
+void job_set_rules(struct job *job, const struct stop_rules *rules, uint32_t spp)
 {
-    return bits[i / 8] >> i % 8 & 1;
+    job->stop = *rules;
+    job->settings.spp = spp;
 }
 
-static void bit_set(uint8_t *bits, uint32_t i)
+void job_extend(struct job *job, const struct stop_rules *rules, uint32_t spp)
 {
-    bits[i / 8] |= (uint8_t)(1u << i % 8);
+    job_set_rules(job, rules, spp);
+    job->estimate = ESTIMATE_NONE;
+    job->frames_resting_count = 0;
 }
+
+void job_continue(struct job *estimate, const struct job *submitted)
+{
+    job_extend(estimate, &submitted->stop, submitted->settings.spp);
+    estimate->estimate = ESTIMATE_CONTINUED;
+    estimate->output = submitted->output;
+    estimate->priority = submitted->priority;
+    estimate->needs = submitted->needs;
+    estimate->submitted_at = submitted->submitted_at;
+    memcpy(estimate->owner, submitted->owner, sizeof estimate->owner);
+    memcpy(estimate->name, submitted->name, sizeof estimate->name);
+    memcpy(estimate->token, submitted->token, sizeof estimate->token);
+}
+
+void job_mark(struct job *job, enum job_mark mark) { job->marks |= mark; }
+
+void job_start_clock(struct job *job, uint64_t now_ns)
+{
+    if (!job->active_since_ns)
+        job->active_since_ns = now_ns ? now_ns : 1;
+}
+
+void job_begun_before(struct job *job, uint32_t frame) { job->begin_from = frame; }
+
+static int bit_is_set(const uint8_t *bits, uint32_t i) { return bits[i / 8] >> i % 8 & 1; }
+
+static void bit_set(uint8_t *bits, uint32_t i) { bits[i / 8] |= (uint8_t)(1u << i % 8); }
 
 /* Was it set? */
 static int bit_clear(uint8_t *bits, uint32_t i)
 {
     int was = bit_is_set(bits, i);
 
-    bits[i / 8] &= (uint8_t)~(1u << i % 8);
+    bits[i / 8] &= (uint8_t) ~(1u << i % 8);
     return was;
 }
 
-uint32_t job_frame_count(const struct job *job)
-{
-    return job->last_frame - job->first_frame + 1;
-}
+uint32_t job_frame_count(const struct job *job) { return job->last_frame - job->first_frame + 1; }
 
 int job_frame_is_done(const struct job *job, uint32_t frame)
 {
@@ -286,16 +319,15 @@ void job_frame_set_done(struct job *job, uint32_t frame)
     if (job_frame_is_done(job, frame))
         return;
     bit_set(job->frames_done, frame - job->first_frame);
-    job_note_closed(job, frame, 0);
+    job_note_closed(job, frame, (struct closed_frame){0});
     job->frames_done_count++;
     job->samples_done += job_frame_samples(job);
 }
 
-status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end,
-                         const struct film_coverage *coverage, struct error *err)
+status job_frame_set_cut(struct job *job, uint32_t frame, enum frame_end end, const struct film_coverage *coverage,
+                         struct error *err)
 {
-    if (!MEM_GROW(job->cuts, job->cut_capacity, job->cut_count + 1))
-        return error_no_memory(err, "a frame that was cut short");
+    NEED(MEM_GROW(job->cuts, job->cut_capacity, job->cut_count + 1), err, "a frame that was cut short");
     job->cuts[job->cut_count++] = (struct cut_frame){frame, end, *coverage};
     job->samples_done -= job_frame_samples(job) - coverage->samples;
     return STATUS_OK;
@@ -322,6 +354,11 @@ void job_frame_set_developed(struct job *job, uint32_t frame)
     job->frames_developed_count++;
 }
 
+void job_frame_set_undeveloped(struct job *job, uint32_t frame)
+{
+    job->frames_developed_count -= (uint32_t)bit_clear(job->frames_developed, frame - job->first_frame);
+}
+
 void job_frame_rest(struct job *job, uint32_t frame)
 {
     if (!job_frame_is_resting(job, frame))
@@ -339,15 +376,32 @@ int job_frame_is_resting(const struct job *job, uint32_t frame)
     return bit_is_set(job->frames_resting, frame - job->first_frame);
 }
 
-uint32_t job_frames_wanted(const struct job *job)
+static void count_resting(struct job *job)
 {
-    return job_frame_count(job) - job->frames_resting_count;
+    job->frames_resting_count = 0;
+    for (uint32_t i = 0; i < job_frame_count(job); i++)
+        job->frames_resting_count += (uint32_t)bit_is_set(job->frames_resting, i);
 }
 
-static int is_early(const struct job *job)
+uint8_t *job_resting_copy(const struct job *job)
 {
-    return job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY);
+    size_t bytes = job_frame_count(job) / 8 + 1;
+    uint8_t *copy = mem_alloc(bytes);
+
+    if (copy)
+        memcpy(copy, job->frames_resting, bytes);
+    return copy;
 }
+
+void job_resting_restore(struct job *job, const uint8_t *copy)
+{
+    memcpy(job->frames_resting, copy, job_frame_count(job) / 8 + 1);
+    count_resting(job);
+}
+
+uint32_t job_frames_wanted(const struct job *job) { return job_frame_count(job) - job->frames_resting_count; }
+
+static int is_early(const struct job *job) { return job->state == JOB_STATE_DONE && (job->marks & JOB_MARK_EARLY); }
 
 int job_frame_is_left(const struct job *job, uint32_t frame)
 {
@@ -359,16 +413,20 @@ uint32_t job_frames_left(const struct job *job)
     return is_early(job) ? job_frame_count(job) - job->frames_done_count : job->frames_resting_count;
 }
 
-void job_note_closed(struct job *job, uint32_t frame, uint64_t samples)
+void job_note_closed(struct job *job, uint32_t frame, struct closed_frame is)
 {
     uint32_t i = frame - job->first_frame;
+    struct closed_frame *was;
 
-    if (!job->samples_closed && samples > 0) /* without memory the job only seems to have less */
-        job->samples_closed = mem_calloc(job_frame_count(job), sizeof *job->samples_closed);
-    if (!job->samples_closed)
+    if (!job->closed && is.samples > 0) /* without memory the job only seems to have less */
+        job->closed = mem_calloc(job_frame_count(job), sizeof *job->closed);
+    if (!job->closed)
         return;
-    job->samples_closed_sum += samples - job->samples_closed[i];
-    job->samples_closed[i] = samples;
+    was = &job->closed[i];
+    job->closed_sum.samples += is.samples - was->samples;
+    job->closed_sum.core_s += is.core_s - was->core_s;
+    job->closed_sum.share += is.share - was->share;
+    *was = is;
 }
 
 /* ---- a finished job goes on ------------------------------------------------------------------ */
@@ -390,17 +448,16 @@ static void choose_whole(struct job_reopening *r, const struct job *job, uint32_
         bit_clear(r->whole, job->cuts[i].frame - job->first_frame);
 }
 
-status job_reopening_of(struct job_reopening *r, const struct job *job, const uint32_t *frames,
-                        size_t count, uint32_t new_spp, struct error *err)
+status job_reopening_of(struct job_reopening *r, const struct job *job, const uint32_t *frames, size_t count,
+                        uint32_t new_spp, struct error *err)
 {
     size_t bytes = job_frame_count(job) / 8 + 1;
 
     *r = (struct job_reopening){0};
     for (size_t i = 0; i < count; i++)
         if (frames[i] < job->first_frame || frames[i] > job->last_frame)
-            return error_set(err, STATUS_ERR_INPUT, "job %llu has frames %u to %u, not %u",
-                             (unsigned long long)job->id, job->first_frame, job->last_frame,
-                             frames[i]);
+            return error_set(err, STATUS_ERR_INPUT, "job %llu has frames %u to %u, not %u", (unsigned long long)job->id,
+                             job->first_frame, job->last_frame, frames[i]);
     r->chosen = mem_calloc(bytes, 1);
     r->whole = mem_calloc(bytes, 1);
     if (!r->chosen || !r->whole) {
@@ -413,8 +470,8 @@ status job_reopening_of(struct job_reopening *r, const struct job *job, const ui
     return STATUS_OK;
 }
 
-status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames,
-                          size_t count, uint32_t new_spp, struct error *err)
+status job_reopening_init(struct job_reopening *r, const struct job *job, const uint32_t *frames, size_t count,
+                          uint32_t new_spp, struct error *err)
 {
     *r = (struct job_reopening){0};
     return count == 0 ? STATUS_OK : job_reopening_of(r, job, frames, count, new_spp, err);
@@ -458,8 +515,7 @@ static void reopen_cuts(struct job *job, const struct job_reopening *r)
     job->cut_count = kept;
     for (uint32_t i = 0; r->whole && i < job_frame_count(job); i++)
         if (bit_is_set(r->whole, i))
-            job->cuts[job->cut_count++] =
-                (struct cut_frame){job->first_frame + i, FRAME_END_CAP, r->coverage};
+            job->cuts[job->cut_count++] = (struct cut_frame){job->first_frame + i, FRAME_END_CAP, r->coverage};
 }
 
 static void reopen_frames(struct job *job, const struct job_reopening *r)
@@ -469,8 +525,9 @@ static void reopen_frames(struct job *job, const struct job_reopening *r)
             continue;
         job->frames_done_count -= (uint32_t)bit_clear(job->frames_done, i);
         job->frames_developed_count -= (uint32_t)bit_clear(job->frames_developed, i);
-        job->frames_resting_count -= (uint32_t)bit_clear(job->frames_resting, i);
+        bit_clear(job->frames_resting, i);
     }
+    count_resting(job);
     reopen_cuts(job, r);
     job->samples_done = job->frames_done_count * job_frame_samples(job);
     for (size_t i = 0; i < job->cut_count; i++)
@@ -499,8 +556,9 @@ void job_reopen(struct queue *queue, struct job *job, const struct job_reopening
     active_insert(queue, job);
 }
 
-void job_revise(struct job *job)
+void job_revise(struct job *job, const struct output_settings *output)
 {
+    job->output = *output;
     job->revision++;
     job->frames_developed_count = 0;
     memset(job->frames_developed, 0, job_frame_count(job) / 8 + 1);
@@ -541,20 +599,4 @@ double job_active_seconds(const struct job *job, uint64_t now_ns)
     if (job->active_since_ns && now_ns > job->active_since_ns)
         ns += now_ns - job->active_since_ns;
     return (double)ns / 1e9;
-}
-
-int job_is_broken_for(const struct job *job, uint64_t machine)
-{
-    for (size_t i = 0; i < job->broken_count; i++)
-        if (job->broken_machines[i] == machine)
-            return 1;
-    return 0;
-}
-
-status job_set_broken_for(struct job *job, uint64_t machine)
-{
-    if (!MEM_GROW(job->broken_machines, job->broken_capacity, job->broken_count + 1))
-        return STATUS_ERR_NO_MEMORY;
-    job->broken_machines[job->broken_count++] = machine;
-    return STATUS_OK;
 }

@@ -30,10 +30,13 @@ int suspicion_add(struct suspicion *suspicion, uint64_t machine, uint64_t lent_n
     return 1;
 }
 
-void suspicion_clear(struct suspicion *suspicion)
+void suspicion_lent(struct suspicion *suspicion, uint32_t session)
 {
-    memset(suspicion, 0, sizeof *suspicion);
+    if (suspicion->deaths > 0)
+        suspicion->probe = session;
 }
+
+void suspicion_clear(struct suspicion *suspicion) { memset(suspicion, 0, sizeof *suspicion); }
 
 int suspicion_is_enough(const struct suspicion *suspicion)
 {

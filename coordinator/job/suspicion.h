@@ -10,17 +10,15 @@
  * A result of the job from any worker clears the count: while a job makes progress, no death counts
  * for long. A worker that says goodbye (a drain) never counts.
  *
- * From the first death on, the job is lent to one worker at a time (the probe) until a result comes.
- * The job is suspect after SUSPICION_DEATHS deaths on at least two machines, or after
- * SUSPICION_DEATHS_ALONE on a single one, which may be the machine's own fault. The count is
- * not stored: a restart of the coordinator clears it.
+ * From the first death on, the job is lent to one worker at a time (the probe) until a result comes. The job is suspect
+ * after SUSPICION_DEATHS deaths on at least two machines, or after SUSPICION_DEATHS_ALONE on a single one, which may be
+ * the machine's own fault. The count is not stored: a restart of the coordinator clears it.
  *
- * A machine is its host name and its address without the port. That survives a restart of the
- * worker's process, and tells apart machines behind one address and containers of one machine. The
- * worker claims its host name itself: this guards against faults, not against forgery.
+ * A machine is its host name and its address without the port. That survives a restart of the worker's process, and
+ * tells apart machines behind one address and containers of one machine. The worker claims its host name itself: this
+ * guards against faults, not against forgery.
  */
-#ifndef AZULEJO_COORDINATOR_SUSPICION_H
-#define AZULEJO_COORDINATOR_SUSPICION_H
+#pragma once
 
 #include <stdint.h>
 
@@ -29,10 +27,10 @@ enum { SUSPICION_DEATHS = 4, SUSPICION_DEATHS_ALONE = 8 };
 /* All zero: no suspicion. */
 struct suspicion {
     uint32_t deaths;
-    uint32_t probe;         /* the session that was lent units last, since the first death */
-    uint64_t death_ns;      /* when the last one counted */
-    uint64_t machine;       /* of the first */
-    int several;            /* there was another machine */
+    uint32_t probe;    /* the session that was lent units last, since the first death */
+    uint64_t death_ns; /* when the last one counted */
+    uint64_t machine;  /* of the first */
+    int several;       /* there was another machine */
 };
 
 /* A number for the machine, never 0. `address` is HOST:PORT or [HOST]:PORT. */
@@ -40,8 +38,8 @@ uint64_t machine_identity(const char *host, const char *address);
 
 /* A worker on `machine` died that was lent its oldest units of the job at lent_ns. 1: it counts. */
 int suspicion_add(struct suspicion *suspicion, uint64_t machine, uint64_t lent_ns, uint64_t now_ns);
+/* The session was lent units of the job. */
+void suspicion_lent(struct suspicion *suspicion, uint32_t session);
 void suspicion_clear(struct suspicion *suspicion);
 /* Should the job be parked? */
 int suspicion_is_enough(const struct suspicion *suspicion);
-
-#endif

@@ -3,12 +3,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 
-int trouble_is(const struct trouble *trouble)
-{
-    return trouble->text[0] != 0;
-}
+int trouble_is(const struct trouble *trouble) { return trouble->text[0] != 0; }
 
 int trouble_waits(const struct trouble *trouble, uint64_t now_ns)
 {
@@ -17,6 +14,11 @@ int trouble_waits(const struct trouble *trouble, uint64_t now_ns)
 
 int trouble_note(struct trouble *trouble, const char *text, uint64_t now_ns)
 {
+    return trouble_note_within(trouble, text, TROUBLE_LAST_MS, now_ns);
+}
+
+int trouble_note_within(struct trouble *trouble, const char *text, uint64_t last_ms, uint64_t now_ns)
+{
     uint64_t wait_ms = TROUBLE_FIRST_MS;
     int begins = !trouble_is(trouble);
 
@@ -24,10 +26,10 @@ int trouble_note(struct trouble *trouble, const char *text, uint64_t now_ns)
         trouble->since_ns = now_ns;
         trouble->tries = 0;
     }
-    for (uint32_t i = 0; i < trouble->tries && wait_ms < TROUBLE_LAST_MS; i++)
+    for (uint32_t i = 0; i < trouble->tries && wait_ms < last_ms; i++)
         wait_ms *= 2;
-    if (wait_ms > TROUBLE_LAST_MS)
-        wait_ms = TROUBLE_LAST_MS;
+    if (wait_ms > last_ms)
+        wait_ms = last_ms;
     trouble->tries++;
     trouble->next_ns = now_ns + wait_ms * NS_PER_MS;
     snprintf(trouble->text, sizeof trouble->text, "%s", text);

@@ -1,137 +1,9 @@
 #include "coordinator/job/wire.h"
 
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "protocol/message.h"
-
-void wire_output_set(struct wire_output *out, const struct output_settings *in)
-{
-    static char exr[] = "exr", png[] = "png", jpg[] = "jpg";
-    Azulejo__Wire__OutputSettings message = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
-    const struct tonemap_operator *op = in->tonemap.op;
-
-    out->message = message;
-    out->message.exr_half = in->exr_half;
-    out->message.tonemap = (char *)op->name;
-    out->message.exposure_ev = in->tonemap.exposure_ev;
-    out->message.camera_ev = in->camera_ev;
-    for (size_t i = 0; i < op->parameter_count; i++) {
-        Azulejo__Wire__OutputSettings__ParametersEntry entry =
-            AZULEJO__WIRE__OUTPUT_SETTINGS__PARAMETERS_ENTRY__INIT;
-        entry.key = (char *)op->parameters[i].name;
-        entry.value = in->tonemap.values[i];
-        out->entries[i] = entry;
-        out->entry_pointers[i] = &out->entries[i];
-    }
-    out->message.n_parameters = op->parameter_count;
-    out->message.parameters = out->entry_pointers;
-    snprintf(out->metering, sizeof out->metering, "%s",
-             tonemap_metering_name(in->tonemap.metering));
-    out->message.metering = out->metering;
-    out->message.metering_percentile = in->tonemap.metering_percentile;
-    out->message.white_kelvin = in->tonemap.white_kelvin;
-    out->message.temporal = in->tonemap.temporal;
-    if (in->tonemap.has_file) {
-        wire_digest_set(&out->message.tonemap_file, &in->tonemap.file);
-        out->message.tonemap_file_name = (char *)in->tonemap.file_name;
-    }
-    out->message.png_bits = (uint32_t)in->picture.bits;
-    out->message.jpeg_quality = (uint32_t)in->picture.quality;
-    out->message.no_dither = in->picture.plain;
-    if (in->exr)
-        out->formats[out->message.n_formats++] = exr;
-    if (in->png)
-        out->formats[out->message.n_formats++] = png;
-    if (in->jpg)
-        out->formats[out->message.n_formats++] = jpg;
-    out->message.formats = out->formats;
-}
-
-/* The settings of the display files. */
-static status picture_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
-                          struct error *err)
-{
-    char text[64];
-
-    if (in->png_bits != 0 && in->png_bits != 8 && in->png_bits != 16)
-        return error_set(err, STATUS_ERR_INPUT, "a PNG has 8 or 16 bits, not %u", in->png_bits);
-    if (in->jpeg_quality > 100)
-        return error_set(err, STATUS_ERR_INPUT, "a JPEG's quality is 1 to 100, not %u",
-                         in->jpeg_quality);
-    out->picture = (struct picture_options){
-        .bits = (int)in->png_bits, .plain = in->no_dither, .quality = (int)in->jpeg_quality};
-    for (size_t i = 0; i < in->n_formats; i++) {
-        if (strcmp(in->formats[i], "exr") == 0)
-            out->exr = 1;
-        else if (strcmp(in->formats[i], "png") == 0)
-            out->png = 1;
-        else if (strcmp(in->formats[i], "jpg") == 0)
-            out->jpg = 1;
-        else
-            return error_set(err, STATUS_ERR_INPUT,
-                             "output format '%s': must be exr, png or jpg",
-                             message_text(text, sizeof text, in->formats[i]));
-    }
-    if (in->n_formats == 0)
-        out->exr = out->png = 1;
-    return STATUS_OK;
-}
-
-static status tonemap_get(struct tonemap_settings *out, const Azulejo__Wire__OutputSettings *in,
-                          struct error *err)
-{
-    size_t count;
-    const struct tonemap_operator *const *first = tonemap_operators(&count);
-    int metering = in->metering[0] ? tonemap_metering_parse(in->metering) : TONEMAP_METERING_OFF;
-    char text[64];
-    status s = tonemap_settings_init(out, in->tonemap[0] ? in->tonemap : first[0]->name, err);
-
-    for (size_t i = 0; s == STATUS_OK && i < in->n_parameters; i++)
-        s = tonemap_settings_set(out, in->parameters[i]->key, in->parameters[i]->value, err);
-    if (s != STATUS_OK)
-        return s;
-    if (metering < 0)
-        return error_set(err, STATUS_ERR_INPUT, "exposure metering '%s': must be off, key or "
-                         "percentile",
-                         message_text(text, sizeof text, in->metering));
-    out->metering = (enum tonemap_metering)metering;
-    if (in->metering_percentile != 0)
-        out->metering_percentile = in->metering_percentile;
-    out->exposure_ev = in->exposure_ev;
-    out->white_kelvin = in->white_kelvin;
-    out->temporal = in->temporal;
-    if (in->tonemap_file.len > 0) {
-        s = wire_digest_get(&out->file, &in->tonemap_file, "the operator's file", err);
-        if (s != STATUS_OK)
-            return s;
-        out->has_file = 1;
-        message_text(out->file_name, sizeof out->file_name, in->tonemap_file_name);
-    }
-    return tonemap_settings_validate(out, err);
-}
-
-status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
-                       struct error *err)
-{
-    static const Azulejo__Wire__OutputSettings none = AZULEJO__WIRE__OUTPUT_SETTINGS__INIT;
-    status s;
-
-    memset(out, 0, sizeof *out);
-    if (!in)
-        in = &none;
-    s = tonemap_get(&out->tonemap, in, err);
-    if (s == STATUS_OK)
-        s = picture_get(out, in, err);
-    out->exr_half = in->exr_half;
-    if (s == STATUS_OK && !(fabs(in->camera_ev) <= TONEMAP_EXPOSURE_MAX))
-        return error_set(err, STATUS_ERR_INPUT, "the camera's exposure must be from -%d to %d stops",
-                         TONEMAP_EXPOSURE_MAX, TONEMAP_EXPOSURE_MAX);
-    out->camera_ev = in->camera_ev;
-    return s;
-}
 
 static status output_pack(const struct output_settings *in, struct buffer *out, struct error *err)
 {
@@ -139,10 +11,8 @@ static status output_pack(const struct output_settings *in, struct buffer *out, 
     uint8_t *space;
 
     wire_output_set(&output, in);
-    space = buffer_append_space(out,
-                                azulejo__wire__output_settings__get_packed_size(&output.message));
-    if (!space)
-        return error_no_memory(err, "output settings");
+    space = buffer_append_space(out, azulejo__wire__output_settings__get_packed_size(&output.message));
+    NEED(space, err, "output settings");
     azulejo__wire__output_settings__pack(&output.message, space);
     return STATUS_OK;
 }
@@ -154,11 +24,9 @@ status wire_tonemap_pack(const struct tonemap_settings *in, struct buffer *out, 
     return output_pack(&output, out, err);
 }
 
-status wire_tonemap_unpack(struct tonemap_settings *out, const void *data, size_t size_bytes,
-                           struct error *err)
+status wire_tonemap_unpack(struct tonemap_settings *out, const void *data, size_t size_bytes, struct error *err)
 {
-    Azulejo__Wire__OutputSettings *message =
-        azulejo__wire__output_settings__unpack(NULL, size_bytes, data);
+    Azulejo__Wire__OutputSettings *message = azulejo__wire__output_settings__unpack(NULL, size_bytes, data);
     struct output_settings output;
     status s = message ? wire_output_get(&output, message, err) : STATUS_ERR_CORRUPT;
 
@@ -189,8 +57,8 @@ status wire_output_digest(struct digest *out, const struct output_settings *in, 
 }
 
 /* Only existing passes, and at least one for each tile. */
-static status check_schedule(const Azulejo__Wire__JobSubmit *in,
-                             const struct render_settings *settings, struct error *err)
+static status check_schedule(const Azulejo__Wire__JobSubmit *in, const struct render_settings *settings,
+                             struct error *err)
 {
     uint32_t tiles = tile_count(settings->width, settings->height);
 
@@ -206,8 +74,7 @@ static status check_schedule(const Azulejo__Wire__JobSubmit *in,
                 return error_set(err, STATUS_ERR_INPUT,
                                  "a schedule of %u passes of tile %u, group %u: %u samples a pixel "
                                  "have %u",
-                                 in->schedule.data[t * GROUPS + g], t, g, settings->spp,
-                                 pass_count(settings->spp, g));
+                                 in->schedule.data[t * GROUPS + g], t, g, settings->spp, pass_count(settings->spp, g));
     return STATUS_OK;
 }
 
@@ -221,8 +88,7 @@ static status get_frames(struct job *job, const Azulejo__Wire__JobSubmit *in, st
     job->estimate = (enum job_estimate)in->estimate;
     for (size_t i = 0; i < in->n_frames; i++) {
         if (in->frames[i] < at || in->frames[i] > job->last_frame)
-            return error_set(err, STATUS_ERR_INPUT,
-                             "frame %u: the frames to render must ascend from %u to %u at most",
+            return error_set(err, STATUS_ERR_INPUT, "frame %u: the frames to render must ascend from %u to %u at most",
                              in->frames[i], job->first_frame, job->last_frame);
         while (at < in->frames[i])
             job_frame_rest(job, (uint32_t)at++);
@@ -233,30 +99,7 @@ static status get_frames(struct job *job, const Azulejo__Wire__JobSubmit *in, st
     return STATUS_OK;
 }
 
-/* What the job needs; the jobs that it waits for are checked elsewhere. */
-static status get_needs(struct job_needs *out, const Azulejo__Wire__JobSubmit *in, struct error *err)
-{
-    memset(out, 0, sizeof *out);
-    if (in->n_after > JOB_AFTER_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "a job can wait for at most %d others", JOB_AFTER_MAX);
-    for (size_t i = 0; i < in->n_after; i++)
-        out->after[out->after_count++] = in->after[i];
-    if (in->not_before < 0)
-        return error_set(err, STATUS_ERR_INPUT, "a job cannot wait for a moment before 1970");
-    out->not_before = in->not_before;
-    out->memory = in->memory;
-    out->memory_said = in->memory_said;
-    if (!in->require[0])
-        return STATUS_OK;
-    if (tags_parse(in->require, out->require, err) == STATUS_OK)
-        return STATUS_OK;
-    if (err)
-        err->code = STATUS_ERR_INPUT;
-    return STATUS_ERR_INPUT;
-}
-
-status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count,
-                    struct error *err)
+status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32_t camera_count, struct error *err)
 {
     struct render_settings settings;
     struct stop_rules stop;
@@ -268,41 +111,33 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     status s;
 
     *out = NULL;
-    s = wire_digest_get(&scene, &in->scene, "the scene", err);
-    if (s != STATUS_OK)
-        return s;
+    TRY(wire_digest_get(&scene, &in->scene, "the scene", err));
     if (!in->settings)
         return error_set(err, STATUS_ERR_PROTOCOL, "a job without render settings");
     s = wire_settings_get(&settings, in->settings, camera_count, err);
-    if (s == STATUS_OK)
-        s = wire_output_get(&output, in->output, err);
+    THEN(s, wire_output_get(&output, in->output, err));
     if (s != STATUS_OK)
         return s;
     if (strlen(in->name) > JOB_NAME_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "a job's name has at most %d bytes", JOB_NAME_MAX);
-    if (strlen(in->token) > JOB_TOKEN_MAX ||
-        strcmp(message_text(token, sizeof token, in->token), in->token) != 0)
-        return error_set(err, STATUS_ERR_INPUT,
-                         "a submission's token has at most %d bytes, all printable", JOB_TOKEN_MAX);
-    if (in->last_frame < in->first_frame ||
-        in->last_frame - in->first_frame >= SETTINGS_FRAMES_MAX)
+    if (strlen(in->token) > JOB_TOKEN_MAX || strcmp(message_text(token, sizeof token, in->token), in->token) != 0)
+        return error_set(err, STATUS_ERR_INPUT, "a submission's token has at most %d bytes, all printable",
+                         JOB_TOKEN_MAX);
+    if (in->last_frame < in->first_frame || in->last_frame - in->first_frame >= SETTINGS_FRAMES_MAX)
         return error_set(err, STATUS_ERR_INPUT,
                          "frames %u to %u: the last must not come before the first, and at most %d "
                          "are rendered by one job",
                          in->first_frame, in->last_frame, SETTINGS_FRAMES_MAX);
     frames = (uint64_t)in->last_frame - in->first_frame + 1;
-    if (__builtin_mul_overflow((uint64_t)settings.width * settings.height * settings.spp, frames,
-                               &total) ||
+    if (__builtin_mul_overflow((uint64_t)settings.width * settings.height * settings.spp, frames, &total) ||
         total > INT64_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "the job has more samples than can be counted");
     s = wire_stop_get(&stop, in->stop, err);
-    if (s == STATUS_OK)
-        s = check_schedule(in, &settings, err);
+    THEN(s, check_schedule(in, &settings, err));
     if (s != STATUS_OK)
         return s;
     job = job_new(in->first_frame, in->last_frame);
-    if (!job)
-        return error_no_memory(err, "a job");
+    NEED(job, err, "a job");
     buffer_append(&job->schedule, in->schedule.data, in->schedule.len);
     if (!buffer_ok(&job->schedule)) {
         job_free(job);
@@ -320,7 +155,7 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
     job->scene = scene;
     s = get_frames(job, in, err);
     if (s == STATUS_OK)
-        s = get_needs(&job->needs, in, err);
+        s = wire_needs_get(&job->needs, in, err); /* the jobs that it waits for are checked elsewhere */
     if (s != STATUS_OK) {
         job_free(job);
         return s;
@@ -340,8 +175,7 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
 
     if (job->frames_resting_count > 0) {
         frames = mem_alloc_array(job_frames_wanted(job), sizeof *frames);
-        if (!frames)
-            return error_no_memory(err, "a job");
+        NEED(frames, err, "a job");
         for (uint64_t at = job->first_frame; at <= job->last_frame; at++)
             if (!job_frame_is_resting(job, (uint32_t)at))
                 frames[message.n_frames++] = (uint32_t)at;
@@ -362,12 +196,7 @@ status wire_job_pack(const struct job *job, struct buffer *out, struct error *er
     message.priority = job->priority;
     message.token = (char *)job->token;
     message.source = (char *)job->source;
-    message.n_after = job->needs.after_count;
-    message.after = (uint64_t *)job->needs.after;
-    message.not_before = job->needs.not_before;
-    message.require = (char *)job->needs.require;
-    message.memory = job->needs.memory;
-    message.memory_said = job->needs.memory_said;
+    wire_needs_set(&message, &job->needs);
     space = buffer_append_space(out, azulejo__wire__job_submit__get_packed_size(&message));
     if (space)
         azulejo__wire__job_submit__pack(&message, space);
@@ -394,17 +223,14 @@ static status same_packed(const struct job *a, const struct job *b, int *same, s
     struct buffer left = BUFFER_INIT, right = BUFFER_INIT;
     status s = wire_job_pack(a, &left, err);
 
-    if (s == STATUS_OK)
-        s = wire_job_pack(b, &right, err);
-    *same = s == STATUS_OK && left.size == right.size &&
-            memcmp(left.data, right.data, left.size) == 0;
+    THEN(s, wire_job_pack(b, &right, err));
+    *same = s == STATUS_OK && left.size == right.size && memcmp(left.data, right.data, left.size) == 0;
     buffer_release(&right);
     buffer_release(&left);
     return s;
 }
 
-status wire_job_estimated(const struct job *estimate, const struct job *job, int *same,
-                          struct error *err)
+status wire_job_estimated(const struct job *estimate, const struct job *job, int *same, struct error *err)
 {
     struct job other = *job; /* packed, never kept */
 
@@ -437,35 +263,48 @@ status wire_job_same(const struct job *a, const struct job *b, int *same, struct
     return same_packed(a, &other, same, err);
 }
 
-void wire_point_set(Azulejo__Wire__HistoryPoint *out, Azulejo__Wire__Figures *figures,
-                    const struct history_point *point)
+static void wire_figures_set(Azulejo__Wire__Figures *out, const struct accuracy_figures *f)
 {
-    const struct accuracy_figures *f = &point->figures;
+    azulejo__wire__figures__init(out);
+    out->display = f->display_error;
+    out->display_low = f->display_lo;
+    out->display_high = f->display_hi;
+    out->psnr_db = f->psnr_db;
+    out->psnr_low = f->psnr_lo;
+    out->psnr_high = f->psnr_hi;
+    out->rmse_percent = f->rmse_percent;
+    out->rmse_low = f->rmse_lo;
+    out->rmse_high = f->rmse_hi;
+    out->top_share = f->top_share;
+    out->disagreement = f->disagreement;
+    out->unseen = f->unseen;
+    out->tail_index = f->tail_index;
+    out->reliable = f->reliable;
+    out->reasons = f->reasons;
+    out->lone = f->lone;
+    out->dark = f->dark;
+    out->display_all = f->display_all;
+    out->worst_part = f->worst_part;
+    out->fireflies = f->fireflies;
+    out->subject = f->subject;
+}
 
-    azulejo__wire__history_point__init(out);
-    out->core_seconds = point->core_s;
-    out->wall_seconds = point->wall_s;
-    out->samples = point->samples;
-    out->rays = point->rays;
-    if (!f->known)
-        return;
-    azulejo__wire__figures__init(figures);
-    figures->display = f->display_error;
-    figures->display_low = f->display_lo;
-    figures->display_high = f->display_hi;
-    figures->psnr_db = f->psnr_db;
-    figures->psnr_low = f->psnr_lo;
-    figures->psnr_high = f->psnr_hi;
-    figures->rmse_percent = f->rmse_percent;
-    figures->rmse_low = f->rmse_lo;
-    figures->rmse_high = f->rmse_hi;
-    figures->top_share = f->top_share;
-    figures->disagreement = f->disagreement;
-    figures->unseen = f->unseen;
-    figures->tail_index = f->tail_index;
-    figures->reliable = f->reliable;
-    figures->reasons = f->reasons;
-    figures->lone = f->lone;
-    figures->dark = f->dark;
-    out->figures = figures;
+void wire_point_set(struct wire_point *out, const struct history_point *point)
+{
+    Azulejo__Wire__HistoryPoint *m = &out->message;
+
+    azulejo__wire__history_point__init(m);
+    m->core_seconds = point->core_s;
+    m->wall_seconds = point->wall_s;
+    m->samples = point->samples;
+    m->rays = point->rays;
+    m->uneven = point->uneven;
+    if (point->figures.known) {
+        wire_figures_set(&out->figures, &point->figures);
+        m->figures = &out->figures;
+    }
+    if (point->denoised.known) {
+        wire_figures_set(&out->denoised, &point->denoised);
+        m->denoised = &out->denoised;
+    }
 }

@@ -1,30 +1,15 @@
 /* wire: converts a job's description between messages and C types. */
-#ifndef AZULEJO_COORDINATOR_WIRE_H
-#define AZULEJO_COORDINATOR_WIRE_H
+#pragma once
 
 #include "common/base/buffer.h"
 #include "coordinator/job/queue.h"
 #include "protocol/azulejo.pb-c.h"
 
-/* The data that an OutputSettings message points at. */
-struct wire_output {
-    Azulejo__Wire__OutputSettings message;
-    Azulejo__Wire__OutputSettings__ParametersEntry entries[TONEMAP_PARAMETERS_MAX];
-    Azulejo__Wire__OutputSettings__ParametersEntry *entry_pointers[TONEMAP_PARAMETERS_MAX];
-    char *formats[3];
-    char metering[16];
-};
-void wire_output_set(struct wire_output *out, const struct output_settings *in);
-/* The other way, every range checked; NULL gives the presets. ERR_INPUT. */
-status wire_output_get(struct output_settings *out, const Azulejo__Wire__OutputSettings *in,
-                       struct error *err) MUST_CHECK;
 /* A digest of exactly the settings that decide the display values. */
-status wire_output_digest(struct digest *out, const struct output_settings *in,
-                          struct error *err) MUST_CHECK;
+status wire_output_digest(struct digest *out, const struct output_settings *in, struct error *err) MUST_CHECK;
 
 /* Tone mapping settings as bytes, to be stored, and back. ERR_CORRUPT. */
-status wire_tonemap_pack(const struct tonemap_settings *in, struct buffer *out, struct error *err)
-    MUST_CHECK;
+status wire_tonemap_pack(const struct tonemap_settings *in, struct buffer *out, struct error *err) MUST_CHECK;
 status wire_tonemap_unpack(struct tonemap_settings *out, const void *data, size_t size_bytes,
                            struct error *err) MUST_CHECK;
 
@@ -36,17 +21,15 @@ status wire_job_get(struct job **out, const Azulejo__Wire__JobSubmit *in, uint32
 /* The JobSubmit of a job as bytes, for the store, and back. ERR_CORRUPT. */
 status wire_job_pack(const struct job *job, struct buffer *out, struct error *err) MUST_CHECK;
 /* Are both the same, apart from what can be changed later: output settings, priority and needs? */
-status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err)
-    MUST_CHECK;
+status wire_job_same(const struct job *a, const struct job *b, int *same, struct error *err) MUST_CHECK;
 /* Is `estimate` an estimate of this job: the same scene, frames and settings except the cap, and no
  * more samples than the job allows? */
-status wire_job_estimated(const struct job *estimate, const struct job *job, int *same,
-                          struct error *err) MUST_CHECK;
-status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err)
-    MUST_CHECK;
+status wire_job_estimated(const struct job *estimate, const struct job *job, int *same, struct error *err) MUST_CHECK;
+status wire_job_unpack(struct job **out, const void *data, size_t size_bytes, struct error *err) MUST_CHECK;
 
-/* A point of a frame's history; `figures` is what the message points at, if they are known. */
-void wire_point_set(Azulejo__Wire__HistoryPoint *out, Azulejo__Wire__Figures *figures,
-                    const struct history_point *point);
-
-#endif
+/* A point of a frame's history, and what its message points at, if that is known. Stays where it is. */
+struct wire_point {
+    Azulejo__Wire__HistoryPoint message;
+    Azulejo__Wire__Figures figures, denoised;
+};
+void wire_point_set(struct wire_point *out, const struct history_point *point);

@@ -7,8 +7,7 @@
 
 /* ---- lines ---------------------------------------------------------------------------------- */
 
-static void line_append(struct admission *a, struct admission_line *line,
-                        struct admission_place *place)
+static void line_append(struct admission *a, struct admission_line *line, struct admission_place *place)
 {
     place->number = ++a->numbers;
     place->next = NULL;
@@ -41,8 +40,7 @@ static void turn_remove(struct admission *a, struct admission_address *address)
 }
 
 /* The whole of an IPv4 address (::ffff:a.b.c.d), the network (64 bits) of an IPv6 address. */
-static void address_key(uint8_t key[ADMISSION_ADDRESS_BYTES],
-                        const uint8_t bytes[ADMISSION_ADDRESS_BYTES])
+static void address_key(uint8_t key[ADMISSION_ADDRESS_BYTES], const uint8_t bytes[ADMISSION_ADDRESS_BYTES])
 {
     static const uint8_t mapped[12] = {[10] = 0xff, [11] = 0xff};
 
@@ -108,8 +106,7 @@ static struct admission_place *choose(const struct admission *a, struct admissio
     assert(largest); /* the newcomer's address, unless another is found */
     for (const struct admission_address *at = a->first; at; at = at->next) {
         struct admission_place *idle = at->idle.first;
-        if (at->places > largest->places ||
-            (at->places == largest->places && is_older(idle, largest->idle.first)))
+        if (at->places > largest->places || (at->places == largest->places && is_older(idle, largest->idle.first)))
             largest = at;
         if (idle != newcomer && is_older(idle, oldest))
             oldest = idle;
@@ -139,9 +136,7 @@ static void stage_end(struct admission *a, struct admission_place *place)
 {
     switch (place->stage) {
     case ADMISSION_SILENT:
-    case ADMISSION_LEAVING:
-        line_remove(&place->address->idle, place);
-        break;
+    case ADMISSION_LEAVING: line_remove(&place->address->idle, place); break;
     case ADMISSION_READY:
         line_remove(&place->address->ready, place);
         a->ready--;
@@ -150,20 +145,17 @@ static void stage_end(struct admission *a, struct admission_place *place)
         place->address->shaking--;
         a->shaking--;
         break;
-    case ADMISSION_OUTSIDE:
-        break;
+    case ADMISSION_OUTSIDE: break;
     }
 }
 
 status admission_enter(struct admission *a, struct admission_place *place,
-                       const uint8_t address[ADMISSION_ADDRESS_BYTES],
-                       struct admission_place **out, struct error *err)
+                       const uint8_t address[ADMISSION_ADDRESS_BYTES], struct admission_place **out, struct error *err)
 {
     *out = NULL;
     assert(place->stage == ADMISSION_OUTSIDE);
     place->address = address_get(a, address);
-    if (!place->address)
-        return error_no_memory(err, "a connection's address");
+    NEED(place->address, err, "a connection's address");
     place->stage = ADMISSION_SILENT;
     place->address->places++;
     line_append(a, &place->address->idle, place);

@@ -1,5 +1,5 @@
-/* admission: decides which unauthenticated connections may stay, and which TLS handshake is next.
- * Logic only: the door (door.h) owns the sockets and carries out the decisions.
+/* admission: decides which unauthenticated connections may stay, and which TLS handshake is next. Logic only: the door
+ * (door.h) owns the sockets and carries out the decisions.
  *
  *   admission_enter --> SILENT --admission_ready--> READY --admission_next--> SHAKING
  *   SHAKING --admission_refused--> LEAVING;  any --admission_leave--> gone (also: it is a session)
@@ -14,13 +14,11 @@
  *   has that address); otherwise the oldest SILENT or LEAVING of all; and if there is none, the
  *   newcomer. A SHAKING connection is never dropped.
  *
- * A SILENT connection has not sent its whole first TLS record. A handshake costs memory and time,
- * so it begins only when the peer's part has arrived: peers that send nothing, or a byte a second,
- * do not delay others. An address is an IPv4 address or the first 64 bits of an IPv6 address, which
- * is what one machine commonly has.
+ * A SILENT connection has not sent its whole first TLS record. A handshake costs memory and time, so it begins only
+ * when the peer's part has arrived: peers that send nothing, or a byte a second, do not delay others. An address is an
+ * IPv4 address or the first 64 bits of an IPv6 address, which is what one machine commonly has.
  */
-#ifndef AZULEJO_COORDINATOR_ADMISSION_H
-#define AZULEJO_COORDINATOR_ADMISSION_H
+#pragma once
 
 #include <stdint.h>
 
@@ -48,7 +46,7 @@ struct admission_place {
     struct admission_place *next, *previous; /* of the same address, in the same queue */
     struct admission_address *address;
     enum admission_stage stage;
-    uint64_t number;                         /* in the order of arrival in the queue */
+    uint64_t number; /* in the order of arrival in the queue */
 };
 
 /* Oldest first. */
@@ -61,11 +59,11 @@ struct admission_address {
     struct admission_address *next, *previous; /* of all addresses; the next in turn is first */
     uint8_t bytes[ADMISSION_ADDRESS_BYTES];
     uint32_t places, shaking;
-    struct admission_line ready, idle;         /* idle: SILENT and LEAVING */
+    struct admission_line ready, idle; /* idle: SILENT and LEAVING */
 };
 
 struct admission {
-    uint32_t places_max;                       /* the caller may change it before admission_enter */
+    uint32_t places_max; /* the caller may change it before admission_enter */
     uint32_t places, shaking, ready;
     uint64_t numbers;
     struct admission_address *first, *last;
@@ -75,12 +73,11 @@ struct admission {
 /* places_max is at least 1. Nothing has to be released once all places are free. */
 void admission_init(struct admission *a, uint32_t places_max);
 
-/* A connection came. *out is the place that was dropped to make room, NULL if there was room; it
- * may be the newcomer's own. The caller closes its connection. ERR_NO_MEMORY: the newcomer has no
- * place. */
+/* A connection came. *out is the place that was dropped to make room, NULL if there was room; it may be the newcomer's
+ * own. The caller closes its connection. ERR_NO_MEMORY: the newcomer has no place. */
 status admission_enter(struct admission *a, struct admission_place *place,
-                       const uint8_t address[ADMISSION_ADDRESS_BYTES],
-                       struct admission_place **out, struct error *err) MUST_CHECK;
+                       const uint8_t address[ADMISSION_ADDRESS_BYTES], struct admission_place **out,
+                       struct error *err) MUST_CHECK;
 
 /* Its first record is complete: SILENT to READY; no effect in another stage. */
 void admission_ready(struct admission *a, struct admission_place *place);
@@ -93,5 +90,3 @@ void admission_refused(struct admission *a, struct admission_place *place);
 
 /* It was closed or authenticated: its place is free. No effect without a place. */
 void admission_leave(struct admission *a, struct admission_place *place);
-
-#endif

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <sys/resource.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 
 enum {
     OPEN_ASSUMED = 32, /* where they cannot be counted */
@@ -30,8 +30,7 @@ status descriptors_share(struct descriptors *out, uint64_t limit, uint64_t open,
                          "the hard limit (ulimit -Hn, LimitNOFILE=)",
                          (unsigned long long)limit, (unsigned long long)needed);
     out->limit = limit;
-    out->reserve =
-        (uint32_t)clamp(limit / 8, DESCRIPTORS_RESERVE_MIN, DESCRIPTORS_RESERVE_MAX);
+    out->reserve = (uint32_t)clamp(limit / 8, DESCRIPTORS_RESERVE_MIN, DESCRIPTORS_RESERVE_MAX);
     if (out->reserve > limit - (needed - DESCRIPTORS_RESERVE_MIN))
         out->reserve = (uint32_t)(limit - (needed - DESCRIPTORS_RESERVE_MIN));
     left = limit - open - out->reserve;
@@ -70,13 +69,11 @@ status descriptors_plan(struct descriptors *out, uint32_t guests, struct error *
 
     memset(out, 0, sizeof *out);
     if (getrlimit(RLIMIT_NOFILE, &limit) != 0)
-        return error_set(err, STATUS_ERR_INTERNAL, "the limit of file descriptors: %s",
-                         strerror(errno));
+        return error_set(err, STATUS_ERR_INTERNAL, "the limit of file descriptors: %s", strerror(errno));
     soft = limit.rlim_cur;
     limit.rlim_cur = limit.rlim_max;
     if (soft != limit.rlim_max && setrlimit(RLIMIT_NOFILE, &limit) != 0) {
-        log_warn("the limit of file descriptors stays at %llu: %s", (unsigned long long)soft,
-                 strerror(errno));
+        log_warn("the limit of file descriptors stays at %llu: %s", (unsigned long long)soft, strerror(errno));
         limit.rlim_cur = soft;
     }
     guests = (uint32_t)clamp(guests, 0, limit.rlim_cur / 8);
@@ -87,8 +84,8 @@ status descriptors_plan(struct descriptors *out, uint32_t guests, struct error *
     if (s == STATUS_OK)
         log_info("%llu file descriptors%s: at most %u connections, of these %u sessions, and %u of the page; "
                  "%u kept for the store",
-                 (unsigned long long)limit.rlim_cur, raised, out->connections_max,
-                 out->sessions_max, out->guests_max, out->reserve);
+                 (unsigned long long)limit.rlim_cur, raised, out->connections_max, out->sessions_max, out->guests_max,
+                 out->reserve);
     return s;
 }
 

@@ -3,10 +3,11 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
-#include "coordinator/store/reserve.h"
+#include "common/schema/token_ceilings.h"
+#include "coordinator/store/files/reserve.h"
 #include "coordinator/net/server.h"
 #include "protocol/message.h"
 
@@ -35,15 +36,13 @@ static void complain(struct door *door, const char *peer, status code, const cha
     const char *port = strrchr(peer, ':');
     uint64_t left_out;
 
-    snprintf(subject, sizeof subject, "%d %.*s", (int)code,
-             port ? (int)(port - peer) : (int)strlen(peer), peer);
+    snprintf(subject, sizeof subject, "%d %.*s", (int)code, port ? (int)(port - peer) : (int)strlen(peer), peer);
     if (!log_limit_pass(&door->complaints, subject, clock_monotonic_ns(), &left_out)) {
         log_debug("a connection ended before its greeting: %s", text);
         return;
     }
     if (left_out > 0)
-        snprintf(more, sizeof more, " (and %llu like it since the last such line)",
-                 (unsigned long long)left_out);
+        snprintf(more, sizeof more, " (and %llu like it since the last such line)", (unsigned long long)left_out);
     log_warn("a connection ended before its greeting: %s%s", text, more);
 }
 
@@ -77,20 +76,18 @@ static void wake(struct door *door)
         uv_idle_start(&door->turn, on_turn);
 }
 
-static void on_ready(struct channel *channel, void *user)
+static void on_ready(struct channel *channel UNUSED, void *user)
 {
     struct visitor *visitor = user;
 
-    (void)channel;
     admission_ready(&visitor->door->admission, &visitor->place);
     wake(visitor->door);
 }
 
-static void on_refused(struct channel *channel, void *user)
+static void on_refused(struct channel *channel UNUSED, void *user)
 {
     struct visitor *visitor = user;
 
-    (void)channel;
     admission_refused(&visitor->door->admission, &visitor->place);
     wake(visitor->door);
 }
@@ -98,44 +95,70 @@ static void on_refused(struct channel *channel, void *user)
 /* ---- through, or gone ----------------------------------------------------------------------- */
 
 /* The peer has a key, so it is sent the reason. */
-static void turn_away(struct visitor *visitor, uint32_t of_address)
+static void turn_away(struct visitor *visitor, const struct error *why)
 {
-    struct server *server = visitor->door->server;
-    struct error err = {0};
-
-    if (of_address > 0)
-        error_set(&err, STATUS_ERR_LIMIT,
-                  "your address has %u sessions with the coordinator, and it takes no more from one address: end some, or "
-                  "raise its limit (--connections-per-address, or its file descriptors)", of_address);
-    else
-        error_set(&err, STATUS_ERR_LIMIT,
-              "the coordinator has %u sessions, and its file descriptors allow no more: raise its "
-              "hard limit (ulimit -Hn, LimitNOFILE=), or try again later",
-              server->session_count);
-    complain(visitor->door, channel_peer(visitor->channel), err.code, err.text);
+    complain(visitor->door, channel_peer(visitor->channel), why->code, why->text);
     admission_refused(&visitor->door->admission, &visitor->place);
-    if (message_send_failure(visitor->channel, 0, &err) != STATUS_OK)
+    if (message_send_failure(visitor->channel, 0, why) != STATUS_OK)
         log_debug("%s could not be sent the reason", channel_peer(visitor->channel));
     channel_close(visitor->channel);
 }
 
-/* The sessions of the channel's address, if one address may not have more; else 0. They are counted only when there
- * are enough of them. */
-static uint32_t full_address(const struct server *server, const struct channel *channel)
+/* Sessions of workers and clients. */
+static uint32_t people_count(const struct server *server) { return server->session_count - server->page_session_count; }
+
+/* Are there as many sessions as there may be? The page's program has descriptors of its own. */
+static status check_all(const struct server *server, const struct channel *channel, struct error *err)
+{
+    if (channel_role(channel) == FARM_ROLE_WEB ? server->page_session_count < server->descriptors.guests_max
+                                               : people_count(server) < server->descriptors.sessions_max)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_LIMIT,
+                     "the coordinator has %u sessions, and its file descriptors allow no more: raise its "
+                     "hard limit (ulimit -Hn, LimitNOFILE=), or try again later",
+                     server->session_count);
+}
+
+/* One address may not have all of them. They are counted only when there are enough of them; those of the page's program,
+ * which has limits of its own, are not. */
+static status check_address(const struct server *server, const struct channel *channel, struct error *err)
 {
     uint32_t most = descriptors_of_address(server->descriptors.sessions_max, server->descriptors.address_max), count = 0;
     uint8_t address[CHANNEL_ADDRESS_BYTES], other[CHANNEL_ADDRESS_BYTES];
 
-    if (server->session_count < most)
-        return 0;
+    if (people_count(server) < most)
+        return STATUS_OK;
     channel_address(channel, address);
     for (const struct session *s = server->sessions; s; s = s->next) {
-        if (!s->channel)
+        if (!s->channel || s->of_page)
             continue;
         channel_address(s->channel, other);
         count += memcmp(address, other, sizeof other) == 0;
     }
-    return count >= most ? count : 0;
+    if (count < most)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_LIMIT,
+                     "your address has %u sessions with the coordinator, and it takes no more from one address: end some, or "
+                     "raise its limit (--connections-per-address, or its file descriptors)", count);
+}
+
+/* Nor may one name's key, whether its programs say Hello or not. */
+static status check_key(const struct server *server, const struct channel *channel, struct error *err)
+{
+    const struct key_identity *id = channel_identity(channel);
+    const uint64_t key = holder_of_key(id->name);
+    uint32_t most = server->descriptors.sessions_max / 2, count = 0;
+
+    if (id->role != FARM_ROLE_WORKER && token_ceiling_of(id->may).connections < most)
+        most = token_ceiling_of(id->may).connections;
+    if (!key || people_count(server) < most)
+        return STATUS_OK;
+    for (const struct session *s = server->sessions; s; s = s->next)
+        count += s->key == key && s->role == id->role && s->state != SESSION_ENDING;
+    if (count < most)
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_LIMIT, "the key of %s has %u connections, as many as its role may have: end some of its programs",
+                     id->name, count);
 }
 
 static void on_open(struct channel *channel, void *user)
@@ -143,10 +166,15 @@ static void on_open(struct channel *channel, void *user)
     struct visitor *visitor = user;
     struct door *door = visitor->door;
     struct error err = {0};
-    uint32_t of_address = full_address(door->server, channel);
+    status s = STATUS_OK;
 
-    if (of_address > 0 || door->server->session_count >= door->server->descriptors.sessions_max) {
-        turn_away(visitor, of_address);
+    if (channel_role(channel) != FARM_ROLE_WEB) {
+        s = check_address(door->server, channel, &err);
+        THEN(s, check_key(door->server, channel, &err));
+    }
+    THEN(s, check_all(door->server, channel, &err));
+    if (s != STATUS_OK) {
+        turn_away(visitor, &err);
     } else if (session_begin(door->server, channel, &err) != STATUS_OK) {
         channel_abort(channel, err.code, "%s", err.text);
     } else {
@@ -179,17 +207,15 @@ static void enter(struct door *door, struct visitor *visitor)
 
     /* The plan counts connections. If other files took its descriptors, or the limit was lowered, a
      * newcomer takes another connection's place. */
-    door->admission.places_max =
-        reserve_is_short()
-            ? (door->admission.places > 1 ? door->admission.places : 1)
-            : descriptors_strangers(&door->server->descriptors, door->server->session_count);
+    door->admission.places_max = reserve_is_short()
+                                     ? (door->admission.places > 1 ? door->admission.places : 1)
+                                     : descriptors_strangers(&door->server->descriptors, door->server->session_count);
     channel_address(visitor->channel, address);
     if (admission_enter(&door->admission, &visitor->place, address, &out, &err) != STATUS_OK)
         channel_abort(visitor->channel, err.code, "%s", err.text);
     else if (out)
         channel_abort(((struct visitor *)out)->channel, STATUS_ERR_LIMIT,
-                      "it makes room: %u connections wait to prove a key",
-                      door->admission.places);
+                      "it makes room: %u connections wait to prove a key", door->admission.places);
 }
 
 void door_connection(struct door *door, uv_stream_t *listener, int uv_error)
@@ -216,8 +242,7 @@ void door_connection(struct door *door, uv_stream_t *listener, int uv_error)
         s = error_no_memory(&err, "a connection");
     } else {
         visitor->door = door;
-        s = channel_accept(&visitor->channel, listener, door->server->key, &callbacks, &gate,
-                           visitor, &err);
+        s = channel_accept(&visitor->channel, listener, door->server->key, &callbacks, &gate, visitor, &err);
     }
     if (s != STATUS_OK) {
         mem_free(visitor);

@@ -4,17 +4,15 @@
  * handshakes and log lines (admission.h, log_limit.h). Ownership: the door owns its channels until
  * it hands one to session_begin or its on_close has run.
  */
-#ifndef AZULEJO_COORDINATOR_DOOR_H
-#define AZULEJO_COORDINATOR_DOOR_H
+#pragma once
 
 #include <uv.h>
 
-#include "common/base/log_limit.h"
+#include "common/system/log_limit.h"
 #include "coordinator/net/admission.h"
 
-/* Per iteration of the loop, so that sessions are served in between (9 ms of handshakes). There are
- * at least as many handshakes as connections, so that a flood of bad ones does not fill the
- * queue. */
+/* Per iteration of the loop, so that sessions are served in between (9 ms of handshakes). There are at least as many
+ * handshakes as connections, so that a flood of bad ones does not fill the queue. */
 enum { DOOR_ACCEPTS_PER_TURN = 64, DOOR_HANDSHAKES_PER_TURN = 64 };
 
 struct server;
@@ -25,9 +23,9 @@ struct door {
     struct admission admission;
     struct log_limit complaints;
     struct visitor *visitors;
-    uv_idle_t turn;            /* active while the next iteration may have work */
-    uint32_t accepted;         /* in this turn */
-    uv_stream_t *waiting;      /* the listener, when it has a connection for the next turn */
+    uv_idle_t turn;       /* active while the next iteration may have work */
+    uint32_t accepted;    /* in this turn */
+    uv_stream_t *waiting; /* the listener, when it has a connection for the next turn */
 };
 
 void door_init(struct door *door, struct server *server);
@@ -37,5 +35,3 @@ void door_connection(struct door *door, uv_stream_t *listener, int uv_error);
 
 /* End all connections that are not sessions yet, and the door's own handle. */
 void door_close(struct door *door);
-
-#endif

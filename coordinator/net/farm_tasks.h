@@ -1,7 +1,6 @@
 /* farm_tasks: the tasks (task.h) that the farm asks for by its events. Each ends by a call of the
  * farm. `server` is the events' user. */
-#ifndef AZULEJO_COORDINATOR_FARM_TASKS_H
-#define AZULEJO_COORDINATOR_FARM_TASKS_H
+#pragma once
 
 #include "common/base/status.h"
 #include "coordinator/farm/farm.h"
@@ -16,5 +15,3 @@ status farm_task_freeze(void *server, struct freezing *freezing, struct error *e
 status farm_task_develop(void *server, struct job_frame *frame);
 status farm_task_measure(void *server, struct job_frame *frame);
 status farm_task_redevelop(void *server, struct job *job, uint32_t frame);
-
-#endif

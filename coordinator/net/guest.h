@@ -1,10 +1,9 @@
-/* guest: something else that lives on the server's loop and sees its farm: the page and its API
- * (coordinator/web). The server knows only this table; a build without the page has none.
+/* guest: something else that lives on the server's loop and sees its farm: what the page and its API need
+ * (coordinator/page). The server knows only this table; a build without the page has none.
  *
- *   start --> job_changed, job_event, tick, ... --> stop --> its handles close --> the loop ends
+ *   start --> is_settled --> job_changed, job_event, tick, ... --> stop --> its handles close --> the loop ends
  */
-#ifndef AZULEJO_COORDINATOR_GUEST_H
-#define AZULEJO_COORDINATOR_GUEST_H
+#pragma once
 
 #include <stdint.h>
 
@@ -20,19 +19,22 @@ struct server_guest {
     /* Once, when the server listens. ERR_UNREACHABLE: the server goes on without its guest, which has closed its
      * handles. Another error ends the server. */
     status (*start)(void *user, struct server *server, struct error *err);
+    /* 0: not yet; the loop runs, and this is asked again. 1: and *result, as start's. */
+    int (*is_settled)(void *user, status *result, struct error *err);
     /* What follows is called on the loop's thread, and must not block it. */
-    void (*job_changed)(void *user, const struct job *job);   /* its state or its samples */
+    void (*job_changed)(void *user, const struct job *job); /* its state or its samples */
     void (*job_removed)(void *user, uint64_t job);
-    void (*job_state)(void *user, const struct job *job);     /* it has another one */
-    void (*workers_changed)(void *user);                      /* joined, left, steered */
+    void (*job_state)(void *user, const struct job *job);         /* it has another one */
+    void (*workers_changed)(void *user);                          /* joined, left, steered */
     void (*job_event)(void *user, const struct job_event *event); /* a line of a job's log */
-    void (*tick)(void *user, uint64_t now_ns);                /* ten times a second */
-    /* A client's message about the guest's own things (tokens, webhooks): as a session_handler. */
-    status (*message)(void *user, struct session *session, const Azulejo__Wire__Envelope *message,
-                      uint64_t now_ns, struct error *err);
+    void (*tick)(void *user, uint64_t now_ns);                    /* ten times a second */
+    /* A message about the guest's own things (tokens, webhooks, the page's): as a session_handler. */
+    status (*message)(void *user, struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
+                      struct error *err);
+    /* A session of the page acts for a token: fill its `who` and `peer`. ERR_REFUSED. */
+    status (*greet)(void *user, struct session *session, uint64_t token, struct error *err);
+    void (*session_gone)(void *user, const struct session *session);
     /* Close all handles; the loop ends when they are closed. */
     void (*stop)(void *user);
     void *user;
 };
-
-#endif

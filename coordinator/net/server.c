@@ -1,17 +1,20 @@
+#include "coordinator/farm/distrusted.h"
 #include "coordinator/net/server.h"
 
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "coordinator/net/farm_tasks.h"
 #include "coordinator/farm/merge.h"
-#include "coordinator/net/previews.h"
-#include "coordinator/net/session_table.h"
+#include "coordinator/net/base/previews.h"
+#include "coordinator/net/base/session_table.h"
+#include "coordinator/net/session/session_keys.h"
+#include "coordinator/steering/remake.h"
 
 /* ---- what the farm asks for ----------------------------------------------------------------- */
 
@@ -23,8 +26,7 @@ static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *
         session_revoke(s, lease, reason);
 }
 
-static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t frame,
-                   struct unit_name unit)
+static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t frame, struct unit_name unit)
 {
     struct session *s = session_find(user, session);
 
@@ -117,8 +119,7 @@ static void on_signal(uv_signal_t *handle, int number)
 
     if (server->state != SERVER_LISTENING)
         return;
-    log_info("ending on %s: writing received results to disk first",
-             number == SIGTERM ? "SIGTERM" : "SIGINT");
+    log_info("ending on %s: writing received results to disk first", number == SIGTERM ? "SIGTERM" : "SIGINT");
     server->state = SERVER_DRAINING;
     server->drain_since_ns = clock_monotonic_ns();
     uv_close((uv_handle_t *)&server->listener, NULL);
@@ -129,10 +130,7 @@ static void on_signal(uv_signal_t *handle, int number)
 
 /* ---- the loop ------------------------------------------------------------------------------- */
 
-static void on_commit_timer(uv_timer_t *timer)
-{
-    (void)timer; /* the next iteration looks for dirty tiles */
-}
+static void on_commit_timer(uv_timer_t *timer) { (void)timer; /* the next iteration looks for dirty tiles */ }
 
 static void commit_when_due(struct server *server, uint64_t now_ns)
 {
@@ -146,8 +144,7 @@ static void commit_when_due(struct server *server, uint64_t now_ns)
     if (now_ns >= due_ns || server->state != SERVER_LISTENING)
         farm_task_commit(server);
     else
-        uv_timer_start(&server->commit_timer, on_commit_timer,
-                       (due_ns - now_ns) / NS_PER_MS + 1, 0);
+        uv_timer_start(&server->commit_timer, on_commit_timer, (due_ns - now_ns) / NS_PER_MS + 1, 0);
 }
 
 /* To all workers with room, or to those that were left without work. */
@@ -206,15 +203,9 @@ static void on_prepare(uv_prepare_t *handle)
 }
 
 /* By the store's thread. */
-static void wake_for_saved(void *user)
-{
-    uv_async_send(&((struct server *)user)->saved);
-}
+static void wake_for_saved(void *user) { uv_async_send(&((struct server *)user)->saved); }
 
-static void on_saved(uv_async_t *handle)
-{
-    store_deliver(((struct server *)handle->data)->store);
-}
+static void on_saved(uv_async_t *handle) { store_deliver(((struct server *)handle->data)->store); }
 
 static void on_tick(uv_timer_t *timer)
 {
@@ -223,16 +214,21 @@ static void on_tick(uv_timer_t *timer)
 
     /* Timers run before sockets are read: after a pause all peers would look silent. */
     if (server->ticked_ns && now_ns - server->ticked_ns > SERVER_PAUSE_MS * NS_PER_MS) {
-        log_warn("the coordinator was held up for %.1f s",
-                 (double)(now_ns - server->ticked_ns) / 1e9);
+        log_warn("the coordinator was held up for %.1f s", (double)(now_ns - server->ticked_ns) / 1e9);
         server->awake_ns = now_ns;
         farm_pause(&server->farm, now_ns - server->ticked_ns);
     }
     server->ticked_ns = now_ns;
     server->farm.wall_s = clock_wall_s();
     farm_tick(&server->farm, now_ns);
-    if (server->state == SERVER_LISTENING)
+    if (server->state == SERVER_LISTENING) {
+        remake_step(&server->farm, now_ns);
+        unit_audits_tick(server, now_ns);
+        distrust_tick(&server->farm);
         collector_tick(server, now_ns);
+        scrubber_tick(server, now_ns);
+        recalls_tick(server, now_ns);
+    }
     previews_tick(server, now_ns);
     for (struct session *s = server->sessions, *next; s; s = next) {
         next = s->next;
@@ -240,6 +236,7 @@ static void on_tick(uv_timer_t *timer)
     }
     if (server->guest.tick)
         server->guest.tick(server->guest.user, now_ns);
+    session_keys_tick(server);
     server->farm.overdue_wanted = 1;
 }
 
@@ -250,8 +247,8 @@ static void on_connection(uv_stream_t *listener, int code)
     door_connection(&server->door, listener, code);
 }
 
-static status resolve(struct server *server, const char *host, uint16_t port,
-                      struct sockaddr_storage *out, struct error *err)
+static status resolve(struct server *server, const char *host, uint16_t port, struct sockaddr_storage *out,
+                      struct error *err)
 {
     struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM,
                              .ai_flags = AI_PASSIVE};
@@ -268,7 +265,8 @@ static status resolve(struct server *server, const char *host, uint16_t port,
     return STATUS_OK;
 }
 
-/* The guest starts before the ready file is written: who waits for that finds both. */
+/* The farm runs already, and goes on while its guest starts. The ready file is written after that: who waits for it finds
+ * both. */
 static status announce(struct server *server, const struct server_options *options, struct error *err)
 {
     const char *ready_file = options->ready_file;
@@ -285,8 +283,7 @@ static status announce(struct server *server, const struct server_options *optio
         uv_ip6_name((struct sockaddr_in6 *)&address, host, sizeof host);
     else
         uv_ip4_name((struct sockaddr_in *)&address, host, sizeof host);
-    port = ntohs(six ? ((struct sockaddr_in6 *)&address)->sin6_port
-                     : ((struct sockaddr_in *)&address)->sin_port);
+    port = ntohs(six ? ((struct sockaddr_in6 *)&address)->sin6_port : ((struct sockaddr_in *)&address)->sin_port);
     log_info("listening on %s%s%s:%d, store %s", six ? "[" : "", host, six ? "]" : "", port,
              store_folder(server->store));
     printf("listening on %s%s%s:%d\n", six ? "[" : "", host, six ? "]" : "", port);
@@ -296,6 +293,9 @@ static status announce(struct server *server, const struct server_options *optio
         server->guest = options->guest;
         s = server->guest.start(server->guest.user, server, err);
         server->guest_runs = s == STATUS_OK;
+        while (server->guest_runs && server->state == SERVER_LISTENING &&
+               !server->guest.is_settled(server->guest.user, &s, err))
+            uv_run(&server->loop, UV_RUN_ONCE);
         if (s == STATUS_ERR_UNREACHABLE) {
             log_warn("no page: %s", err ? err->text : "");
             server->guest = (struct server_guest){0};
@@ -308,15 +308,12 @@ static status announce(struct server *server, const struct server_options *optio
     return file_write_atomic(ready_file, line, strlen(line), err);
 }
 
-static status listen_on(struct server *server, const struct server_options *options,
-                        struct error *err)
+static status listen_on(struct server *server, const struct server_options *options, struct error *err)
 {
     struct sockaddr_storage address = {0};
     int code;
-    status s = resolve(server, options->host, options->port, &address, err);
 
-    if (s != STATUS_OK)
-        return s;
+    TRY(resolve(server, options->host, options->port, &address, err));
     code = uv_tcp_bind(&server->listener, (const struct sockaddr *)&address, 0);
     if (code == 0)
         code = uv_listen((uv_stream_t *)&server->listener, SERVER_BACKLOG, on_connection);
@@ -326,9 +323,22 @@ static status listen_on(struct server *server, const struct server_options *opti
                          "with --listen",
                          options->host, options->port);
     if (code != 0)
-        return error_set(err, STATUS_ERR_IO, "cannot listen on %s:%u: %s", options->host,
-                         options->port, uv_strerror(code));
-    return announce(server, options, err);
+        return error_set(err, STATUS_ERR_IO, "cannot listen on %s:%u: %s", options->host, options->port,
+                         uv_strerror(code));
+    return STATUS_OK;
+}
+
+static const struct audit_actor coordinator = {.who = "coordinator"};
+
+/* Time passes for the farm, and its jobs of before go on. */
+static void begin(struct server *server)
+{
+    audit_note(&server->audit, &coordinator, "start", 0, NULL, NULL);
+    uv_timer_start(&server->tick, on_tick, SERVER_TICK_MS, SERVER_TICK_MS);
+    uv_prepare_start(&server->prepare, on_prepare);
+    uv_signal_start(&server->terminate, on_signal, SIGTERM);
+    uv_signal_start(&server->interrupt, on_signal, SIGINT);
+    farm_resume(&server->farm, clock_monotonic_ns());
 }
 
 static void init_handles(struct server *server)
@@ -353,11 +363,9 @@ status server_run(const struct server_options *options, struct error *err)
                                  farm_task_redevelop, farm_task_measure, farm_task_freeze, server,
                                  on_job_removed, on_job_event, on_workers_changed,
                                  on_job_state};
-    static const struct audit_actor coordinator = {.who = "coordinator"};
     status s;
 
-    if (!server)
-        return error_no_memory(err, "the server");
+    NEED(server, err, "the server");
     server->key = options->key;
     server->store = options->store;
     server->collector.policy = options->policy;
@@ -369,23 +377,25 @@ status server_run(const struct server_options *options, struct error *err)
     }
     init_handles(server);
     server->descriptors = options->descriptors;
+    server->audits.off = options->no_audits;
+    server->keyring.no_shared = options->no_shared_keys;
+    server->holders.submit_blob_bytes = options->submit_blobs;
+    server->scrubber.rate = options->scrub_rate;
     door_init(&server->door, server);
     s = audit_init(&server->audit, options->discards_films ? NULL : store_folder(options->store), err);
-    if (s == STATUS_OK)
-        s = farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err);
+    THEN(s, keyring_open(&server->keyring, options->store, err));
+    THEN(s, farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err));
     if (s == STATUS_OK) {
         server->farm.discards_films = options->discards_films;
         server->farm.hang_ns = options->hang_ns;
         server->farm.order.rules = options->order;
-        s = listen_on(server, options, err);
+        s = options->store ? distrusted_load(&server->farm, err) : STATUS_OK;
+        THEN(s, listen_on(server, options, err));
         if (s == STATUS_OK) {
-            audit_note(&server->audit, &coordinator, "start", 0, NULL, NULL);
-            uv_timer_start(&server->tick, on_tick, SERVER_TICK_MS, SERVER_TICK_MS);
-            uv_prepare_start(&server->prepare, on_prepare);
-            uv_signal_start(&server->terminate, on_signal, SIGTERM);
-            uv_signal_start(&server->interrupt, on_signal, SIGINT);
-            farm_resume(&server->farm, clock_monotonic_ns());
-        } else {
+            begin(server);
+            s = announce(server, options, err);
+        }
+        if (s != STATUS_OK && server->state == SERVER_LISTENING) {
             uv_close((uv_handle_t *)&server->listener, NULL);
             close_handles(server);
         }
@@ -393,14 +403,22 @@ status server_run(const struct server_options *options, struct error *err)
         store_settle(server->store); /* what still waits belongs to this server */
         if (s == STATUS_OK)
             audit_note(&server->audit, &coordinator, "end", 0, NULL, NULL);
+        unit_audits_release(server);
+        for (int i = 0; i < DISTRUST_REPORTS_MAX; i++)
+            distrust_report_release(&server->reports[i]);
         render_requests_release(server);
         collector_release(&server->collector);
+        scrubber_release(&server->scrubber);
+        recalls_release(server);
+        holders_release(&server->holders);
         farm_release(&server->farm, clock_monotonic_ns());
     } else {
         uv_close((uv_handle_t *)&server->listener, NULL);
         close_handles(server);
         uv_run(&server->loop, UV_RUN_DEFAULT);
     }
+    keyring_release(&server->keyring);
+    scene_lists_free(server->scene_lists);
     uv_loop_close(&server->loop);
     audit_release(&server->audit);
     mem_free(server);

@@ -11,13 +11,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/digest.h"
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
-#include "coordinator/store/blobs.h"
+#include "coordinator/store/files/blobs.h"
 #include "coordinator/store/store_hold.h"
+#include "coordinator/store/store_parts.h"
 
 enum { BACKUP_BUSY_MS = 10000, BACKUP_TRIES_MAX = 20 };
 
@@ -47,12 +48,10 @@ static status check_empty(const char *path, struct error *err)
     status s = STATUS_OK;
 
     if (!folder)
-        return errno == ENOENT
-                   ? STATUS_OK
-                   : error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", path, strerror(errno));
+        return errno == ENOENT ? STATUS_OK
+                               : error_set(err, STATUS_ERR_IO, "%s: cannot be read: %s", path, strerror(errno));
     while (s == STATUS_OK && (entry = readdir(folder)))
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 &&
-            strcmp(entry->d_name, "lock") != 0)
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0 && strcmp(entry->d_name, "lock") != 0)
             s = error_set(err, STATUS_ERR_REFUSED, "%s: is not empty: name a new folder", path);
     closedir(folder);
     return s;
@@ -65,11 +64,9 @@ static status check_outside(const char *inner, const char *outer, struct error *
     status s = STATUS_OK;
 
     if (!in || !out)
-        s = error_set(err, STATUS_ERR_IO, "%s, %s: cannot be found: %s", inner, outer,
-                      strerror(errno));
+        s = error_set(err, STATUS_ERR_IO, "%s, %s: cannot be found: %s", inner, outer, strerror(errno));
     else if (strncmp(in, out, strlen(out)) == 0 && (in[strlen(out)] == '/' || in[strlen(out)] == 0))
-        s = error_set(err, STATUS_ERR_REFUSED,
-                      "%s: lies in %s: name a folder elsewhere, best on another disk", inner,
+        s = error_set(err, STATUS_ERR_REFUSED, "%s: lies in %s: name a folder elsewhere, best on another disk", inner,
                       outer);
     free(out);
     free(in);
@@ -106,8 +103,7 @@ static status sync_all(const char *path, struct error *err)
 
 static status sqlite_failed(sqlite3 *db, const char *path, const char *what, struct error *err)
 {
-    return error_set(err, STATUS_ERR_IO, "%s: %s: %s", path, what,
-                     db ? sqlite3_errmsg(db) : "no memory");
+    return error_set(err, STATUS_ERR_IO, "%s: %s: %s", path, what, db ? sqlite3_errmsg(db) : "no memory");
 }
 
 static status database_connect(const char *path, int flags, sqlite3 **db, struct error *err)
@@ -120,9 +116,8 @@ static status database_connect(const char *path, int flags, sqlite3 **db, struct
 
 static status execute(sqlite3 *db, const char *path, const char *sql, struct error *err)
 {
-    return sqlite3_exec(db, sql, NULL, NULL, NULL) == SQLITE_OK
-               ? STATUS_OK
-               : sqlite_failed(db, path, "cannot be written", err);
+    return sqlite3_exec(db, sql, NULL, NULL, NULL) == SQLITE_OK ? STATUS_OK
+                                                                : sqlite_failed(db, path, "cannot be written", err);
 }
 
 /* A snapshot of the database as one file, without a log. */
@@ -140,8 +135,7 @@ static status snapshot(sqlite3 *live, const char *path, struct error *err)
         s = sqlite_failed(live, path, "the database cannot be copied", err);
     if (work && sqlite3_backup_finish(work) != SQLITE_OK && s == STATUS_OK)
         s = sqlite_failed(copy, path, "cannot be written", err);
-    if (s == STATUS_OK)
-        s = execute(copy, path, "PRAGMA journal_mode=DELETE", err);
+    THEN(s, execute(copy, path, "PRAGMA journal_mode=DELETE", err));
     sqlite3_close(copy);
     if (s == STATUS_OK && chmod(path, 0600) != 0)
         s = error_set(err, STATUS_ERR_IO, "%s: its mode cannot be set: %s", path, strerror(errno));
@@ -149,8 +143,7 @@ static status snapshot(sqlite3 *live, const char *path, struct error *err)
 }
 
 /* The first column of the first row; 0 without rows. */
-static status select_number(sqlite3 *db, const char *path, const char *sql, int64_t *out,
-                            struct error *err)
+static status select_number(sqlite3 *db, const char *path, const char *sql, int64_t *out, struct error *err)
 {
     sqlite3_stmt *statement = NULL;
     int code = sqlite3_prepare_v2(db, sql, -1, &statement, NULL);
@@ -161,9 +154,7 @@ static status select_number(sqlite3 *db, const char *path, const char *sql, int6
     if (code == SQLITE_ROW)
         *out = sqlite3_column_int64(statement, 0);
     sqlite3_finalize(statement);
-    return code == SQLITE_ROW || code == SQLITE_DONE
-               ? STATUS_OK
-               : sqlite_failed(db, path, "cannot be read", err);
+    return code == SQLITE_ROW || code == SQLITE_DONE ? STATUS_OK : sqlite_failed(db, path, "cannot be read", err);
 }
 
 /* Has the live database moved on such that files copied after the snapshot may be newer than its rows? New jobs and frames do
@@ -181,8 +172,7 @@ static status has_moved_on(sqlite3 *live, const char *path, int *moved, struct e
     status s = STATUS_OK;
 
     if (sqlite3_prepare_v2(live, "ATTACH ? AS copy", -1, &attach, NULL) != SQLITE_OK ||
-        sqlite3_bind_text(attach, 1, path, -1, SQLITE_STATIC) != SQLITE_OK ||
-        sqlite3_step(attach) != SQLITE_DONE)
+        sqlite3_bind_text(attach, 1, path, -1, SQLITE_STATIC) != SQLITE_OK || sqlite3_step(attach) != SQLITE_DONE)
         s = sqlite_failed(live, path, "cannot be compared", err);
     sqlite3_finalize(attach);
     if (s != STATUS_OK)
@@ -201,14 +191,12 @@ static status check_database(const char *path, struct error *err)
     status s = database_connect(path, SQLITE_OPEN_READWRITE, &db, err);
     int good = 0;
 
-    if (s == STATUS_OK &&
-        sqlite3_prepare_v2(db, "PRAGMA integrity_check(1)", -1, &statement, NULL) == SQLITE_OK &&
+    if (s == STATUS_OK && sqlite3_prepare_v2(db, "PRAGMA integrity_check(1)", -1, &statement, NULL) == SQLITE_OK &&
         sqlite3_step(statement) == SQLITE_ROW)
         good = strcmp((const char *)sqlite3_column_text(statement, 0), "ok") == 0;
     sqlite3_finalize(statement);
     if (s == STATUS_OK && !good)
-        s = error_set(err, STATUS_ERR_CORRUPT,
-                      "%s: the backup's database is damaged: use another backup", path);
+        s = error_set(err, STATUS_ERR_CORRUPT, "%s: the backup's database is damaged: use another backup", path);
     sqlite3_close(db);
     return s;
 }
@@ -221,12 +209,10 @@ static status raise_epoch(const char *path, struct error *err)
     status s = database_connect(path, SQLITE_OPEN_READWRITE, &db, err);
 
     if (s == STATUS_OK &&
-        (sqlite3_prepare_v2(db,
-                            "UPDATE meta SET value = max(value, ?) + " EPOCHS_BEYOND
-                            " WHERE name='epoch_limit'",
+        (rows_guard(db) != SQLITE_OK ||
+         sqlite3_prepare_v2(db, "UPDATE meta SET value = max(value, ?) + " EPOCHS_BEYOND " WHERE name='epoch_limit'",
                             -1, &statement, NULL) != SQLITE_OK ||
-         sqlite3_bind_int64(statement, 1, clock_wall_s() << 24) != SQLITE_OK ||
-         sqlite3_step(statement) != SQLITE_DONE))
+         sqlite3_bind_int64(statement, 1, clock_wall_s() << 24) != SQLITE_OK || sqlite3_step(statement) != SQLITE_DONE))
         s = sqlite_failed(db, path, "cannot be written", err);
     sqlite3_finalize(statement);
     sqlite3_close(db);
@@ -236,18 +222,16 @@ static status raise_epoch(const char *path, struct error *err)
 /* ---- backup ---------------------------------------------------------------------------------- */
 
 /* The files, the database, and again what has changed meanwhile. */
-static status copy_store(const char *store, const char *dir, const char *database, sqlite3 *live,
-                         struct copied *sum, struct error *err)
+static status copy_store(const char *store, const char *dir, const char *database, sqlite3 *live, struct copied *sum,
+                         struct error *err)
 {
     status s = copy_trees(store, dir, sum, err);
     int moved = 1;
 
     for (int i = 0; i < BACKUP_TRIES_MAX && moved && s == STATUS_OK; i++) {
         s = snapshot(live, database, err);
-        if (s == STATUS_OK)
-            s = copy_trees(store, dir, sum, err);
-        if (s == STATUS_OK)
-            s = has_moved_on(live, database, &moved, err);
+        THEN(s, copy_trees(store, dir, sum, err));
+        THEN(s, has_moved_on(live, database, &moved, err));
     }
     if (s == STATUS_OK && moved)
         log_warn("jobs were developed or extended all the time: some pictures in the backup may be "
@@ -262,16 +246,12 @@ static status backup_held(const char *store, const char *dir, struct copied *sum
     sqlite3 *live = NULL;
     status s = source && target && marker ? STATUS_OK : error_no_memory(err, "a path");
 
-    if (s == STATUS_OK)
-        s = database_connect(source, SQLITE_OPEN_READWRITE, &live, err);
-    if (s == STATUS_OK)
-        s = copy_store(store, dir, target, live, sum, err);
+    THEN(s, database_connect(source, SQLITE_OPEN_READWRITE, &live, err));
+    THEN(s, copy_store(store, dir, target, live, sum, err));
     sqlite3_close(live);
     blobs_clean(dir); /* uploads that were under way */
-    if (s == STATUS_OK)
-        s = sync_all(dir, err);
-    if (s == STATUS_OK)
-        s = file_write_private(marker, marker_text, sizeof marker_text - 1, err);
+    THEN(s, sync_all(dir, err));
+    THEN(s, file_write_private(marker, marker_text, sizeof marker_text - 1, err));
     mem_free(marker);
     mem_free(target);
     mem_free(source);
@@ -285,17 +265,12 @@ status store_backup(const char *store, const char *dir, struct copied *sum, stru
 
     *sum = (struct copied){0};
     if (!is_there(store, "queue.sqlite"))
-        return error_set(err, STATUS_ERR_CORRUPT, "%s: is no store: name the coordinator's --store",
-                         store);
+        return error_set(err, STATUS_ERR_CORRUPT, "%s: is no store: name the coordinator's --store", store);
     s = check_empty(dir, err);
-    if (s == STATUS_OK)
-        s = file_make_private_folder(dir, err);
-    if (s == STATUS_OK)
-        s = check_outside(dir, store, err);
-    if (s == STATUS_OK)
-        s = store_hold_begin(store, &hold, err);
-    if (s == STATUS_OK)
-        s = backup_held(store, dir, sum, err);
+    THEN(s, file_make_private_folder(dir, err));
+    THEN(s, check_outside(dir, store, err));
+    THEN(s, store_hold_begin(store, &hold, err));
+    THEN(s, backup_held(store, dir, sum, err));
     store_hold_end(hold);
     return s;
 }
@@ -303,23 +278,6 @@ status store_backup(const char *store, const char *dir, struct copied *sum, stru
 /* ---- restore --------------------------------------------------------------------------------- */
 
 int store_restoring(const char *store) { return is_there(store, "restoring"); }
-
-static status lock_store(const char *store, int *fd, struct error *err)
-{
-    char *path = file_join(store, "lock");
-    status s = STATUS_OK;
-
-    *fd = path ? open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600) : -1;
-    if (!path)
-        return error_no_memory(err, "a path");
-    if (*fd < 0)
-        s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
-    else if (flock(*fd, LOCK_EX | LOCK_NB) != 0)
-        s = error_set(err, STATUS_ERR_REFUSED,
-                      "%s: a coordinator uses this store: end it, or name another --store", store);
-    mem_free(path);
-    return s;
-}
 
 /* Blobs whose bytes rotted would fail a job later; without them clients send them again. */
 static void check_blobs(const char *store)
@@ -329,18 +287,14 @@ static void check_blobs(const char *store)
     const struct dirent *entry;
 
     while (blobs && (entry = readdir(blobs))) {
-        char *below = strlen(entry->d_name) == 2 && entry->d_name[0] != '.'
-                          ? file_join(path, entry->d_name)
-                          : NULL;
+        char *below = strlen(entry->d_name) == 2 && entry->d_name[0] != '.' ? file_join(path, entry->d_name) : NULL;
         DIR *folder = below ? opendir(below) : NULL;
         const struct dirent *file;
 
         while (folder && (file = readdir(folder))) {
             struct digest digest;
-            if (digest_from_hex(&digest, file->d_name) == STATUS_OK &&
-                !blobs_check(store, &digest)) {
-                log_warn("%s/%s: is damaged in the backup and left out; clients send it again",
-                         below, file->d_name);
+            if (digest_from_hex(&digest, file->d_name) == STATUS_OK && blobs_check(store, &digest) != 1) {
+                log_warn("%s/%s: is damaged in the backup and left out; clients send it again", below, file->d_name);
                 unlinkat(dirfd(folder), file->d_name, 0);
             }
         }
@@ -366,32 +320,23 @@ static status mark_restoring(const char *path, struct error *err)
 }
 
 /* The database comes last, under its own name: then the store is whole. */
-static status restore_files(const char *dir, const char *store, struct copied *sum,
-                            struct error *err)
+static status restore_files(const char *dir, const char *store, struct copied *sum, struct error *err)
 {
     char *source = file_join(dir, "queue.sqlite"), *fresh = file_join(store, "queue.sqlite.new");
     char *target = file_join(store, "queue.sqlite"), *restoring = file_join(store, "restoring");
     status s = source && fresh && target && restoring ? STATUS_OK : error_no_memory(err, "a path");
 
-    if (s == STATUS_OK)
-        s = mark_restoring(restoring, err);
-    if (s == STATUS_OK)
-        s = copy_file(source, fresh, sum, err);
-    if (s == STATUS_OK)
-        s = check_database(fresh, err);
-    if (s == STATUS_OK)
-        s = raise_epoch(fresh, err);
-    if (s == STATUS_OK)
-        s = copy_trees(dir, store, sum, err);
+    THEN(s, mark_restoring(restoring, err));
+    THEN(s, copy_file(source, fresh, sum, err));
+    THEN(s, check_database(fresh, err));
+    THEN(s, raise_epoch(fresh, err));
+    THEN(s, copy_trees(dir, store, sum, err));
     if (s == STATUS_OK)
         check_blobs(store);
-    if (s == STATUS_OK)
-        s = sync_all(store, err);
+    THEN(s, sync_all(store, err));
     if (s == STATUS_OK && (rename(fresh, target) != 0 || unlink(restoring) != 0))
-        s = error_set(err, STATUS_ERR_IO, "%s: cannot be put in place: %s", target,
-                      strerror(errno));
-    if (s == STATUS_OK)
-        s = file_sync_folder_of(target, err);
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be put in place: %s", target, strerror(errno));
+    THEN(s, file_sync_folder_of(target, err));
     mem_free(restoring);
     mem_free(target);
     mem_free(fresh);
@@ -401,28 +346,21 @@ static status restore_files(const char *dir, const char *store, struct copied *s
 
 status store_restore(const char *dir, const char *store, struct copied *sum, struct error *err)
 {
-    int lock = -1;
+    struct store_lock lock = STORE_UNLOCKED;
     status s = STATUS_OK;
 
     *sum = (struct copied){0};
     if (!is_there(dir, "backup") || !is_there(dir, "queue.sqlite"))
-        return error_set(
-            err, STATUS_ERR_CORRUPT,
-            "%s: is no complete backup: a backup that was interrupted cannot be restored", dir);
+        return error_set(err, STATUS_ERR_CORRUPT,
+                         "%s: is no complete backup: a backup that was interrupted cannot be restored", dir);
     if (is_there(store, "queue.sqlite"))
-        return error_set(
-            err, STATUS_ERR_REFUSED,
-            "%s: has jobs already: name an empty folder with --store, or move this one away",
-            store);
+        return error_set(err, STATUS_ERR_REFUSED,
+                         "%s: has jobs already: name an empty folder with --store, or move this one away", store);
     if (!store_restoring(store)) /* films that lie there could be taken for a job's */
         s = check_empty(store, err);
-    if (s == STATUS_OK)
-        s = file_make_private_folder(store, err);
-    if (s == STATUS_OK)
-        s = lock_store(store, &lock, err);
-    if (s == STATUS_OK)
-        s = restore_files(dir, store, sum, err);
-    if (lock >= 0)
-        close(lock);
+    THEN(s, file_make_private_folder(store, err));
+    THEN(s, store_lock(&lock, store, err));
+    THEN(s, restore_files(dir, store, sum, err));
+    store_unlock(&lock);
     return s;
 }

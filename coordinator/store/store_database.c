@@ -1,4 +1,5 @@
 /* The database file: its tables and their versions, and the few ways to run a statement. */
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -6,15 +7,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
-#include "coordinator/store/reserve.h"
+#include "coordinator/store/files/reserve.h"
 #include "coordinator/store/store_parts.h"
 #include "coordinator/store/store_web.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 9, BUSY_MS = 5000 };
+enum { STORE_VERSION = 11, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -30,18 +31,16 @@ static const char schema[] =
     " relative_mse REAL, PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
 /* Version 2: which frames' pictures follow the job's present output settings. */
-static const char schema_2[] =
-    "ALTER TABLE jobs ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;"
-    "ALTER TABLE frames ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;";
+static const char schema_2[] = "ALTER TABLE jobs ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;"
+                               "ALTER TABLE frames ADD COLUMN revision INTEGER NOT NULL DEFAULT 0;";
 
 /* Version 3: the tokens of submissions, NULL for jobs without one; the frames that were cut short. */
-static const char schema_3[] =
-    "ALTER TABLE jobs ADD COLUMN token TEXT;"
-    "CREATE UNIQUE INDEX jobs_token ON jobs (token) WHERE token IS NOT NULL;"
-    "CREATE TABLE cut_frames (job INTEGER NOT NULL REFERENCES jobs(id),"
-    " frame INTEGER NOT NULL, samples INTEGER NOT NULL, least INTEGER NOT NULL,"
-    " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
-    " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
+static const char schema_3[] = "ALTER TABLE jobs ADD COLUMN token TEXT;"
+                               "CREATE UNIQUE INDEX jobs_token ON jobs (token) WHERE token IS NOT NULL;"
+                               "CREATE TABLE cut_frames (job INTEGER NOT NULL REFERENCES jobs(id),"
+                               " frame INTEGER NOT NULL, samples INTEGER NOT NULL, least INTEGER NOT NULL,"
+                               " most INTEGER NOT NULL, tiles INTEGER NOT NULL, tiles_empty INTEGER NOT NULL,"
+                               " PRIMARY KEY (job, frame)) WITHOUT ROWID;";
 
 /* Version 4: the release that a job was begun with; its original JobSubmit, if an extension changed
  * it; the work of each frame instead of its sums in jobs (the sums go to the first done frame; the
@@ -82,18 +81,10 @@ static const char schema_4[] =
 static const char schema_5[] = "ALTER TABLE frames ADD COLUMN health BLOB;";
 
 /* Version 6: what people do to jobs. The priority may differ from the request's (NULL: as there). */
-static const char schema_6[] =
-    "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
-    "ALTER TABLE jobs ADD COLUMN marks INTEGER NOT NULL DEFAULT 0;" /* enum job_mark */
-    "ALTER TABLE jobs ADD COLUMN priority INTEGER;"
-    "CREATE TABLE removed (job INTEGER PRIMARY KEY);"; /* whose files may still be there */
-
-static status add_steering(struct store *store, struct error *err)
-{
-    status s = sql_exec(store, schema_6, "cannot be brought up to date", err);
-
-    return s == STATUS_OK ? sql_exec(store, events_schema, "cannot be brought up to date", err) : s;
-}
+static const char schema_6[] = "ALTER TABLE jobs ADD COLUMN owner TEXT NOT NULL DEFAULT '';"
+                               "ALTER TABLE jobs ADD COLUMN marks INTEGER NOT NULL DEFAULT 0;" /* enum job_mark */
+                               "ALTER TABLE jobs ADD COLUMN priority INTEGER;"
+                               "CREATE TABLE removed (job INTEGER PRIMARY KEY);"; /* whose files may still be there */
 
 /* Version 7: what workers did, and the names that people drained or blocked. An instance is the life of a
  * worker's process; left_at 0: it is connected. */
@@ -115,13 +106,6 @@ static const char needs_schema[] =
     "ALTER TABLE jobs ADD COLUMN not_before INTEGER;"
     "CREATE TABLE shares (owner TEXT PRIMARY KEY, core_s REAL NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
 
-static status add_workers_and_needs(struct store *store, struct error *err)
-{
-    status s = sql_exec(store, schema_7, "cannot be brought up to date", err);
-
-    return s == STATUS_OK ? sql_exec(store, needs_schema, "cannot be brought up to date", err) : s;
-}
-
 /* Version 8: tokens and webhooks of the page. The first row of `tokens` gets number TOKEN_FIRST. */
 static const char schema_8[] =
     "CREATE TABLE tokens (number INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, role INTEGER NOT NULL,"
@@ -135,9 +119,31 @@ static const char schema_8[] =
     " body TEXT NOT NULL);";
 _Static_assert(TOKEN_FIRST == 2, "as in schema_8");
 
-/* Version 9: comments; each frame's sums of light by depth, doubles of 64 bits, little-endian; NULL: not known. */
+/* Version 9: comments; each frame's sums of light by depth, doubles of 64 bits, little-endian; NULL: not known;
+ * how unequally far the tiles of a measured picture were (film_unevenness). */
 static const char schema_9[] = "ALTER TABLE jobs ADD COLUMN comment TEXT NOT NULL DEFAULT '';"
-                               "ALTER TABLE frames ADD COLUMN depth BLOB;";
+                               "ALTER TABLE frames ADD COLUMN depth BLOB;"
+                               "ALTER TABLE history ADD COLUMN uneven REAL;";
+
+/* Version 11: the keys of names; the figures of denoised pictures (store_history.c), NULL: none; the names of deliverers, and
+ * since when they are not believed (NULL: they are); who rendered each done frame, numbers of 32 bits, little-endian (NULL: not
+ * known), and when it was done (store_trust.c); which effects a job's results had, and the accounts of their time (stats_pack),
+ * NULL: not known. */
+static const char keys_schema[] =
+    "CREATE TABLE IF NOT EXISTS keys (name TEXT PRIMARY KEY, oldest INTEGER NOT NULL, generation INTEGER NOT NULL,"
+    " oldest_until INTEGER NOT NULL, roles INTEGER NOT NULL, revoked INTEGER NOT NULL, used_at INTEGER NOT NULL,"
+    " changed_at INTEGER NOT NULL, changed_by TEXT NOT NULL, changes INTEGER NOT NULL) WITHOUT ROWID;";
+
+static const char schema_11[] = "ALTER TABLE history ADD COLUMN display_all REAL;"
+                                "ALTER TABLE history ADD COLUMN worst_part REAL;"
+                                "ALTER TABLE history ADD COLUMN fireflies REAL;"
+                                "ALTER TABLE history ADD COLUMN subject REAL;"
+                                "ALTER TABLE history ADD COLUMN denoised BLOB;"
+                                "ALTER TABLE deliverers ADD COLUMN label TEXT NOT NULL DEFAULT '';"
+                                "ALTER TABLE deliverers ADD COLUMN distrusted INTEGER;"
+                                "ALTER TABLE frames ADD COLUMN deliverers BLOB;"
+                                "ALTER TABLE frames ADD COLUMN done_at INTEGER NOT NULL DEFAULT 0;"
+                                "ALTER TABLE jobs ADD COLUMN accounts BLOB;";
 
 /* Films have another format since version 9 (and since 4 and 5), so an unfinished frame's film is useless
  * (film_file_open renames it): a job without a finished frame counts as not begun, and workers of any release
@@ -149,19 +155,31 @@ static const char convert_9[] =
     "UPDATE jobs SET kernel='', active_ns=0, conflicts=0, samples=0, rays=0, vertices=0, dropped=0,"
     " cpu_ns=0, trace_ns=0 WHERE" NOT_BEGUN ";";
 
-_Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4,
-               "as in NOT_BEGUN");
+_Static_assert(JOB_STATE_DONE == 2 && JOB_STATE_FAILED == 3 && JOB_STATE_CANCELLED == 4, "as in NOT_BEGUN");
+
+static const char deliverers_schema[] = "CREATE TABLE deliverers (number INTEGER PRIMARY KEY, host TEXT NOT NULL,"
+                                        " process INTEGER NOT NULL, software TEXT NOT NULL, first_seen INTEGER NOT NULL);";
+
+/* What brings the tables to each version; `converts`: only tables that had rows. */
+static const struct {
+    int version;
+    const char *sql;
+    int converts;
+} steps[] = {{1, schema, 0}, {2, schema_2, 0}, {3, schema_3, 0}, {4, schema_4, 0}, {4, deliverers_schema, 0},
+             {5, schema_5, 0}, {6, schema_6, 0}, {6, events_schema, 0}, {7, schema_7, 0}, {7, needs_schema, 0},
+             {8, schema_8, 0}, {9, schema_9, 0}, {9, convert_9, 1}, {10, sums_schema, 0}, {11, keys_schema, 0},
+             {11, schema_11, 0}};
 
 status sql_failed(struct store *store, sqlite3 *db, const char *what, struct error *err)
 {
     int code = sqlite3_errcode(db);
     int number = sqlite3_system_errno(db); /* of its last I/O error */
-    int told = number && (code == SQLITE_IOERR || code == SQLITE_CANTOPEN);
+    int has_reason = number && (code == SQLITE_IOERR || code == SQLITE_CANTOPEN);
 
     atomic_store(&store->suspect, 1);
-    return error_set(err, code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO,
-                     "%s/queue.sqlite: %s: %s%s%s", store->folder, what, sqlite3_errmsg(db),
-                     told ? ": " : "", told ? strerror(number) : "");
+    return error_set(err, code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO, "%s/queue.sqlite: %s: %s%s%s",
+                     store->folder, what, sqlite3_errmsg(db), has_reason ? ": " : "",
+                     has_reason ? strerror(number) : "");
 }
 
 status sql_error(struct store *store, const char *what, struct error *err)
@@ -176,15 +194,9 @@ status sql_exec(struct store *store, const char *sql, const char *what, struct e
     return STATUS_OK;
 }
 
-struct sql_value sql_number(int64_t number)
-{
-    return (struct sql_value){.kind = SQL_NUMBER, .number = number};
-}
+struct sql_value sql_number(int64_t number) { return (struct sql_value){.kind = SQL_NUMBER, .number = number}; }
 
-struct sql_value sql_real(double value)
-{
-    return (struct sql_value){.kind = SQL_REAL, .real = value};
-}
+struct sql_value sql_real(double value) { return (struct sql_value){.kind = SQL_REAL, .real = value}; }
 
 struct sql_value sql_text(const char *text)
 {
@@ -193,8 +205,7 @@ struct sql_value sql_text(const char *text)
 
 struct sql_value sql_bytes(const struct buffer *bytes)
 {
-    return (struct sql_value){
-        .kind = SQL_BYTES, .data = bytes->size ? bytes->data : NULL, .size_bytes = bytes->size};
+    return (struct sql_value){.kind = SQL_BYTES, .data = bytes->size ? bytes->data : NULL, .size_bytes = bytes->size};
 }
 
 static int bind(sqlite3_stmt *statement, int at, const struct sql_value *value)
@@ -202,19 +213,16 @@ static int bind(sqlite3_stmt *statement, int at, const struct sql_value *value)
     switch (value->kind) {
     case SQL_NUMBER: return sqlite3_bind_int64(statement, at, value->number);
     case SQL_REAL: return sqlite3_bind_double(statement, at, value->real);
-    case SQL_TEXT:
-        return sqlite3_bind_text(statement, at, value->data, (int)value->size_bytes,
-                                 SQLITE_TRANSIENT);
-    default:
-        return sqlite3_bind_blob(statement, at, value->data, (int)value->size_bytes,
-                                 SQLITE_TRANSIENT);
+    case SQL_TEXT: return sqlite3_bind_text(statement, at, value->data, (int)value->size_bytes, SQLITE_TRANSIENT);
+    default: return sqlite3_bind_blob(statement, at, value->data, (int)value->size_bytes, SQLITE_TRANSIENT);
     }
 }
 
-status sql_ask(struct store *store, sqlite3 *db, const char *sql, const struct sql_value *values, size_t count,
-               sqlite3_stmt **out, struct error *err)
+/* *out: NULL, or the statement that was prepared before. */
+static status prepare(struct store *store, sqlite3 *db, const char *sql, const struct sql_value *values, size_t count,
+                      sqlite3_stmt **out, struct error *err)
 {
-    int code = sqlite3_prepare_v2(db, sql, -1, out, NULL);
+    int code = *out ? SQLITE_OK : sqlite3_prepare_v2(db, sql, -1, out, NULL);
     status s;
 
     for (size_t i = 0; code == SQLITE_OK && i < count; i++)
@@ -227,10 +235,45 @@ status sql_ask(struct store *store, sqlite3 *db, const char *sql, const struct s
     return s;
 }
 
-status sql_select(struct store *store, const char *sql, const struct sql_value *values,
-                  size_t count, sqlite3_stmt **out, struct error *err)
+struct sql_rows sql_ask(struct store *store, sqlite3 *db, const char *sql, const struct sql_value *values, size_t count,
+                        const char *what, struct error *err)
 {
-    return sql_ask(store, store->db, sql, values, count, out, err);
+    struct sql_rows rows = {.store = store, .db = db, .what = what, .err = err};
+
+    rows.result = prepare(store, db, sql, values, count, &rows.row, err);
+    return rows;
+}
+
+struct sql_rows sql_select(struct store *store, const char *sql, const struct sql_value *values, size_t count,
+                           const char *what, struct error *err)
+{
+    return sql_ask(store, store->db, sql, values, count, what, err);
+}
+
+struct sql_rows sql_read(struct store *store, const char *sql, const struct sql_value *values, size_t count,
+                         const char *what, struct error *err)
+{
+    struct sql_rows rows = sql_ask(store, reader_take(store), sql, values, count, what, err);
+
+    rows.reading = 1;
+    return rows;
+}
+
+int sql_next(struct sql_rows *rows)
+{
+    int code = rows->result == STATUS_OK ? sqlite3_step(rows->row) : SQLITE_DONE;
+
+    if (code != SQLITE_ROW && code != SQLITE_DONE)
+        rows->result = sql_failed(rows->store, rows->db, rows->what, rows->err);
+    return code == SQLITE_ROW;
+}
+
+status sql_end(struct sql_rows *rows)
+{
+    sqlite3_finalize(rows->row);
+    if (rows->reading)
+        reader_leave(rows->store, rows->db);
+    return rows->result;
 }
 
 /* Did the last statement fail for lack of space? Some of SQLite's files report that as an I/O
@@ -251,13 +294,46 @@ int sql_give_reserve(struct store *store)
     return 1;
 }
 
-static status change(struct store *store, const char *sql, const struct sql_value *values,
-                     size_t count, int reserved, const char *what, struct error *err)
+/* A statement that ran before: the next time it is parsed already. NULL: there is none. */
+static sqlite3_stmt *ready_take(struct store *store, const char *sql)
 {
-    sqlite3_stmt *statement = NULL;
+    for (int i = 0; i < STATEMENTS_READY; i++) {
+        sqlite3_stmt *statement = store->ready[i];
+        if (!statement || strcmp(sqlite3_sql(statement), sql) != 0)
+            continue;
+        store->ready[i] = NULL;
+        return statement;
+    }
+    return NULL;
+}
+
+static void ready_keep(struct store *store, sqlite3_stmt *statement)
+{
+    sqlite3_stmt **place = &store->ready[store->ready_next++ % STATEMENTS_READY];
+
+    sqlite3_reset(statement);
+    sqlite3_clear_bindings(statement);
+    sqlite3_finalize(*place);
+    *place = statement;
+}
+
+void database_close(struct store *store)
+{
+    for (int i = 0; i < STATEMENTS_READY; i++) {
+        sqlite3_finalize(store->ready[i]);
+        store->ready[i] = NULL;
+    }
+    sqlite3_close(store->db);
+    store->db = NULL;
+}
+
+static status change(struct store *store, const char *sql, const struct sql_value *values, size_t count, int reserved,
+                     const char *what, struct error *err)
+{
+    sqlite3_stmt *statement = ready_take(store, sql);
     /* In a transaction, which such an error may have ended, its owner repeats all of it. */
     int alone = sqlite3_get_autocommit(store->db);
-    status s = sql_select(store, sql, values, count, &statement, err);
+    status s = prepare(store, store->db, sql, values, count, &statement, err);
     int code;
 
     if (s != STATUS_OK)
@@ -267,22 +343,61 @@ static status change(struct store *store, const char *sql, const struct sql_valu
         sqlite3_reset(statement);
         code = sqlite3_step(statement);
     }
-    if (code != SQLITE_DONE)
-        s = sql_error(store, what, err);
+    if (code == SQLITE_DONE) {
+        ready_keep(store, statement);
+        return STATUS_OK;
+    }
+    s = sql_error(store, what, err);
     sqlite3_finalize(statement);
     return s;
 }
 
-status sql_change(struct store *store, const char *sql, const struct sql_value *values,
-                  size_t count, const char *what, struct error *err)
+status sql_change(struct store *store, const char *sql, const struct sql_value *values, size_t count, const char *what,
+                  struct error *err)
 {
     return change(store, sql, values, count, 0, what, err);
 }
 
-status sql_change_reserved(struct store *store, const char *sql, const struct sql_value *values,
-                           size_t count, const char *what, struct error *err)
+status sql_change_reserved(struct store *store, const char *sql, const struct sql_value *values, size_t count,
+                           const char *what, struct error *err)
 {
     return change(store, sql, values, count, 1, what, err);
+}
+
+status sql_write(struct store *store, const char *sql, const struct sql_value *values, size_t count, const char *what,
+                 uint64_t *number, struct error *err)
+{
+    status s;
+
+    pthread_mutex_lock(&store->order);
+    s = change(store, sql, values, count, 1, what, err);
+    if (s == STATUS_OK && number)
+        *number = (uint64_t)sqlite3_last_insert_rowid(store->db);
+    pthread_mutex_unlock(&store->order);
+    return s;
+}
+
+static status transaction_once(struct store *store, status (*body)(struct store *, const void *, struct error *),
+                               const void *user, int *again, struct error *err)
+{
+    status s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
+
+    THEN(s, body(store, user, err));
+    THEN(s, sql_exec(store, "COMMIT", "cannot be written", err));
+    *again = s != STATUS_OK && s != STATUS_ERR_REFUSED && sql_give_reserve(store);
+    if (!sqlite3_get_autocommit(store->db))
+        (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
+    return s;
+}
+
+status sql_transaction(struct store *store, status (*body)(struct store *, const void *, struct error *),
+                       const void *user, struct error *err)
+{
+    status s = STATUS_OK;
+
+    for (int turn = 0, again = 1; again && turn < 2; turn++)
+        s = transaction_once(store, body, user, &again, err);
+    return s;
 }
 
 void column_text(sqlite3_stmt *statement, int at, char *out, size_t size)
@@ -292,28 +407,20 @@ void column_text(sqlite3_stmt *statement, int at, char *out, size_t size)
     snprintf(out, size, "%s", text ? (const char *)text : "");
 }
 
-uint64_t column_number(sqlite3_stmt *statement, int at)
-{
-    return (uint64_t)sqlite3_column_int64(statement, at);
-}
+uint64_t column_number(sqlite3_stmt *statement, int at) { return (uint64_t)sqlite3_column_int64(statement, at); }
 
 static status schema_version(struct store *store, int *version, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_select(store, "PRAGMA user_version", NULL, 0, &statement, err);
+    struct sql_rows rows = sql_select(store, "PRAGMA user_version", NULL, 0, "cannot be read", err);
 
-    if (s != STATUS_OK)
-        return s;
-    if (sqlite3_step(statement) == SQLITE_ROW)
-        *version = sqlite3_column_int(statement, 0);
-    else
-        s = sql_error(store, "cannot be read", err);
-    sqlite3_finalize(statement);
-    if (s == STATUS_OK && *version > STORE_VERSION)
+    if (sql_next(&rows))
+        *version = sqlite3_column_int(rows.row, 0);
+    TRY(sql_end(&rows));
+    if (*version > STORE_VERSION)
         return error_set(err, STATUS_ERR_CORRUPT,
-                         "%s: was written by a newer azulejo (store version %d; this one reads %d)",
-                         store->folder, *version, STORE_VERSION);
-    return s;
+                         "%s: was written by a newer azulejo (store version %d; this one reads %d)", store->folder,
+                         *version, STORE_VERSION);
+    return STATUS_OK;
 }
 
 static status connect(struct store *store, const char *name, int flags, struct error *err)
@@ -325,58 +432,82 @@ static status connect(struct store *store, const char *name, int flags, struct e
     return STATUS_OK;
 }
 
-static status open_to_write(struct store *store, const char *path, struct error *err)
+/* A job's folder below `kind`, as kind/NUMBER. 0: there is none. */
+static int find_job_folder(const struct store *store, const char *kind, char *out, size_t size)
+{
+    char *path = file_join(store->folder, kind);
+    DIR *folder = path ? opendir(path) : NULL;
+    const struct dirent *entry;
+    int found = 0;
+
+    while (folder && !found && (entry = readdir(folder)))
+        found = entry->d_name[0] >= '1' && entry->d_name[0] <= '9' &&
+                snprintf(out, size, "%s/%s", kind, entry->d_name) < (int)size;
+    if (folder)
+        closedir(folder);
+    mem_free(path);
+    return found;
+}
+
+/* Films or pictures without a queue: a new one would number its jobs from 1 and write into theirs. */
+static status refuse_lost_queue(const struct store *store, const char *path, struct error *err)
+{
+    struct stat info;
+    char found[64];
+    int is_there = stat(path, &info) == 0;
+
+    if ((is_there && info.st_size > 0) || (!is_there && errno != ENOENT) ||
+        (!find_job_folder(store, "outputs", found, sizeof found) && !find_job_folder(store, "films", found, sizeof found)))
+        return STATUS_OK;
+    return error_set(err, STATUS_ERR_CORRUPT,
+                     "%s: %s, but %s is there: jobs would get its number again. Put the file back, or restore a back-up "
+                     "('azulejo-coordinator restore'); for a new farm choose another --store, or move films and outputs "
+                     "away. 'azulejo-coordinator --check --repair' parks the old jobs under their numbers",
+                     path, is_there ? "is empty" : "is missing", found);
+}
+
+static status guard(struct store *store, struct error *err)
+{
+    return rows_guard(store->db) == SQLITE_OK ? STATUS_OK : sql_error(store, "cannot be opened", err);
+}
+
+status database_make(struct store *store, const char *path, struct error *err)
 {
     int version = 0;
-    /* SQLite gives its other files the permissions of this one. */
-    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    int fd;
     status s;
 
+    fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600); /* SQLite gives its other files these permissions */
     if (fd < 0)
         return error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
     close(fd);
     s = connect(store, path, SQLITE_OPEN_READWRITE, err);
-    if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; "
-                            "PRAGMA foreign_keys=ON", "cannot be opened", err);
-    if (s == STATUS_OK)
-        s = schema_version(store, &version, err);
+    THEN(s, sql_exec(store, file_syncs() ? "PRAGMA synchronous=FULL" : "PRAGMA synchronous=OFF", "cannot be opened", err));
+    THEN(s, sql_exec(store, "PRAGMA journal_mode=WAL; PRAGMA foreign_keys=ON", "cannot be opened", err));
+    THEN(s, schema_version(store, &version, err));
     if (s != STATUS_OK || version == STORE_VERSION)
-        return s;
+        return s == STATUS_OK ? guard(store, err) : s;
     s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
-    if (s == STATUS_OK && version < 1)
-        s = sql_exec(store, schema, "cannot be set up", err);
-    if (s == STATUS_OK && version < 2)
-        s = sql_exec(store, schema_2, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version < 3)
-        s = sql_exec(store, schema_3, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version < 4)
-        s = sql_exec(store, schema_4, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version < 4)
-        s = sql_exec(store, deliverers_schema, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version < 5)
-        s = sql_exec(store, schema_5, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version < 6)
-        s = add_steering(store, err);
-    if (s == STATUS_OK && version < 7)
-        s = add_workers_and_needs(store, err);
-    if (s == STATUS_OK && version < 8)
-        s = sql_exec(store, schema_8, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version < 9)
-        s = sql_exec(store, schema_9, "cannot be brought up to date", err);
-    if (s == STATUS_OK && version > 0 && version < 9)
-        s = sql_exec(store, convert_9, "cannot be brought up to date", err);
-    if (s == STATUS_OK)
-        s = sql_exec(store, "PRAGMA user_version=9; COMMIT", "cannot be set up", err);
+    for (size_t i = 0; i < sizeof steps / sizeof *steps && s == STATUS_OK; i++)
+        if (version < steps[i].version && (version > 0 || !steps[i].converts))
+            s = sql_exec(store, steps[i].sql, i ? "cannot be brought up to date" : "cannot be set up", err);
+    THEN(s, guard(store, err));
+    if (s == STATUS_OK && rows_sum_all(store->db) != SQLITE_OK)
+        s = sql_error(store, "cannot be brought up to date", err);
+    THEN(s, sql_exec(store, "PRAGMA user_version=11; COMMIT", "cannot be set up", err));
     if (s == STATUS_OK && version > 0)
-        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s",
-                 store->folder, version, STORE_VERSION,
-                 version < 9 ? ", unfinished frames are rendered from their beginning" : "");
+        log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s", store->folder, version,
+                 STORE_VERSION, version < 9 ? ", unfinished frames are rendered from their beginning" : "");
     return s;
 }
 
-/* The path as a URI that declares the file immutable: SQLite then needs neither its index of the
- * log nor a lock. */
+static status open_to_write(struct store *store, const char *path, struct error *err)
+{
+    TRY(refuse_lost_queue(store, path, err)); /* before SQLite removes the log of an empty file */
+    return database_make(store, path, err);
+}
+
+/* The path as a URI that declares the file immutable: SQLite then needs neither its index of the log nor a lock. */
 static void immutable_name(const char *path, struct buffer *name)
 {
     buffer_printf(name, "file:");
@@ -402,8 +533,7 @@ static status open_to_read(struct store *store, const char *path, struct error *
     s = buffer_ok(&name) && buffer_ok(&log)
             ? connect(store, buffer_text(&name), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, err)
             : error_no_memory(err, "the store");
-    if (s == STATUS_OK)
-        s = schema_version(store, &version, err);
+    THEN(s, schema_version(store, &version, err));
     if (s == STATUS_OK && version != STORE_VERSION)
         s = error_set(err, STATUS_ERR_IO, "%s: its tables have an older version", path);
     buffer_release(&name);
@@ -418,12 +548,12 @@ static status disconnect(struct store *store, status s, struct error *err)
     int code = store->db ? sqlite3_errcode(store->db) : SQLITE_OK;
 
     if (code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_ERROR) {
-        s = STATUS_ERR_CORRUPT;
-        if (err)
-            err->code = s;
+        struct error why = *err;
+        s = error_set(err, STATUS_ERR_CORRUPT,
+                      "%.300s; 'azulejo-coordinator --check --repair --store %s' saves what can be read, or restore a back-up",
+                      why.text, store->folder);
     }
-    sqlite3_close(store->db);
-    store->db = NULL;
+    database_close(store);
     return s;
 }
 
@@ -435,8 +565,7 @@ static status open_as_possible(struct store *store, const char *path, struct err
     status s = open_to_write(store, path, err);
 
     if (status_is_environment(s) && store->db && sql_give_reserve(store)) {
-        sqlite3_close(store->db);
-        store->db = NULL;
+        database_close(store);
         s = open_to_write(store, path, err);
     }
     store->read_only = s != STATUS_OK;
@@ -445,8 +574,7 @@ static status open_as_possible(struct store *store, const char *path, struct err
     s = disconnect(store, s, err);
     if (!status_is_environment(s) || open_to_read(store, path, &why) == STATUS_OK)
         return s;
-    sqlite3_close(store->db);
-    store->db = NULL;
+    database_close(store);
     return s;
 }
 
@@ -460,7 +588,7 @@ static void reader_close(struct store *store)
 static void reader_open(struct store *store, const char *path)
 {
     if (store->read_only)
-        return; /* nobody writes */
+        return; /* it is not written to */
     if (sqlite3_open_v2(path, &store->reader, SQLITE_OPEN_READONLY | SQLITE_OPEN_FULLMUTEX, NULL) != SQLITE_OK ||
         sqlite3_exec(store->reader, "SELECT count(*) FROM meta", NULL, NULL, NULL) != SQLITE_OK) {
         log_debug("%s: no connection for reading: %s", path, store->reader ? sqlite3_errmsg(store->reader) : "no memory");
@@ -485,11 +613,42 @@ void reader_leave(struct store *store, sqlite3 *db)
     pthread_mutex_unlock(db && db == store->reader ? &store->reading : &store->order);
 }
 
+/* Say which rows are damaged. A file whose structure is, is closed. */
+static status find_damage(struct store *store, const char *path, struct error *err)
+{
+    char why[128];
+    int sound = rows_sound(store->db, why, sizeof why);
+    struct sql_rows rows;
+
+    if (!sound || rows_find(store->db) != SQLITE_OK) {
+        int code = sqlite3_errcode(store->db);
+        if (code == SQLITE_NOMEM || code == SQLITE_IOERR || code == SQLITE_BUSY || code == SQLITE_FULL) {
+            (void)sql_error(store, "cannot be read", err);
+            database_close(store);
+            return err->code;
+        }
+        if (sound)
+            snprintf(why, sizeof why, "%s", sqlite3_errmsg(store->db));
+        database_close(store);
+        return error_set(err, STATUS_ERR_CORRUPT,
+                         "%s: is damaged (%s): 'azulejo-coordinator --check --repair --store %s' saves what can be read, or "
+                         "restore a back-up", path, why, store->folder);
+    }
+    rows = sql_select(store, "SELECT tab, key, lost FROM temp.bad", NULL, 0, "cannot be read", err);
+    while (sql_next(&rows))
+        log_error("%s: table %s, row %s: is %s; 'azulejo-coordinator --check --store %s' says what to do", path,
+                  sqlite3_column_text(rows.row, 0), sqlite3_column_text(rows.row, 1),
+                  sqlite3_column_int(rows.row, 2) ? "lost" : "damaged", store->folder);
+    return sql_end(&rows);
+}
+
 status database_open(struct store *store, struct error *err)
 {
     char *path = file_join(store->folder, "queue.sqlite");
     status s = path ? open_as_possible(store, path, err) : error_no_memory(err, "the store");
 
+    if (path && store->db)
+        s = find_damage(store, path, err);
     if (path && store->db)
         reader_open(store, path);
     mem_free(path);
@@ -502,10 +661,10 @@ status database_reopen(struct store *store, struct error *err)
 {
     char *path = file_join(store->folder, "queue.sqlite");
     int fd = path ? open(path, O_RDWR | O_CLOEXEC) : -1;
+    struct error why = {0};
     status s;
 
-    if (!path)
-        return error_no_memory(err, "the store");
+    NEED(path, err, "the store");
     if (fd < 0) {
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
     } else {
@@ -513,9 +672,10 @@ status database_reopen(struct store *store, struct error *err)
         pthread_mutex_lock(&store->order);
         pthread_mutex_lock(&store->reading);
         reader_close(store);
-        sqlite3_close(store->db);
-        store->db = NULL;
+        database_close(store);
         s = open_as_possible(store, path, err);
+        if (store->db && find_damage(store, path, &why) != STATUS_OK)
+            s = error_set(err, why.code, "%s", why.text);
         if (store->db)
             reader_open(store, path);
         pthread_mutex_unlock(&store->reading);

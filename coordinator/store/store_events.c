@@ -1,11 +1,10 @@
 /* The event logs of jobs: what happened, when, and who did it. An event is noted in memory and
- * written soon by the store's own thread; the answer to the person who caused it waits for that. Whoever reads a
+ * written soon by the store's own thread; the answer to the person who caused it waits for that. A reader of a
  * log finds both the stored events and those in memory. */
 #include <inttypes.h>
-#include <stdio.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "coordinator/store/store_parts.h"
 
@@ -14,32 +13,22 @@ enum {
     EVENTS_GAP = 1 << 20, /* numbers that a run may have given without writing them, while the store failed */
 };
 
-const char events_schema[] =
-    "CREATE TABLE events (seq INTEGER PRIMARY KEY AUTOINCREMENT, job INTEGER NOT NULL,"
-    " at INTEGER NOT NULL, worker INTEGER NOT NULL, who TEXT NOT NULL, text TEXT NOT NULL);"
-    "CREATE INDEX events_job ON events (job, worker, seq);";
+const char events_schema[] = "CREATE TABLE events (seq INTEGER PRIMARY KEY AUTOINCREMENT, job INTEGER NOT NULL,"
+                             " at INTEGER NOT NULL, worker INTEGER NOT NULL, who TEXT NOT NULL, text TEXT NOT NULL);"
+                             "CREATE INDEX events_job ON events (job, worker, seq);";
 
 struct saved_event {
-    struct saved_event *next;
+    struct noted noted;
     struct job_event event;
 };
 
 status events_begin(struct store *store, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_select(store, "SELECT seq FROM sqlite_sequence WHERE name='events'", NULL, 0, &statement, err);
-    int code;
+    struct sql_rows rows = sql_select(store, "SELECT seq FROM sqlite_sequence WHERE name='events'", NULL, 0,
+                                      "the number of the last event cannot be read", err);
 
-    if (s != STATUS_OK)
-        return s;
-    store->event_next = 1;
-    code = sqlite3_step(statement);
-    if (code == SQLITE_ROW)
-        store->event_next = column_number(statement, 0) + EVENTS_GAP;
-    else if (code != SQLITE_DONE)
-        s = sql_error(store, "the number of the last event cannot be read", err);
-    sqlite3_finalize(statement);
-    return s;
+    store->event_next = sql_next(&rows) ? column_number(rows.row, 0) + EVENTS_GAP : 1;
+    return sql_end(&rows);
 }
 
 uint64_t store_event_later(struct store *store, const struct job_event *event)
@@ -54,17 +43,7 @@ uint64_t store_event_later(struct store *store, const struct job_event *event)
     *saved = (struct saved_event){.event = *event};
     pthread_mutex_lock(&store->lock);
     seq = saved->event.seq = store->event_next++;
-    if (store->events_waiting == EVENTS_WAITING_MAX) { /* the store has failed for long */
-        struct saved_event *oldest = store->events;
-        store->events = oldest->next;
-        store->events_waiting--;
-        mem_free(oldest);
-    }
-    if (!store->events)
-        store->events_end = &store->events;
-    *store->events_end = saved;
-    store->events_end = &saved->next;
-    store->events_waiting++;
+    noted_add(&store->events, saved, EVENTS_WAITING_MAX);
     pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
     return seq;
@@ -72,15 +51,10 @@ uint64_t store_event_later(struct store *store, const struct job_event *event)
 
 static status event_write(struct store *store, const struct job_event *e, struct error *err)
 {
-    status s = sql_change(store,
-                          "INSERT INTO events (seq, job, at, worker, who, text) VALUES (?, ?, ?, ?, ?, ?)",
-                          SQL_VALUES(sql_number(e->seq), sql_number((int64_t)e->job), sql_number(e->at),
-                                     sql_number(e->from_worker), sql_text(e->who),
-                                     sql_text(e->text)),
-                          "a job's event cannot be stored", err);
-
-    if (s != STATUS_OK)
-        return s;
+    TRY(sql_change(store, "INSERT INTO events (seq, job, at, worker, who, text) VALUES (?, ?, ?, ?, ?, ?)",
+                   SQL_VALUES(sql_number(e->seq), sql_number((int64_t)e->job), sql_number(e->at),
+                              sql_number(e->from_worker), sql_text(e->who), sql_text(e->text)),
+                   "a job's event cannot be stored", err));
     return sql_change(store,
                       "DELETE FROM events WHERE job=?1 AND worker=?2 AND seq <= (SELECT seq FROM "
                       "events WHERE job=?1 AND worker=?2 ORDER BY seq DESC LIMIT 1 OFFSET ?3)",
@@ -89,53 +63,11 @@ static status event_write(struct store *store, const struct job_event *e, struct
                       "a job's old events cannot be removed", err);
 }
 
-static void events_free(struct saved_event *first)
-{
-    while (first) {
-        struct saved_event *next = first->next;
-        mem_free(first);
-        first = next;
-    }
-}
-
-void events_take(struct store *store)
-{
-    store->events_taken = store->events;
-    store->events = NULL;
-    store->events_waiting = 0;
-}
-
 status events_write(struct store *store, struct error *err)
 {
-    status s = STATUS_OK;
-
-    for (const struct saved_event *e = store->events_taken; e && s == STATUS_OK; e = e->next)
-        s = event_write(store, &e->event, err);
-    return s;
-}
-
-void events_settle(struct store *store, int written)
-{
-    struct saved_event *first = store->events_taken, *last = first;
-
-    store->events_taken = NULL;
-    if (!first || written) {
-        events_free(first);
-        return;
-    }
-    for (store->events_waiting++; last->next; last = last->next)
-        store->events_waiting++;
-    last->next = store->events; /* newer ones may have come */
-    if (!store->events)
-        store->events_end = &last->next;
-    store->events = first;
-}
-
-void events_drop(struct store *store)
-{
-    events_free(store->events);
-    store->events = NULL;
-    store->events_waiting = 0;
+    for (const struct noted *e = store->events.taken; e; e = e->next)
+        TRY(event_write(store, &((const struct saved_event *)e)->event, err));
+    return STATUS_OK;
 }
 
 typedef status event_visit(void *user, const struct job_event *event, struct error *err);
@@ -148,14 +80,14 @@ struct noted_events {
     size_t count, capacity;
 };
 
-static status copy_list(struct noted_events *noted, const struct saved_event *e, uint64_t job, uint64_t after,
+static status copy_list(struct noted_events *noted, const struct noted *at, uint64_t job, uint64_t after,
                         struct error *err)
 {
-    for (; e; e = e->next) {
+    for (; at; at = at->next) {
+        const struct saved_event *e = (const struct saved_event *)at;
         if ((job && e->event.job != job) || e->event.seq <= after)
             continue;
-        if (!MEM_GROW(noted->events, noted->capacity, noted->count + 1))
-            return error_no_memory(err, "a job's log");
+        NEED(MEM_GROW(noted->events, noted->capacity, noted->count + 1), err, "a job's log");
         noted->events[noted->count++] = e->event;
     }
     return STATUS_OK;
@@ -169,9 +101,8 @@ static status noted_copy(struct store *store, uint64_t job, uint64_t after, stru
     status s;
 
     pthread_mutex_lock(&store->lock);
-    s = copy_list(noted, store->events_taken, job, after, err);
-    if (s == STATUS_OK)
-        s = copy_list(noted, store->events, job, after, err);
+    s = copy_list(noted, store->events.taken, job, after, err);
+    THEN(s, copy_list(noted, store->events.first, job, after, err));
     pthread_mutex_unlock(&store->lock);
     return s;
 }
@@ -180,30 +111,23 @@ static status noted_copy(struct store *store, uint64_t job, uint64_t after, stru
 static status load_rows(struct store *store, const char *sql, const struct sql_value *values, size_t count,
                         event_visit *visit, void *user, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    sqlite3 *db = reader_take(store);
-    int code = SQLITE_DONE;
-    status s = sql_ask(store, db, sql, values, count, &statement, err);
+    struct sql_rows rows = sql_read(store, sql, values, count, "events cannot be read", err);
 
-    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
-        struct job_event e = {.seq = column_number(statement, 0), .job = column_number(statement, 1),
-                              .at = sqlite3_column_int64(statement, 2),
-                              .from_worker = sqlite3_column_int(statement, 3)};
-        column_text(statement, 4, e.who, sizeof e.who);
-        column_text(statement, 5, e.text, sizeof e.text);
-        s = visit(user, &e, err);
+    while (sql_next(&rows)) {
+        struct job_event e = {.seq = column_number(rows.row, 0), .job = column_number(rows.row, 1),
+                              .at = sqlite3_column_int64(rows.row, 2),
+                              .from_worker = sqlite3_column_int(rows.row, 3)};
+        column_text(rows.row, 4, e.who, sizeof e.who);
+        column_text(rows.row, 5, e.text, sizeof e.text);
+        rows.result = visit(user, &e, err);
     }
-    if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_failed(store, db, "events cannot be read", err);
-    sqlite3_finalize(statement);
-    reader_leave(store, db);
-    return s;
+    return sql_end(&rows);
 }
 
 struct log_reading {
     event_visit *visit;
     void *user;
-    uint64_t last;     /* the seq of the last visited one */
+    uint64_t last; /* the seq of the last visited one */
     uint32_t count;
 };
 
@@ -234,12 +158,9 @@ status store_events_load(struct store *store, uint64_t job, uint64_t after, even
     struct log_reading r = {visit, user, after, 0};
     status s = noted_copy(store, job, after, &noted, err);
 
-    if (s == STATUS_OK)
-        s = load_rows(store,
-                      "SELECT seq, job, at, worker, who, text FROM events WHERE job=? AND seq>? ORDER BY seq",
-                      SQL_VALUES(sql_number((int64_t)job), sql_number((int64_t)after)), visit_stored, &r, err);
-    if (s == STATUS_OK)
-        s = visit_noted(&r, &noted, UINT32_MAX, err);
+    THEN(s, load_rows(store, "SELECT seq, job, at, worker, who, text FROM events WHERE job=? AND seq>? ORDER BY seq",
+                      SQL_VALUES(sql_number((int64_t)job), sql_number((int64_t)after)), visit_stored, &r, err));
+    THEN(s, visit_noted(&r, &noted, UINT32_MAX, err));
     mem_free(noted.events);
     return s;
 }
@@ -247,20 +168,13 @@ status store_events_load(struct store *store, uint64_t job, uint64_t after, even
 /* How many of the noted ones are newer than all stored ones? */
 static status count_unstored(struct store *store, const struct noted_events *noted, size_t *out, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    sqlite3 *db = reader_take(store);
-    status s = sql_ask(store, db, "SELECT coalesce(max(seq), 0) FROM events", NULL, 0, &statement, err);
-    uint64_t last = 0;
+    struct sql_rows rows =
+        sql_read(store, "SELECT coalesce(max(seq), 0) FROM events", NULL, 0, "events cannot be read", err);
+    const uint64_t last = sql_next(&rows) ? column_number(rows.row, 0) : 0;
 
-    if (s == STATUS_OK && sqlite3_step(statement) == SQLITE_ROW)
-        last = column_number(statement, 0);
-    else if (s == STATUS_OK)
-        s = sql_failed(store, db, "events cannot be read", err);
-    sqlite3_finalize(statement);
-    reader_leave(store, db);
     for (*out = 0; *out < noted->count && noted->events[noted->count - 1 - *out].seq > last;)
         ++*out;
-    return s;
+    return sql_end(&rows);
 }
 
 /* The newest: of the stored ones as many as those in memory leave room for. */
@@ -273,7 +187,7 @@ static status load_newest(struct store *store, uint64_t after, uint32_t limit, s
     if (s != STATUS_OK)
         return s;
     skipped = unstored > limit ? unstored - limit : 0; /* the oldest of them */
-    if (unstored > 0) /* else there may be no array */
+    if (unstored > 0)                                  /* else there may be no array */
         memmove(noted->events, noted->events + (noted->count - unstored) + skipped,
                 (unstored - skipped) * sizeof *noted->events);
     noted->count = unstored - skipped;
@@ -300,8 +214,7 @@ status store_events_load_all(struct store *store, uint64_t after, int newest, ui
     else if (s == STATUS_OK)
         s = load_rows(store, "SELECT seq, job, at, worker, who, text FROM events WHERE seq>? ORDER BY seq LIMIT ?",
                       SQL_VALUES(sql_number((int64_t)after), sql_number(limit)), visit_stored, &r, err);
-    if (s == STATUS_OK)
-        s = visit_noted(&r, &noted, limit, err);
+    THEN(s, visit_noted(&r, &noted, limit, err));
     mem_free(noted.events);
     return s;
 }

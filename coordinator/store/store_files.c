@@ -8,19 +8,61 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
-#include "common/base/trash.h"
+#include "common/system/trash.h"
 #include "coordinator/store/store_parts.h"
 
-static status make_job_folder(const struct store *store, const char *kind, uint64_t job,
-                              struct error *err)
+/* Is the folder still the one that was locked? Its disk may have been unmounted. */
+static status same_folder(const struct store *store, struct error *err)
+{
+    char *path = file_join(store->folder, "lock");
+    struct stat ours, found;
+    status s = STATUS_OK;
+
+    NEED(path, err, "the store");
+    if (stat(path, &found) != 0)
+        s = error_set(err, STATUS_ERR_IO, "%s: cannot be found: %s; was the store moved or unmounted?", path,
+                      strerror(errno));
+    else if (fstat(store->folder_lock.file, &ours) != 0 || ours.st_ino != found.st_ino || ours.st_dev != found.st_dev)
+        s = error_set(err, STATUS_ERR_IO, "%s: is another folder than at the start; was it moved or unmounted?",
+                      store->folder);
+    mem_free(path);
+    return s;
+}
+
+status store_make_folder(const struct store *store, const char *name, struct error *err)
+{
+    char *path = file_join(store->folder, name);
+    status s = path ? same_folder(store, err) : error_no_memory(err, "the store");
+
+    THEN(s, file_make_private_folder(path, err));
+    mem_free(path);
+    return s;
+}
+
+static status make_job_folder(const struct store *store, const char *kind, uint64_t job, struct error *err)
 {
     char name[48];
 
     snprintf(name, sizeof name, "%s/%" PRIu64, kind, job);
     return store_make_folder(store, name, err);
+}
+
+/* The same without a sync, which a film's first commit does (store_film.c). */
+static status make_films_folder(const struct store *store, uint64_t job, struct error *err)
+{
+    char name[48], *path;
+    status s;
+
+    snprintf(name, sizeof name, "films/%" PRIu64, job);
+    path = file_join(store->folder, name);
+    s = path ? same_folder(store, err) : error_no_memory(err, "the store");
+    if (s == STATUS_OK && mkdir(path, 0700) != 0 && errno != EEXIST)
+        s = file_make_private_folder(path, err); /* also the folder above, or says why not */
+    mem_free(path);
+    return s;
 }
 
 static void film_path(const struct store *store, uint64_t job, uint32_t frame, struct buffer *path)
@@ -34,28 +76,42 @@ static void kept_path(const struct store *store, uint64_t job, uint32_t frame, s
 }
 
 status store_film_open(struct store *store, uint64_t job, uint32_t frame, struct film *film,
-                       uint32_t (*durable)[GROUPS], uint8_t *slot, struct film_file **out, struct error *err)
+                       uint32_t (*durable)[GROUPS], struct film_file **out, struct error *err)
 {
-    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT, notes = BUFFER_INIT;
-    status s = make_job_folder(store, "films", job, err);
+    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT, notes[GROUPS] = {0};
+    status s = make_films_folder(store, job, err);
 
     *out = NULL;
     film_path(store, job, frame, &path);
     kept_path(store, job, frame, &kept);
     if (s == STATUS_OK && !(buffer_ok(&path) && buffer_ok(&kept)))
         s = error_no_memory(err, "a path");
-    if (s == STATUS_OK)
-        s = film_kept_load(buffer_text(&kept), job, frame, film, durable, &notes, err);
-    if (s == STATUS_OK)
-        s = film_file_open(out, buffer_text(&path), job, frame, film, durable, slot, err);
-    if (s == STATUS_OK && notes.size > 0) {
-        s = film_file_notes_restore(*out, &notes, err);
+    THEN(s, film_kept_load(buffer_text(&kept), job, frame, film, durable, notes, err));
+    THEN(s, film_file_open(out, buffer_text(&path), job, frame, film, durable, err));
+    if (s == STATUS_OK) {
+        s = film_file_notes_restore(*out, notes, err);
         if (s != STATUS_OK) {
             film_file_close(*out);
             *out = NULL;
         }
     }
-    buffer_release(&notes);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        buffer_release(&notes[g]);
+    buffer_release(&kept);
+    buffer_release(&path);
+    return s;
+}
+
+status store_film_measure(struct store *store, uint64_t job, uint32_t frame, struct film *film, struct error *err)
+{
+    struct buffer path = BUFFER_INIT, kept = BUFFER_INIT;
+    status s = STATUS_OK;
+
+    film_path(store, job, frame, &path);
+    kept_path(store, job, frame, &kept);
+    if (!(buffer_ok(&path) && buffer_ok(&kept)))
+        s = error_no_memory(err, "a path");
+    THEN(s, film_levels_load(buffer_text(&kept), buffer_text(&path), job, frame, film, err));
     buffer_release(&kept);
     buffer_release(&path);
     return s;
@@ -66,8 +122,7 @@ static int may_exist(const struct buffer *path)
     struct stat info;
 
     /* A file that cannot be looked up may exist: opening it gives the reason. */
-    return !buffer_ok(path) || stat(buffer_text(path), &info) == 0 ||
-           (errno != ENOENT && errno != ENOTDIR);
+    return !buffer_ok(path) || stat(buffer_text(path), &info) == 0 || (errno != ENOENT && errno != ENOTDIR);
 }
 
 int store_film_exists(const struct store *store, uint64_t job, uint32_t frame)
@@ -89,6 +144,15 @@ static void remove_path(const struct store *store, const struct buffer *path)
         log_warn("%s: cannot be removed: %s", buffer_text(path), strerror(errno));
 }
 
+/* A small film in work is kept as it is: it is on disk already. 0: it is to be written. The new name need not be
+ * durable: under the old one it is the frame's film as well. */
+static int keep_as_it_is(const struct film *film, struct film_file *file, const struct buffer *path,
+                         const struct buffer *kept)
+{
+    return buffer_ok(path) && file && film_file_bytes(file) <= film_kept_limit(film) && !may_exist(kept) &&
+           rename(buffer_text(path), buffer_text(kept)) == 0;
+}
+
 status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const struct film *film,
                        struct film_file *file, struct error *err)
 {
@@ -99,10 +163,11 @@ status store_film_keep(struct store *store, uint64_t job, uint32_t frame, const 
     kept_path(store, job, frame, &kept);
     if (!buffer_ok(&path) || !buffer_ok(&kept))
         s = error_no_memory(err, "a path");
-    if (s == STATUS_OK)
-        s = film_kept_write(buffer_text(&kept), job, frame, film, file, err);
-    if (s == STATUS_OK)
-        remove_path(store, &path);
+    if (!keep_as_it_is(film, file, &path, &kept)) {
+        THEN(s, film_kept_write(buffer_text(&kept), job, frame, film, file, err));
+        if (s == STATUS_OK)
+            remove_path(store, &path);
+    }
     buffer_release(&kept);
     buffer_release(&path);
     return s;
@@ -204,23 +269,25 @@ void store_films_list(const struct store *store, void (*visit)(void *user, uint6
     mem_free(path);
 }
 
-void store_output_path(const struct store *store, uint64_t job, uint32_t frame,
-                       const char *extension, struct buffer *path)
+void store_output_path(const struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                       struct buffer *path)
 {
-    buffer_printf(path, "%s/outputs/%" PRIu64 "/frame-%04u.%s", store->folder, job, frame,
-                  extension);
+    buffer_printf(path, "%s/outputs/%" PRIu64 "/frame-%04u.%s", store->folder, job, frame, extension);
 }
 
-status store_output_read(const struct store *store, uint64_t job, uint32_t frame,
-                         const char *extension, size_t limit_bytes, struct buffer *out,
-                         struct error *err)
+status store_output_read(const struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                         size_t limit_bytes, struct buffer *out, struct error *err)
 {
     struct buffer path = BUFFER_INIT;
+    size_t start = out->size;
+    struct digest is;
     status s;
 
     store_output_path(store, job, frame, extension, &path);
-    s = buffer_ok(&path) ? file_read_kept(buffer_text(&path), limit_bytes, out, err)
-                         : error_no_memory(err, "a path");
+    s = buffer_ok(&path) ? file_read_kept(buffer_text(&path), limit_bytes, out, err) : error_no_memory(err, "a path");
+    if (s == STATUS_OK && digest_of(&is, out->data + start, out->size - start) != STATUS_OK)
+        s = error_no_memory(err, "a digest");
+    THEN(s, store_output_check(store, job, frame, extension, &is, err));
     buffer_release(&path);
     return s;
 }
@@ -234,8 +301,26 @@ status store_output_write(struct store *store, uint64_t job, uint32_t frame, con
     store_output_path(store, job, frame, extension, &path);
     if (s == STATUS_OK && !buffer_ok(&path))
         s = error_no_memory(err, "a path");
+    THEN(s, file_write_one_of_many(buffer_text(&path), data->data, data->size, err));
+    THEN(s, sums_note(store, job, frame, extension, data, err));
+    buffer_release(&path);
+    return s;
+}
+
+status store_outputs_sync(const struct store *store, uint64_t job, struct error *err)
+{
+    struct buffer path = BUFFER_INIT;
+    status s = STATUS_OK;
+
+    buffer_printf(&path, "%s/outputs/%" PRIu64, store->folder, job);
+    if (!may_exist(&path)) { /* no output was written */
+        buffer_release(&path);
+        return STATUS_OK;
+    }
+    s = sums_write(store, job, err);
+    buffer_printf(&path, "/any");
     if (s == STATUS_OK)
-        s = file_write_private(buffer_text(&path), data->data, data->size, err);
+        s = buffer_ok(&path) ? file_sync_folder_of(buffer_text(&path), err) : error_no_memory(err, "a path");
     buffer_release(&path);
     return s;
 }

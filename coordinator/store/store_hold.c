@@ -2,12 +2,76 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
+
+static status open_lock(struct store_lock *lock, const char *path, const char *folder, struct error *err)
+{
+    char *blobs = file_join(folder, "blobs");
+
+    NEED(blobs, err, "the store");
+    lock->blobs = open(blobs, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    mem_free(blobs);
+    lock->file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    if (lock->file < 0 && (errno == EROFS || errno == EACCES)) /* it can be locked all the same */
+        lock->file = open(path, O_RDONLY | O_CLOEXEC);
+    if (lock->file < 0)
+        return error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s (choose a --store that can be written to)", path,
+                         strerror(errno));
+    return STATUS_OK;
+}
+
+/* Not every file system can lock a folder: NFS cannot. */
+static int is_taken(int fd) { return fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; }
+
+static status refuse_second(const struct store_lock *lock, const char *folder, struct error *err)
+{
+    char text[32];
+    ssize_t got = read(lock->file, text, sizeof text - 1);
+
+    text[got > 0 ? got : 0] = 0;
+    if (atoi(text) <= 0) /* its file was deleted: this one is new */
+        return error_set(err, STATUS_ERR_REFUSED,
+                         "%s: another coordinator uses this store; end it, or choose another --store", folder);
+    return error_set(err, STATUS_ERR_REFUSED,
+                     "%s: another coordinator (process %d) uses this store; end it, or choose another --store", folder,
+                     atoi(text));
+}
+
+status store_lock(struct store_lock *out, const char *folder, struct error *err)
+{
+    char *path = file_join(folder, "lock"), text[32];
+    int length = snprintf(text, sizeof text, "%d\n", (int)getpid());
+    status s;
+
+    *out = STORE_UNLOCKED;
+    NEED(path, err, "the store");
+    s = open_lock(out, path, folder, err);
+    if (s == STATUS_OK && (flock(out->file, LOCK_EX | LOCK_NB) != 0 || is_taken(out->blobs)))
+        s = refuse_second(out, folder, err);
+    else if (s == STATUS_OK && (ftruncate(out->file, 0) != 0 || write(out->file, text, (size_t)length) < 0))
+        log_debug("%s: the process number could not be noted", path);
+    if (s != STATUS_OK)
+        store_unlock(out);
+    mem_free(path);
+    return s;
+}
+
+void store_unlock(struct store_lock *lock)
+{
+    if (lock->file >= 0)
+        close(lock->file);
+    if (lock->blobs >= 0)
+        close(lock->blobs);
+    *lock = STORE_UNLOCKED;
+}
 
 static status hold(const char *folder, int how, int *out, struct error *err)
 {
@@ -17,12 +81,10 @@ static status hold(const char *folder, int how, int *out, struct error *err)
 
     *out = -1;
     mem_free(database);
-    if (!path)
-        return error_no_memory(err, "a path");
+    NEED(path, err, "a path");
     if (!there) { /* not made in a mount point whose disk is gone */
         mem_free(path);
-        return error_set(err, STATUS_ERR_IO,
-                         "%s: is no store at present; was it moved or unmounted?", folder);
+        return error_set(err, STATUS_ERR_IO, "%s: is no store at present; was it moved or unmounted?", folder);
     }
     *out = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     do
@@ -31,8 +93,7 @@ static status hold(const char *folder, int how, int *out, struct error *err)
     if (*out < 0)
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be opened: %s", path, strerror(errno));
     else if (code == EWOULDBLOCK)
-        s = error_set(err, STATUS_ERR_REFUSED,
-                      "a backup is being made of the store: nothing is removed until it ends");
+        s = error_set(err, STATUS_ERR_REFUSED, "a backup is being made of the store: nothing is removed until it ends");
     else if (code != 0)
         s = error_set(err, STATUS_ERR_IO, "%s: cannot be locked: %s", path, strerror(code));
     mem_free(path);
@@ -44,13 +105,12 @@ status store_hold_exclude(const char *folder, int *out, struct error *err)
     return hold(folder, LOCK_EX | LOCK_NB, out, err);
 }
 
-status store_hold_begin(const char *folder, int *out, struct error *err)
-{
-    return hold(folder, LOCK_SH, out, err);
-}
+status store_hold_begin(const char *folder, int *out, struct error *err) { return hold(folder, LOCK_SH, out, err); }
 
 void store_hold_end(int fd)
 {
-    if (fd >= 0)
-        close(fd);
+    if (fd < 0)
+        return;
+    flock(fd, LOCK_UN); /* a program that is being started may still have a copy of the descriptor */
+    close(fd);
 }

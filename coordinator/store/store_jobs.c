@@ -1,9 +1,10 @@
 /* The rows of the database: jobs, and the frames of each that are done. */
 #include <inttypes.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "common/base/bytes.h"
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "coordinator/store/store_parts.h"
 #include "coordinator/job/wire.h"
 
@@ -12,19 +13,18 @@ status store_job_insert(struct store *store, struct job *job, struct error *err)
     struct buffer request = BUFFER_INIT;
     status s = wire_job_pack(job, &request, err);
 
+    THEN(s, changes_await(store, err));
     pthread_mutex_lock(&store->order);
-    if (s == STATUS_OK)
-        s = sql_change(
-            store,
-            "INSERT INTO jobs (name, state, state_text, scene_name, kernel, epoch_floor, "
-            "submitted_at, finished_at, active_ns, conflicts, samples, rays, vertices, dropped, "
-            "cpu_ns, trace_ns, request, token, priority, owner) "
-            "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?, ?, ?)",
-            SQL_VALUES(sql_text(job->name), sql_number(job->state), sql_text(job->scene_name),
-                       sql_number(job->epoch_floor), sql_number(job->submitted_at),
-                       sql_bytes(&request), sql_text(job->token[0] ? job->token : NULL),
-                       sql_number(job->priority), sql_text(job->owner)),
-            "the job cannot be stored", err);
+    THEN(s, sql_change(store,
+                       "INSERT INTO jobs (name, state, state_text, scene_name, kernel, epoch_floor, "
+                       "submitted_at, finished_at, active_ns, conflicts, samples, rays, vertices, dropped, "
+                       "cpu_ns, trace_ns, request, token, priority, owner) "
+                       "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?, ?, ?)",
+                       SQL_VALUES(sql_text(job->name), sql_number(job->state), sql_text(job->scene_name),
+                                  sql_number(job->epoch_floor), sql_number(job->submitted_at), sql_bytes(&request),
+                                  sql_text(job->token[0] ? job->token : NULL), sql_number(job->priority),
+                                  sql_text(job->owner)),
+                       "the job cannot be stored", err));
     if (s == STATUS_OK)
         job->id = (uint64_t)sqlite3_last_insert_rowid(store->db);
     pthread_mutex_unlock(&store->order); /* no other insert may come before its id is read */
@@ -34,50 +34,38 @@ status store_job_insert(struct store *store, struct job *job, struct error *err)
 
 status store_job_find(struct store *store, const struct job *job, uint64_t *id, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
     struct job *there = NULL;
-    sqlite3 *db;
-    int code, same = 0;
-    status s;
+    struct sql_rows rows;
+    int same = 0;
 
     *id = 0;
     if (!job->token[0])
         return STATUS_OK;
-    db = reader_take(store);
+    TRY(changes_await(store, err));
     /* The original submission: an extension changes `request`. */
-    s = sql_ask(store, db, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
-                SQL_VALUES(sql_text(job->token)), &statement, err);
-    code = s == STATUS_OK ? sqlite3_step(statement) : SQLITE_DONE;
-    if (code == SQLITE_ROW) {
-        *id = column_number(statement, 0);
-        s = wire_job_unpack(&there, sqlite3_column_blob(statement, 1),
-                            (size_t)sqlite3_column_bytes(statement, 1), err);
-        if (s == STATUS_OK)
-            s = wire_job_same(job, there, &same, err);
-        if (s == STATUS_OK && !same)
-            s = error_set(err, STATUS_ERR_REFUSED,
-                          "the token '%s' was used for job %" PRIu64 ", which has another scene, "
-                          "name, frames or settings; choose another token",
-                          job->token, *id);
-    } else if (code != SQLITE_DONE) {
-        s = sql_failed(store, db, "the jobs cannot be read", err);
+    rows = sql_read(store, "SELECT id, coalesce(submitted, request) FROM jobs WHERE token=?",
+                    SQL_VALUES(sql_text(job->token)), "the jobs cannot be read", err);
+    if (sql_next(&rows)) {
+        *id = column_number(rows.row, 0);
+        rows.result =
+            wire_job_unpack(&there, sqlite3_column_blob(rows.row, 1), (size_t)sqlite3_column_bytes(rows.row, 1), err);
+        THEN(rows.result, wire_job_same(job, there, &same, err));
+        if (rows.result == STATUS_OK && !same)
+            rows.result = error_set(err, STATUS_ERR_REFUSED,
+                                    "the token '%s' was used for job %" PRIu64 ", which has another scene, "
+                                    "name, frames or settings; choose another token",
+                                    job->token, *id);
     }
-    sqlite3_finalize(statement);
-    reader_leave(store, db);
     job_free(there);
-    return s;
+    return sql_end(&rows);
 }
 
 void store_job_forget(struct store *store, uint64_t id)
 {
     struct error err = {0};
-    status s;
 
-    pthread_mutex_lock(&store->order);
-    s = sql_change(store, "DELETE FROM jobs WHERE id=?", SQL_VALUES(sql_number(id)),
-                   "a job cannot be removed", &err);
-    pthread_mutex_unlock(&store->order);
-    if (s != STATUS_OK)
+    if (sql_note(store, "DELETE FROM jobs WHERE id=?", SQL_VALUES(sql_number(id)), "a job cannot be removed", &err) !=
+        STATUS_OK)
         log_error("%s", err.text);
 }
 
@@ -160,64 +148,52 @@ static struct unit_work read_work(sqlite3_stmt *row, int at)
     return work;
 }
 
-static status load_frames(struct store *store, sqlite3 *db, struct job *job, struct error *err)
+/* only_done: those alone that the job has as done; rows of others wait to be deleted. */
+static status load_frames(struct store *store, sqlite3 *db, struct job *job, int only_done, struct error *err)
 {
     struct unit_work work;
-    sqlite3_stmt *statement = NULL;
-    int code;
-    status s = sql_ask(store, db,
-                       "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
-                       "clamped_values, clamped, clamped_luminance, kept_luminance, health, depth "
-                       "FROM frames WHERE job=? ORDER BY frame",
-                       SQL_VALUES(sql_number(job->id)), &statement, err);
+    struct sql_rows rows = sql_ask(store, db,
+                                   "SELECT frame, revision, samples, rays, vertices, dropped, leaked, "
+                                   "clamped_values, clamped, clamped_luminance, kept_luminance, health, depth "
+                                   "FROM frames WHERE job=? ORDER BY frame",
+                                   SQL_VALUES(sql_number(job->id)), "the frames cannot be read", err);
 
-    if (s != STATUS_OK)
-        return s;
-    while ((code = sqlite3_step(statement)) == SQLITE_ROW) {
-        sqlite3_int64 frame = sqlite3_column_int64(statement, 0);
-        if (frame < job->first_frame || frame > job->last_frame)
+    while (sql_next(&rows)) {
+        sqlite3_int64 frame = sqlite3_column_int64(rows.row, 0);
+        if (frame < job->first_frame || frame > job->last_frame ||
+            (only_done && !job_frame_is_done(job, (uint32_t)frame)))
             continue;
         job_frame_set_done(job, (uint32_t)frame);
-        work = read_work(statement, 2);
+        work = read_work(rows.row, 2);
         health_of_frame(&work.health, (uint32_t)frame);
         unit_work_add(&job->work, &work);
-        if (sqlite3_column_int64(statement, 1) == (sqlite3_int64)job->revision)
+        if (sqlite3_column_int64(rows.row, 1) == (sqlite3_int64)job->revision)
             job_frame_set_developed(job, (uint32_t)frame);
     }
-    if (code != SQLITE_DONE)
-        s = sql_failed(store, db, "the frames cannot be read", err);
-    sqlite3_finalize(statement);
-    return s;
+    return sql_end(&rows);
 }
 
 static status load_cuts(struct store *store, struct job *job, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    int code = SQLITE_DONE;
-    status s = sql_select(store,
-                          "SELECT frame, samples, least, most, tiles, tiles_empty, ended, "
-                          "group_most FROM cut_frames WHERE job=? ORDER BY frame",
-                          SQL_VALUES(sql_number(job->id)), &statement, err);
+    struct sql_rows rows = sql_select(store,
+                                      "SELECT frame, samples, least, most, tiles, tiles_empty, ended, "
+                                      "group_most FROM cut_frames WHERE job=? ORDER BY frame",
+                                      SQL_VALUES(sql_number(job->id)), "the frames cannot be read", err);
 
-    if (s != STATUS_OK)
-        return s;
-    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
-        uint64_t frame = column_number(statement, 0);
-        struct film_coverage cut = {.samples = column_number(statement, 1),
-                                    .least = (uint32_t)column_number(statement, 2),
-                                    .most = (uint32_t)column_number(statement, 3),
-                                    .tiles = (uint32_t)column_number(statement, 4),
-                                    .tiles_empty = (uint32_t)column_number(statement, 5),
-                                    .group_most = (uint32_t)column_number(statement, 7)};
-        enum frame_end end = (enum frame_end)column_number(statement, 6);
-        if (frame >= job->first_frame && frame <= job->last_frame &&
-            job_frame_is_done(job, (uint32_t)frame) && cut.samples <= job_frame_samples(job))
-            s = job_frame_set_cut(job, (uint32_t)frame, end, &cut, err);
+    while (sql_next(&rows)) {
+        uint64_t frame = column_number(rows.row, 0);
+        struct film_coverage cut = {.samples = column_number(rows.row, 1),
+                                    .least = (uint32_t)column_number(rows.row, 2),
+                                    .most = (uint32_t)column_number(rows.row, 3),
+                                    .tiles = (uint32_t)column_number(rows.row, 4),
+                                    .tiles_empty = (uint32_t)column_number(rows.row, 5),
+                                    .group_most = (uint32_t)column_number(rows.row, 7)};
+        enum frame_end end = (enum frame_end)column_number(rows.row, 6);
+        if (frame >= job->first_frame && frame <= job->last_frame && job_frame_is_done(job, (uint32_t)frame) &&
+            cut.samples <= job_frame_samples(job))
+            rows.result = job_frame_set_cut(job, (uint32_t)frame, end, &cut, err);
     }
-    if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "the frames cannot be read", err);
-    sqlite3_finalize(statement);
-    return s;
+    return sql_end(&rows);
 }
 
 status store_job_sum(struct store *store, struct job *job, struct error *err)
@@ -227,11 +203,87 @@ status store_job_sum(struct store *store, struct job *job, struct error *err)
 
     memset(&job->work, 0, sizeof job->work);
     job_figures_release(&job->figures);
-    s = load_frames(store, db, job, err);
-    if (s == STATUS_OK)
-        s = history_load_last(store, db, job, err);
+    s = load_frames(store, db, job, 1, err);
+    THEN(s, history_load_last(store, db, job, err));
     reader_leave(store, db);
     return s;
+}
+
+/* A job in the place of one whose row cannot be read: parked with the reason, so that the others go on. It is never
+ * rendered, and its row stays as it is but for the state that people give it. */
+static status load_damaged(const struct store *store, sqlite3_stmt *row, const struct error *why, struct job **out)
+{
+    int state = sqlite3_column_int(row, 1);
+    struct job *job = job_new(1, 1);
+    status s = job ? wire_output_get(&job->output, NULL, NULL) : STATUS_ERR_NO_MEMORY;
+
+    if (s != STATUS_OK) {
+        job_free(job);
+        return s;
+    }
+    job->id = column_number(row, 0);
+    job->is_damaged = 1;
+    job->state = state >= 0 && state < JOB_STATE_COUNT && job_state_ended((enum job_state)state) ? (enum job_state)state
+                                                                                                 : JOB_STATE_PARKED;
+    render_settings_default(&job->settings);
+    snprintf(job->name, sizeof job->name, "damaged");
+    snprintf(job->state_text, sizeof job->state_text,
+             "its row in queue.sqlite is damaged: %.200s; submit it again, then cancel and remove this one", why->text);
+    job->submitted_at = sqlite3_column_int64(row, 6);
+    job->finished_at = sqlite3_column_int64(row, 7);
+    column_text(row, 17, job->owner, sizeof job->owner);
+    log_error("%s/queue.sqlite: job %" PRIu64 " is parked: %s", store->folder, job->id, job->state_text);
+    *out = job;
+    return STATUS_OK;
+}
+
+/* Has a row of the job's another digest than it was written with? */
+static status check_rows(struct store *store, uint64_t id, struct error *err)
+{
+    struct sql_rows rows = sql_select(store, "SELECT tab, key FROM temp.bad WHERE job=?", SQL_VALUES(sql_number(id)),
+                                      "the jobs cannot be read", err);
+    char tab[32], key[64];
+    int found = sql_next(&rows);
+
+    if (found) {
+        column_text(rows.row, 0, tab, sizeof tab);
+        column_text(rows.row, 1, key, sizeof key);
+    }
+    TRY(sql_end(&rows));
+    return found ? error_set(err, STATUS_ERR_CORRUPT, "table %s, row %s has another digest", tab, key) : STATUS_OK;
+}
+
+/* ---- accounts -------------------------------------------------------------------------------- */
+
+static void put_number(uint8_t *out, uint64_t value)
+{
+    for (int i = 0; i < 8; i++)
+        out[i] = (uint8_t)(value >> 8 * i);
+}
+
+static uint64_t get_number(const uint8_t *in)
+{
+    uint64_t value = 0;
+
+    for (int i = 7; i >= 0; i--)
+        value = value << 8 | in[i];
+    return value;
+}
+
+void stats_pack(const struct work_stats *stats, uint8_t out[STATS_BYTES])
+{
+    put_number(out, stats->effects);
+    for (size_t i = 0; i < EFFECT_ACCOUNTS; i++)
+        put_number(out + 8 * (i + 1), stats->accounts[i]);
+}
+
+void stats_unpack(struct work_stats *stats, const uint8_t *in, size_t size)
+{
+    if (size != STATS_BYTES)
+        return; /* an older release's job, or with other effects */
+    stats->effects = get_number(in);
+    for (size_t i = 0; i < EFFECT_ACCOUNTS; i++)
+        stats->accounts[i] = get_number(in + 8 * (i + 1));
 }
 
 static status load_job(struct store *store, sqlite3_stmt *row, struct job **out, struct error *err)
@@ -239,21 +291,23 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     struct job *job = NULL;
     uint64_t id = column_number(row, 0);
     int state = sqlite3_column_int(row, 1);
-    status s = wire_job_unpack(&job, sqlite3_column_blob(row, 11),
-                               (size_t)sqlite3_column_bytes(row, 11), err);
+    status s = check_rows(store, id, err);
 
+    THEN(s, wire_job_unpack(&job, sqlite3_column_blob(row, 11), (size_t)sqlite3_column_bytes(row, 11), err));
     if (s == STATUS_OK && (state < 0 || state >= JOB_STATE_COUNT))
         s = error_set(err, STATUS_ERR_CORRUPT, "unknown state %d", state);
     if (s != STATUS_OK) {
-        error_prefix(err, "%s/queue.sqlite: job %" PRIu64, store->folder, id);
         job_free(job);
+        if (!status_is_environment(s) && load_damaged(store, row, err, out) == STATUS_OK)
+            return STATUS_OK;
+        error_prefix(err, "%s/queue.sqlite: job %" PRIu64, store->folder, id);
         return s;
     }
     job->id = id;
     job->state = (enum job_state)state;
     column_text(row, 2, job->state_text, sizeof job->state_text);
     column_text(row, 3, job->scene_name, sizeof job->scene_name);
-    column_text(row, 4, job->kernel, sizeof job->kernel);
+    column_text(row, 4, job->ray_tracer, sizeof job->ray_tracer);
     job->epoch_floor = column_number(row, 5);
     job->submitted_at = sqlite3_column_int64(row, 6);
     job->finished_at = sqlite3_column_int64(row, 7);
@@ -272,7 +326,8 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     if (sqlite3_column_type(row, 19) == SQLITE_INTEGER)
         job->needs.not_before = sqlite3_column_int64(row, 19);
     column_text(row, 20, job->comment, sizeof job->comment);
-    s = load_frames(store, store->db, job, err);
+    stats_unpack(&job->stats, sqlite3_column_blob(row, 21), (size_t)sqlite3_column_bytes(row, 21));
+    s = load_frames(store, store->db, job, 0, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
@@ -285,109 +340,101 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     return STATUS_OK;
 }
 
-status store_jobs_load(struct store *store,
-                       status (*adopt)(void *user, struct job *job, struct error *err), void *user,
+status store_jobs_load(struct store *store, status (*adopt)(void *user, struct job *job, struct error *err), void *user,
                        struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    int code = SQLITE_DONE;
-    status s = sql_select(store,
+    struct sql_rows rows = sql_select(store,
                           "SELECT id, state, state_text, scene_name, kernel, epoch_floor, "
                           "submitted_at, finished_at, active_ns, conflicts, cpu_ns, request, "
-                          "trace_ns, revision, release, marks, priority, owner, waits_for, not_before, comment FROM jobs ORDER BY id",
-                          NULL, 0, &statement, err);
+                          "trace_ns, revision, release, marks, priority, owner, waits_for, not_before, comment, accounts FROM jobs ORDER BY id",
+                          NULL, 0, "the jobs cannot be read", err);
 
-    if (s != STATUS_OK)
-        return s;
-    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
+    while (sql_next(&rows)) {
         struct job *job = NULL;
-        s = load_job(store, statement, &job, err);
-        if (s != STATUS_OK)
-            break;
-        s = adopt(user, job, err);
-        if (s != STATUS_OK)
+        rows.result = load_job(store, rows.row, &job, err);
+        THEN(rows.result, adopt(user, job, err));
+        if (rows.result != STATUS_OK)
             job_free(job);
     }
-    if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "the jobs cannot be read", err);
-    sqlite3_finalize(statement);
-    return s;
+    return sql_end(&rows);
 }
 
-/* This row is written first: it counts only once its frame is done. */
-status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
-                  const struct film_coverage *cut, struct error *err)
+static const char cut_insertion[] =
+    "INSERT OR REPLACE INTO cut_frames (job, frame, samples, least, most, tiles, tiles_empty, "
+    "ended, group_most) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
+#define CUT_VALUES                                                                                                  \
+    SQL_VALUES(sql_number(job), sql_number(frame), sql_number(cut->samples), sql_number(cut->least),                \
+               sql_number(cut->most), sql_number(cut->tiles), sql_number(cut->tiles_empty), sql_number(end),        \
+               sql_number(cut->group_most))
+
+static status cut_insert(struct store *store, uint64_t job, uint32_t frame, enum frame_end end,
+                         const struct film_coverage *cut, struct error *err)
 {
-    return sql_change_reserved(
-        store,
-        "INSERT OR REPLACE INTO cut_frames (job, frame, samples, least, most, tiles, tiles_empty, "
-        "ended, group_most) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        SQL_VALUES(sql_number(job), sql_number(frame), sql_number(cut->samples),
-                   sql_number(cut->least), sql_number(cut->most), sql_number(cut->tiles),
-                   sql_number(cut->tiles_empty), sql_number(end), sql_number(cut->group_most)),
-        "the frame's samples cannot be noted", err);
+    return sql_change_reserved(store, cut_insertion, CUT_VALUES, "the frame's samples cannot be noted", err);
+}
+
+status cut_note(struct noted_list *list, uint64_t job, uint32_t frame, enum frame_end end,
+                const struct film_coverage *cut, struct error *err)
+{
+    return changes_add(list, cut_insertion, CUT_VALUES, "the frame's samples cannot be noted", err);
 }
 
 /* Does the job still have the rules of this epoch? */
 static status check_rules(struct store *store, uint64_t job, uint64_t epoch_floor, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    status s = sql_select(store, "SELECT epoch_floor FROM jobs WHERE id=?", SQL_VALUES(sql_number(job)), &statement,
-                          err);
-    int code;
+    struct sql_rows rows = sql_select(store, "SELECT epoch_floor FROM jobs WHERE id=?", SQL_VALUES(sql_number(job)),
+                                      "the job cannot be read", err);
+    const int same = sql_next(&rows) && column_number(rows.row, 0) == epoch_floor;
 
-    if (s != STATUS_OK)
-        return s;
-    code = sqlite3_step(statement);
-    if (code != SQLITE_ROW && code != SQLITE_DONE)
-        s = sql_error(store, "the job cannot be read", err);
-    else if (code == SQLITE_DONE || column_number(statement, 0) != epoch_floor)
-        s = error_set(err, STATUS_ERR_REFUSED, "job %llu got other rules while its picture was made",
-                      (unsigned long long)job);
-    sqlite3_finalize(statement);
-    return s;
+    TRY(sql_end(&rows));
+    return same ? STATUS_OK
+                : error_set(err, STATUS_ERR_REFUSED, "job %llu got other rules while its picture was made",
+                            (unsigned long long)job);
 }
 
-status store_frame_done(struct store *store, uint64_t job, uint64_t epoch_floor, uint32_t frame, int64_t revision,
-                        enum frame_end end, const struct film_coverage *cut,
-                        const struct unit_work *work, struct error *err)
+static status write_done(struct store *store, const void *user, struct error *err)
 {
+    const struct frame_done *d = user;
+    const struct unit_work *work = d->work;
+    const struct frame_makers unknown = {0}, *makers = d->makers ? d->makers : &unknown;
     uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES], sums[DEPTH_BYTES];
     const struct buffer health = write_health(&work->health, rows), depth = write_depth(&work->depth, sums);
-    status s;
 
+    TRY(check_rules(store, d->job, d->epoch_floor, err));
+    if (d->point)
+        TRY(history_write(store, d->job, d->frame, d->place, d->point, err));
+    if (d->cut)
+        TRY(cut_insert(store, d->job, d->frame, d->end, d->cut, err));
+    return sql_change_reserved(
+        store,
+        "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, vertices, dropped, "
+        "leaked, clamped_values, clamped, clamped_luminance, kept_luminance, health, depth, "
+        "deliverers, done_at) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        SQL_VALUES(sql_number(d->job), sql_number(d->frame), sql_number(d->revision), sql_number(work->samples),
+                   sql_number(work->rays), sql_number(work->vertices), sql_number(work->dropped_samples),
+                   sql_number(work->leaked_rays), sql_number(work->clamped_values), sql_number(work->clamped_samples),
+                   sql_real(work->clamped_luminance), sql_real(work->kept_luminance), sql_bytes(&health),
+                   sql_bytes(&depth), sql_bytes(&makers->deliverers), sql_number(makers->done_at)),
+        "the frame cannot be noted as done", err);
+}
+
+status store_frame_done(struct store *store, const struct frame_done *done, struct error *err)
+{
+    status s = store_outputs_sync(store, done->job, err);
+
+    THEN(s, changes_await(store, err));
     pthread_mutex_lock(&store->order);
-    s = check_rules(store, job, epoch_floor, err);
-    if (s == STATUS_OK && cut)
-        s = cut_insert(store, job, frame, end, cut, err);
-    if (s == STATUS_OK)
-        s = sql_change_reserved(
-            store,
-            "INSERT OR REPLACE INTO frames (job, frame, revision, samples, rays, vertices, dropped, "
-            "leaked, clamped_values, clamped, clamped_luminance, kept_luminance, health, depth) "
-            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            SQL_VALUES(sql_number(job), sql_number(frame), sql_number(revision),
-                       sql_number(work->samples), sql_number(work->rays),
-                       sql_number(work->vertices), sql_number(work->dropped_samples),
-                       sql_number(work->leaked_rays), sql_number(work->clamped_values),
-                       sql_number(work->clamped_samples), sql_real(work->clamped_luminance),
-                       sql_real(work->kept_luminance), sql_bytes(&health), sql_bytes(&depth)),
-            "the frame cannot be noted as done", err);
+    THEN(s, sql_transaction(store, write_done, done, err));
     pthread_mutex_unlock(&store->order);
     return s;
 }
 
-status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision,
-                             struct error *err)
+status store_frame_developed(struct store *store, uint64_t job, uint32_t frame, int64_t revision, struct error *err)
 {
-    status s;
-
-    pthread_mutex_lock(&store->order);
-    s = sql_change_reserved(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?",
-                            SQL_VALUES(sql_number(revision), sql_number(job), sql_number(frame)),
-                            "the frame's pictures cannot be noted", err);
-    pthread_mutex_unlock(&store->order);
-    return s;
+    TRY(store_outputs_sync(store, job, err));
+    return sql_write(store, "UPDATE frames SET revision=? WHERE job=? AND frame=?",
+                     SQL_VALUES(sql_number(revision), sql_number(job), sql_number(frame)),
+                     "the frame's pictures cannot be noted", NULL, err);
 }
 
 status store_job_revise(struct store *store, const struct job *job, struct error *err)
@@ -395,50 +442,42 @@ status store_job_revise(struct store *store, const struct job *job, struct error
     struct buffer request = BUFFER_INIT;
     status s = wire_job_pack(job, &request, err);
 
-    pthread_mutex_lock(&store->order);
-    if (s == STATUS_OK)
-        s = sql_change(
-            store, "UPDATE jobs SET request=?, revision=? WHERE id=?",
-            SQL_VALUES(sql_bytes(&request), sql_number(job->revision), sql_number(job->id)),
-            "the job's output settings cannot be stored", err);
-    pthread_mutex_unlock(&store->order);
+    THEN(s, sql_note(store, "UPDATE jobs SET request=?, revision=? WHERE id=?",
+                     SQL_VALUES(sql_bytes(&request), sql_number(job->revision), sql_number(job->id)),
+                     "the job's output settings cannot be stored", err));
     buffer_release(&request);
     return s;
 }
 
-status store_clock_load(struct store *store, uint64_t job, uint32_t frame,
-                        struct frame_clock *out, struct error *err)
+status store_clock_load(struct store *store, uint64_t job, uint32_t frame, struct frame_clock *out, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    sqlite3 *db = reader_take(store);
-    status s = sql_ask(store, db,
-                       "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
-                       "WHERE job=? AND frame=?",
-                       SQL_VALUES(sql_number(job), sql_number(frame)), &statement, err);
-    int code = s == STATUS_OK ? sqlite3_step(statement) : SQLITE_DONE;
+    const int begins = changes_have_clock(store, job, frame); /* asked first: it may be written any moment */
+    struct sql_rows rows =
+        sql_read(store,
+                 "SELECT active_ns, cpu_ns, from_active_ns, from_cpu_ns FROM clocks "
+                 "WHERE job=? AND frame=?",
+                 SQL_VALUES(sql_number(job), sql_number(frame)), "a frame's time cannot be read", err);
 
     memset(out, 0, sizeof *out);
-    if (code == SQLITE_ROW) {
-        out->active_ns = column_number(statement, 0);
-        out->cpu_ns = column_number(statement, 1);
-        out->from_active_ns = column_number(statement, 2);
-        out->from_cpu_ns = column_number(statement, 3);
-    } else if (code != SQLITE_DONE) {
-        s = sql_failed(store, db, "a frame's time cannot be read", err);
+    if (sql_next(&rows))
+        *out = (struct frame_clock){.active_ns = column_number(rows.row, 0), .cpu_ns = column_number(rows.row, 1),
+                                    .from_active_ns = column_number(rows.row, 2),
+                                    .from_cpu_ns = column_number(rows.row, 3)};
+    if (begins) {
+        out->from_active_ns = out->active_ns;
+        out->from_cpu_ns = out->cpu_ns;
     }
-    sqlite3_finalize(statement);
-    reader_leave(store, db);
-    return s;
+    return sql_end(&rows);
 }
 
-status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns,
-                   uint64_t cpu_ns, struct error *err)
+status clock_write(struct store *store, uint64_t job, uint32_t frame, uint64_t active_ns, uint64_t cpu_ns,
+                   struct error *err)
 {
-    return sql_change_reserved(
-        store,
-        "INSERT INTO clocks (job, frame, active_ns, cpu_ns) VALUES (?, ?, ?, ?) "
-        "ON CONFLICT (job, frame) DO UPDATE SET active_ns=max(active_ns, excluded.active_ns), "
-        "cpu_ns=max(cpu_ns, excluded.cpu_ns)",
-        SQL_VALUES(sql_number(job), sql_number(frame), sql_number(active_ns), sql_number(cpu_ns)),
-        "a frame's time cannot be stored", err);
+    return sql_change_reserved(store,
+                               "INSERT INTO clocks (job, frame, active_ns, cpu_ns) VALUES (?, ?, ?, ?) "
+                               "ON CONFLICT (job, frame) DO UPDATE SET active_ns=max(active_ns, excluded.active_ns), "
+                               "cpu_ns=max(cpu_ns, excluded.cpu_ns)",
+                               SQL_VALUES(sql_number(job), sql_number(frame), sql_number(active_ns),
+                                          sql_number(cpu_ns)),
+                               "a frame's time cannot be stored", err);
 }

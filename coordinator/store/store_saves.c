@@ -3,10 +3,10 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/farm.h"
-#include "coordinator/job/frame.h"
+#include "coordinator/frame/frame.h"
 #include "coordinator/store/store_parts.h"
 #include "coordinator/job/wire.h"
 
@@ -17,13 +17,14 @@
 struct saved_job {
     struct saved_job *next;
     uint64_t id;
-    struct deliverer deliverer;  /* its number is 0: this is a job */
+    struct deliverer deliverer; /* its number is 0: this is a job */
+    int stale;                  /* the job has changed since this was taken: it goes on */
     enum job_state state;
     unsigned marks;
     int32_t priority;
     char waits_for[NEEDS_AFTER_TEXT_SIZE], comment[JOB_COMMENT_MAX + 1];
     int64_t not_before;
-    char state_text[JOB_TEXT_MAX + 1], kernel[KERNEL_NAME_MAX + 1], release[RELEASE_NAME_MAX + 1];
+    char state_text[JOB_TEXT_MAX + 1], ray_tracer[RAY_TRACER_NAME_MAX + 1], release[RELEASE_NAME_MAX + 1];
     int64_t finished_at;
     uint64_t active_ns, conflicts;
     struct work_stats stats;
@@ -40,6 +41,7 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->next = NULL;
     row->id = job->id;
     row->deliverer.number = 0;
+    row->stale = 0;
     row->state = job->state;
     row->marks = job->marks;
     row->priority = job->priority;
@@ -47,7 +49,7 @@ static void row_take(struct saved_job *row, const struct job *job, uint64_t now_
     row->not_before = job->needs.not_before;
     memcpy(row->comment, job->comment, sizeof row->comment);
     memcpy(row->state_text, job->state_text, sizeof row->state_text);
-    memcpy(row->kernel, job->kernel, sizeof row->kernel);
+    memcpy(row->ray_tracer, job->ray_tracer, sizeof row->ray_tracer);
     memcpy(row->release, job->release, sizeof row->release);
     row->finished_at = job->finished_at;
     row->active_ns = (uint64_t)(job_active_seconds(job, now_ns) * 1e9);
@@ -67,23 +69,26 @@ static status clocks_write(struct store *store, const struct saved_job *row, str
     status s = STATUS_OK;
 
     for (uint32_t i = 0; i < row->clock_count && s == STATUS_OK; i++)
-        s = clock_write(store, row->id, row->clocks[i].frame, row->clocks[i].active_ns,
-                        row->clocks[i].cpu_ns, err);
+        s = clock_write(store, row->id, row->clocks[i].frame, row->clocks[i].active_ns, row->clocks[i].cpu_ns, err);
     return s;
 }
 
 static status row_write(struct store *store, const struct saved_job *row, struct error *err)
 {
-    status s = sql_change_reserved(
+    uint8_t accounts[STATS_BYTES];
+    struct buffer bytes = {.data = accounts, .size = sizeof accounts}; /* only read */
+    status s;
+
+    stats_pack(&row->stats, accounts);
+    s = sql_change_reserved(
         store,
         "UPDATE jobs SET state=?, state_text=?, kernel=?, finished_at=?, active_ns=?, conflicts=?, "
-        "cpu_ns=?, trace_ns=?, release=?, marks=?, priority=?, waits_for=?, not_before=?, comment=? WHERE id=?",
-        SQL_VALUES(sql_number(row->state), sql_text(row->state_text), sql_text(row->kernel),
-                   sql_number(row->finished_at), sql_number(row->active_ns),
-                   sql_number(row->conflicts), sql_number(row->stats.cpu_ns),
-                   sql_number(row->stats.trace_ns), sql_text(row->release), sql_number(row->marks),
-                   sql_number(row->priority), sql_text(row->waits_for), sql_number(row->not_before),
-                   sql_text(row->comment), sql_number(row->id)),
+        "cpu_ns=?, trace_ns=?, release=?, marks=?, priority=?, waits_for=?, not_before=?, comment=?, accounts=? WHERE id=?",
+        SQL_VALUES(sql_number(row->state), sql_text(row->state_text), sql_text(row->ray_tracer),
+                   sql_number(row->finished_at), sql_number(row->active_ns), sql_number(row->conflicts),
+                   sql_number(row->stats.cpu_ns), sql_number(row->stats.trace_ns), sql_text(row->release),
+                   sql_number(row->marks), sql_number(row->priority), sql_text(row->waits_for),
+                   sql_number(row->not_before), sql_text(row->comment), sql_bytes(&bytes), sql_number(row->id)),
         "the job's state cannot be stored", err);
 
     if (s == STATUS_OK && sqlite3_changes(store->db) == 0)
@@ -104,10 +109,7 @@ static struct saved_job **find_in(struct saved_job **list, uint64_t id)
     return list;
 }
 
-static struct saved_job **saves_find(struct store *store, uint64_t id)
-{
-    return find_in(&store->saves, id);
-}
+static struct saved_job **saves_find(struct store *store, uint64_t id) { return find_in(&store->saves, id); }
 
 /* Take the job's waiting row out of the list: a newer one follows. */
 static void saves_drop(struct store *store, uint64_t id)
@@ -141,8 +143,7 @@ status store_when_saved(struct store *store, store_done_fn *done, void *user, st
 {
     struct saved_wait *wait = mem_calloc(1, sizeof *wait);
 
-    if (!wait)
-        return error_no_memory(err, "an answer that waits for the disk");
+    NEED(wait, err, "an answer that waits for the disk");
     wait->done = done;
     wait->user = user;
     pthread_mutex_lock(&store->lock);
@@ -182,13 +183,11 @@ void store_deliver(struct store *store)
 
 static int nothing_is_noted(const struct store *store)
 {
-    return !store->saves && !store->events && !store->workers && !store->shares;
+    return !store->saves && !store->changes.first && !store->clears.first && !store->events.first &&
+           !store->workers.first && !store->shares;
 }
 
-static int nothing_waits(const struct store *store)
-{
-    return nothing_is_noted(store) && !store->waits;
-}
+static int nothing_waits(const struct store *store) { return nothing_is_noted(store) && !store->waits; }
 
 void store_settle(struct store *store)
 {
@@ -228,8 +227,10 @@ static struct saved_wait *take_all(struct store *store)
     store->waits = NULL;
     store->saves_taken = store->saves;
     store->saves = NULL;
-    events_take(store);
-    workers_take(store);
+    noted_take(&store->changes);
+    noted_take(&store->clears);
+    noted_take(&store->events);
+    noted_take(&store->workers);
     shares_take(store);
     pthread_mutex_unlock(&store->lock);
     return waits;
@@ -246,13 +247,9 @@ static status rows_write(struct store *store, struct error *err)
 
 static status others_write(struct store *store, struct error *err)
 {
-    status s = events_write(store, err);
-
-    if (s == STATUS_OK)
-        s = workers_write(store, err);
-    if (s == STATUS_OK)
-        s = shares_write(store, err);
-    return s;
+    TRY(events_write(store, err));
+    TRY(workers_write(store, err));
+    return shares_write(store, err);
 }
 
 /* In one transaction: the rows, what else was noted, or both. */
@@ -262,12 +259,13 @@ static status write_once(struct store *store, int rows, int others, struct error
 
     if (s != STATUS_OK)
         return s;
-    if (rows)
-        s = rows_write(store, err);
+    if (rows) {
+        s = changes_write(store, err);
+        THEN(s, rows_write(store, err));
+    }
     if (s == STATUS_OK && others)
         s = others_write(store, err);
-    if (s == STATUS_OK)
-        s = sql_exec(store, "COMMIT", "the job's state cannot be stored", err);
+    THEN(s, sql_exec(store, "COMMIT", "the job's state cannot be stored", err));
     return s;
 }
 
@@ -286,7 +284,7 @@ static status write_taken(struct store *store, int *rows, int *others, struct er
     *rows = *others = s == STATUS_OK;
     if (s == STATUS_OK)
         return s;
-    if (store->saves_taken) {
+    if (store->saves_taken || store->changes.taken) {
         (void)sql_give_reserve(store);
         roll_back(store);
         *rows = write_once(store, 1, 0, err) == STATUS_OK;
@@ -298,48 +296,41 @@ static status write_taken(struct store *store, int *rows, int *others, struct er
     return s;
 }
 
-/* Rows that could not be written are noted again, unless newer ones came; `lock` is held. */
-static void rows_settle(struct store *store, int written, struct saved_job **ended)
+/* Rows that could not be written are noted again, unless newer ones came; the films of jobs that were cancelled for good
+ * go when that is on disk, not earlier. `lock` is held. */
+static void rows_settle(struct store *store, int written)
 {
     while (store->saves_taken) {
         struct saved_job *row = store->saves_taken;
 
         store->saves_taken = row->next;
-        if (written ? !row->deliverer.number && films_are_over(row) : !*saves_find(store, row->id)) {
-            struct saved_job **list = written ? ended : &store->saves;
-            row->next = *list;
-            *list = row;
+        if (written && !row->stale && !row->deliverer.number && films_are_over(row))
+            store_films_remove(store, row->id); /* with `lock`: such a job may go on, and have new films */
+        if (!written && !row->stale && !*saves_find(store, row->id)) {
+            row->next = store->saves;
+            store->saves = row;
         } else {
             mem_free(row);
         }
     }
 }
 
-/* `order` is held: no other row of these jobs was written meanwhile. *ended: jobs whose films are over. */
-static void settle(struct store *store, int rows, int others, status s, const struct error *why,
-                   struct saved_job **ended)
+/* `order` is held: no other row of these jobs was written meanwhile. */
+static void settle(struct store *store, int rows, int others, status s, const struct error *why)
 {
     pthread_mutex_lock(&store->lock);
-    rows_settle(store, rows, ended);
-    events_settle(store, others);
-    workers_settle(store, others);
+    rows_settle(store, rows);
+    noted_settle(&store->changes, rows);
+    if (!rows)
+        noted_settle(&store->clears, 0);
+    noted_settle(&store->events, others);
+    noted_settle(&store->workers, others);
     shares_settle(store, others);
     store->failing = s != STATUS_OK;
     store->retry = store->waits != NULL;
     if (store->failing)
         store->save_error = *why;
     pthread_mutex_unlock(&store->lock);
-}
-
-/* Not earlier: the jobs' ends are on disk now. Not later: with `order`, such a job may go on, and have new films. */
-static void remove_films(struct store *store, struct saved_job *ended)
-{
-    while (ended) {
-        struct saved_job *next = ended->next;
-        store_films_remove(store, ended->id);
-        mem_free(ended);
-        ended = next;
-    }
 }
 
 static void end_waits(struct store *store, struct saved_wait *waits, status s, const struct error *why)
@@ -369,16 +360,15 @@ static void *write_saves(void *user)
     while (await_work(store)) {
         struct error err = {0};
         struct saved_wait *waits;
-        struct saved_job *ended = NULL;
         int rows = 1, others = 1;
         status s = STATUS_OK;
 
         pthread_mutex_lock(&store->order);
         waits = take_all(store);
-        if (store->saves_taken || store->events_taken || store->workers_taken || store->shares_taken)
+        if (store->saves_taken || store->changes.taken || store->events.taken || store->workers.taken || store->shares_taken)
             s = write_taken(store, &rows, &others, &err);
-        settle(store, rows, others, s, &err, &ended);
-        remove_films(store, ended);
+        settle(store, rows, others, s, &err);
+        clears_run(store);
         pthread_mutex_unlock(&store->order);
         end_waits(store, waits, s, &err);
     }
@@ -415,8 +405,10 @@ void saves_stop(struct store *store)
     store_deliver(store);
     while (store->saves)
         saves_drop(store, store->saves->id);
-    events_drop(store);
-    workers_drop(store);
+    noted_drop(&store->changes);
+    noted_drop(&store->clears);
+    noted_drop(&store->events);
+    noted_drop(&store->workers);
     shares_drop(store);
     pthread_cond_destroy(&store->work);
     pthread_cond_destroy(&store->idle);
@@ -435,67 +427,64 @@ static void save_later(struct store *store, struct saved_job *row)
     pthread_mutex_unlock(&store->lock);
 }
 
-status store_deliverer_save_later(struct store *store, const struct deliverer *deliverer,
-                                  struct error *err)
+status store_deliverer_save_later(struct store *store, const struct deliverer *deliverer, struct error *err)
 {
     struct saved_job *row = mem_calloc(1, sizeof *row);
 
-    if (!row)
-        return error_no_memory(err, "a worker that delivers results");
+    NEED(row, err, "a worker that delivers results");
     row->id = DELIVERER_ID | deliverer->number;
     row->deliverer = *deliverer;
     save_later(store, row);
     return STATUS_OK;
 }
 
-/* Change the frame's row, or with -1 all rows of the job. */
-static status change_rows(struct store *store, const char *change, uint64_t job, int64_t frame,
-                          struct error *err)
+/* Note the change of the frame's row, or with -1 of all rows of the job. */
+static status change_rows(struct noted_list *list, const char *change, uint64_t job, int64_t frame, struct error *err)
 {
     char text[128];
 
     snprintf(text, sizeof text, "%s WHERE job=?1%s", change, frame < 0 ? "" : " AND frame=?2");
-    return sql_change(store, text, (const struct sql_value[]){sql_number(job), sql_number(frame)},
-                      frame < 0 ? 1 : 2, "the job's frames cannot be stored", err);
+    return changes_add(list, text, (const struct sql_value[]){sql_number((int64_t)job), sql_number(frame)},
+                       frame < 0 ? 1 : 2, "the job's frames cannot be stored", err);
 }
 
-static status forget_frames(struct store *store, const struct job *job,
-                            const struct job_reopening *chosen, struct error *err)
+/* `frame` -1: all. */
+static status forget_rows(struct noted_list *list, uint64_t job, int64_t frame, struct error *err)
 {
-    static const char *const changes[] = {
-        "DELETE FROM frames", "DELETE FROM cut_frames",
-        "UPDATE clocks SET from_active_ns=active_ns, from_cpu_ns=cpu_ns"};
+    TRY(change_rows(list, "DELETE FROM frames", job, frame, err));
+    TRY(change_rows(list, "DELETE FROM cut_frames", job, frame, err));
+    return changes_add_clock(list, job, frame, err);
+}
+
+static status forget_frames(struct noted_list *list, const struct job *job, const struct job_reopening *chosen,
+                            struct error *err)
+{
     status s = STATUS_OK;
 
-    for (size_t i = 0; i < sizeof changes / sizeof *changes && s == STATUS_OK; i++) {
-        if (!chosen->chosen)
-            s = change_rows(store, changes[i], job->id, -1, err);
-        for (uint64_t frame = job->first_frame;
-             chosen->chosen && frame <= job->last_frame && s == STATUS_OK; frame++)
-            if (job_reopening_has(chosen, job, (uint32_t)frame))
-                s = change_rows(store, changes[i], job->id, (int64_t)frame, err);
-    }
+    if (!chosen->chosen)
+        s = forget_rows(list, job->id, -1, err);
+    for (uint64_t frame = job->first_frame; chosen->chosen && frame <= job->last_frame && s == STATUS_OK; frame++)
+        if (job_reopening_has(chosen, job, (uint32_t)frame))
+            s = forget_rows(list, job->id, (int64_t)frame, err);
     for (uint64_t frame = job->first_frame; frame <= job->last_frame && s == STATUS_OK; frame++)
         if (job_reopening_is_whole(chosen, job, (uint32_t)frame))
-            s = cut_insert(store, job->id, (uint32_t)frame, FRAME_END_CAP, &chosen->coverage, err);
+            s = cut_note(list, job->id, (uint32_t)frame, FRAME_END_CAP, &chosen->coverage, err);
     return s;
 }
 
-static status change_rules(struct store *store, const struct job *job, const struct buffer *request,
-                           struct error *err)
+static status change_rules(struct noted_list *list, const struct job *job, const struct buffer *request, struct error *err)
 {
-    return sql_change(store,
-                      "UPDATE jobs SET submitted=coalesce(submitted, request), request=?, epoch_floor=? WHERE id=?",
-                      SQL_VALUES(sql_bytes(request), sql_number(job->epoch_floor), sql_number(job->id)),
-                      "the job's settings cannot be stored", err);
+    return changes_add(list,
+                       "UPDATE jobs SET submitted=coalesce(submitted, request), request=?, epoch_floor=? WHERE id=?",
+                       SQL_VALUES(sql_bytes(request), sql_number(job->epoch_floor), sql_number(job->id)),
+                       "the job's settings cannot be stored", err);
 }
 
-static status extend_rows(struct store *store, const struct job *job,
-                          const struct job_reopening *chosen, const struct buffer *request,
-                          const struct buffer *submitted, struct error *err)
+static status extend_rows(struct noted_list *list, const struct job *job, const struct job_reopening *chosen,
+                          const struct buffer *request, const struct buffer *submitted, struct error *err)
 {
-    status s = !job_state_ended(job->state) ? change_rules(store, job, request, err) : sql_change(
-        store,
+    status s = !job_state_ended(job->state) ? change_rules(list, job, request, err) : changes_add(
+        list,
         "UPDATE jobs SET request=?1, state=?2, state_text='', finished_at=0, epoch_floor=?3, "
         "marks=0, priority=?9, owner=?10, waits_for=NULL, not_before=NULL, name=?4, token=?5, submitted=coalesce(?6, submitted, request), submitted_at=?7 "
         "WHERE id=?8",
@@ -505,46 +494,46 @@ static status extend_rows(struct store *store, const struct job *job,
                    sql_number(job->priority), sql_text(job->owner)),
         "the job's settings cannot be stored", err);
 
-    return s == STATUS_OK ? forget_frames(store, job, chosen, err) : s;
+    return s == STATUS_OK ? forget_frames(list, job, chosen, err) : s;
 }
 
-status store_job_extend(struct store *store, const struct job *job,
-                        const struct job_reopening *chosen, const struct job *submitted,
-                        struct error *err)
+/* Its end is not to be written any more, nor, if it is being written, again after this. */
+static void forget_end(struct store *store, uint64_t id)
+{
+    pthread_mutex_lock(&store->lock);
+    saves_drop(store, id);
+    for (struct saved_job *row = store->saves_taken; row; row = row->next)
+        if (row->id == id)
+            row->stale = 1;
+    pthread_mutex_unlock(&store->lock);
+}
+
+status store_job_extend(struct store *store, const struct job *job, const struct job_reopening *chosen,
+                        const struct job *submitted, struct error *err)
 {
     struct buffer request = BUFFER_INIT, as_sent = BUFFER_INIT;
+    struct noted_list list = {0};
     status s = wire_job_pack(job, &request, err);
 
     if (s == STATUS_OK && submitted)
         s = wire_job_pack(submitted, &as_sent, err);
-    pthread_mutex_lock(&store->order);
-    if (job_state_ended(job->state)) {
-        pthread_mutex_lock(&store->lock);
-        saves_drop(store, job->id); /* its end */
-        pthread_mutex_unlock(&store->lock);
-    }
-    if (s == STATUS_OK)
-        s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
+    THEN(s, extend_rows(&list, job, chosen, &request, &as_sent, err));
     if (s == STATUS_OK) {
-        s = extend_rows(store, job, chosen, &request, &as_sent, err);
-        if (s == STATUS_OK)
-            s = sql_exec(store, "COMMIT", "the job's settings cannot be stored", err);
-        if (s != STATUS_OK)
-            (void)sqlite3_exec(store->db, "ROLLBACK", NULL, NULL, NULL);
+        if (job_state_ended(job->state))
+            forget_end(store, job->id);
+        changes_note(store, &list);
     }
-    pthread_mutex_unlock(&store->order);
+    noted_drop(&list);
     buffer_release(&as_sent);
     buffer_release(&request);
     return s;
 }
 
-status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns,
-                            struct error *err)
+status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns, struct error *err)
 {
     struct saved_job *row = mem_alloc(sizeof *row);
 
-    if (!row)
-        return error_no_memory(err, "a job's state");
+    NEED(row, err, "a job's state");
     row_take(row, job, now_ns);
     save_later(store, row);
     return STATUS_OK;

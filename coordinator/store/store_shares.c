@@ -1,6 +1,5 @@
 /* What owners of jobs used recently (order.h). A share is noted in memory and written soon by the store's
  * own thread. */
-#include <stdio.h>
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -37,8 +36,7 @@ static void put_back(struct store *store, struct saved_share *saved)
 {
     struct saved_share *newer;
 
-    for (newer = store->shares; newer && strcmp(newer->share.owner, saved->share.owner) != 0;
-         newer = newer->next)
+    for (newer = store->shares; newer && strcmp(newer->share.owner, saved->share.owner) != 0; newer = newer->next)
         ;
     if (!newer) {
         saved->next = store->shares;
@@ -90,23 +88,19 @@ void shares_drop(struct store *store)
 
 status store_shares_load(struct store *store, struct order *order, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    int code = SQLITE_DONE;
-    status s = sql_select(store, "SELECT owner, core_s, at FROM shares", NULL, 0, &statement, err);
+    struct sql_rows rows =
+        sql_select(store, "SELECT owner, core_s, at FROM shares", NULL, 0, "the owners' shares cannot be read", err);
 
-    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
-        struct owner_share row = {.core_s = sqlite3_column_double(statement, 1),
-                                  .at_s = sqlite3_column_int64(statement, 2)};
+    while (sql_next(&rows)) {
+        struct owner_share row = {.core_s = sqlite3_column_double(rows.row, 1),
+                                  .at_s = sqlite3_column_int64(rows.row, 2)};
         struct owner_share *share;
-        column_text(statement, 0, row.owner, sizeof row.owner);
+        column_text(rows.row, 0, row.owner, sizeof row.owner);
         share = order_share(order, row.owner);
         if (!share)
-            s = error_no_memory(err, "an owner's share");
+            rows.result = error_no_memory(err, "an owner's share");
         else
             *share = row;
     }
-    if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "the owners' shares cannot be read", err);
-    sqlite3_finalize(statement);
-    return s;
+    return sql_end(&rows);
 }

@@ -4,47 +4,16 @@
 
 #include "coordinator/store/store_parts.h"
 
-/* ---- running a statement while no other thread writes ----------------------------------------- */
-
-static status write_row(struct store *store, const char *sql, const struct sql_value *values, size_t count,
-                        const char *what, struct error *err)
-{
-    status s;
-
-    pthread_mutex_lock(&store->order);
-    s = sql_change_reserved(store, sql, values, count, what, err);
-    pthread_mutex_unlock(&store->order);
-    return s;
-}
-
-static status insert_row(struct store *store, const char *sql, const struct sql_value *values, size_t count,
-                         const char *what, uint64_t *number, struct error *err)
-{
-    status s;
-
-    pthread_mutex_lock(&store->order);
-    s = sql_change_reserved(store, sql, values, count, what, err);
-    if (s == STATUS_OK)
-        *number = (uint64_t)sqlite3_last_insert_rowid(store->db);
-    pthread_mutex_unlock(&store->order);
-    return s;
-}
-
 /* Step through the rows; `read` ends it with an error. */
 static status read_rows(struct store *store, const char *sql, const char *what,
                         status (*read)(void *user, sqlite3_stmt *statement, struct error *err), void *user,
                         struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    int code = SQLITE_DONE;
-    status s = sql_select(store, sql, NULL, 0, &statement, err);
+    struct sql_rows rows = sql_select(store, sql, NULL, 0, what, err);
 
-    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW)
-        s = read(user, statement, err);
-    if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, what, err);
-    sqlite3_finalize(statement);
-    return s;
+    while (sql_next(&rows))
+        rows.result = read(user, rows.row, err);
+    return sql_end(&rows);
 }
 
 /* Exactly so many bytes. A row that is shorter was damaged. */
@@ -62,38 +31,56 @@ static struct sql_value sql_blob(const void *data, size_t size)
     return (struct sql_value){.kind = SQL_BYTES, .data = data, .size_bytes = size};
 }
 
+/* The next number of a table whose numbers are never given again; *last: the last one, 0: not known. */
+static status next_number(struct store *store, const char *table, uint64_t *last, struct error *err)
+{
+    struct sql_rows rows;
+
+    if (*last == 0) {
+        rows = sql_read(store, "SELECT seq FROM sqlite_sequence WHERE name=?", SQL_VALUES(sql_text(table)),
+                        "the next number cannot be read", err);
+        if (sql_next(&rows))
+            *last = column_number(rows.row, 0);
+        TRY(sql_end(&rows));
+    }
+    ++*last;
+    return STATUS_OK;
+}
+
 /* ---- tokens ----------------------------------------------------------------------------------- */
 
 status store_token_add(struct store *store, struct token_row *row, struct error *err)
 {
-    return insert_row(store,
-                      "INSERT INTO tokens (name, role, owner, made_by, hash, made_at, used_at, expires_at)"
-                      " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                      SQL_VALUES(sql_text(row->name), sql_number(row->role), sql_text(row->owner),
-                                 sql_text(row->made_by), sql_blob(&row->hash, sizeof row->hash),
-                                 sql_number(row->made_at), sql_number(row->used_at), sql_number(row->expires_at)),
-                      "the token cannot be stored", &row->number, err);
+    TRY(next_number(store, "tokens", &store->last_token, err));
+    row->number = store->last_token;
+    return sql_note(store,
+                    "INSERT INTO tokens (number, name, role, owner, made_by, hash, made_at, used_at, expires_at)"
+                    " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    SQL_VALUES(sql_number((int64_t)row->number), sql_text(row->name), sql_number(row->role),
+                               sql_text(row->owner), sql_text(row->made_by), sql_blob(&row->hash, sizeof row->hash),
+                               sql_number(row->made_at), sql_number(row->used_at), sql_number(row->expires_at)),
+                    "the token cannot be stored", err);
 }
 
 status store_token_renew(struct store *store, uint64_t number, const struct digest *hash, int64_t made_at,
                          struct error *err)
 {
-    return write_row(store, "UPDATE tokens SET hash=?, made_at=?, used_at=0 WHERE number=?",
-                     SQL_VALUES(sql_blob(hash, sizeof *hash), sql_number(made_at), sql_number((int64_t)number)),
-                     "the token cannot be stored", err);
+    return sql_note(store, "UPDATE tokens SET hash=?, made_at=?, used_at=0 WHERE number=?",
+                    SQL_VALUES(sql_blob(hash, sizeof *hash), sql_number(made_at), sql_number((int64_t)number)),
+                    "the token cannot be stored", err);
 }
 
 status store_token_remove(struct store *store, uint64_t number, struct error *err)
 {
-    return write_row(store, "DELETE FROM tokens WHERE number=?", SQL_VALUES(sql_number((int64_t)number)),
-                     "the token cannot be removed", err);
+    return sql_note(store, "DELETE FROM tokens WHERE number=?", SQL_VALUES(sql_number((int64_t)number)),
+                    "the token cannot be removed", err);
 }
 
 status store_token_used(struct store *store, uint64_t number, int64_t at, struct error *err)
 {
-    return write_row(store, "UPDATE tokens SET used_at=? WHERE number=?",
-                     SQL_VALUES(sql_number(at), sql_number((int64_t)number)),
-                     "when a token was used cannot be stored", err);
+    return sql_write(store, "UPDATE tokens SET used_at=? WHERE number=?",
+                     SQL_VALUES(sql_number(at), sql_number((int64_t)number)), "when a token was used cannot be stored",
+                     NULL, err);
 }
 
 struct visit_tokens {
@@ -119,13 +106,14 @@ static status read_token(void *user, sqlite3_stmt *statement, struct error *err)
 }
 
 status store_tokens_load(struct store *store,
-                         status (*visit)(void *user, const struct token_row *row, struct error *err),
-                         void *user, struct error *err)
+                         status (*visit)(void *user, const struct token_row *row, struct error *err), void *user,
+                         struct error *err)
 {
     struct visit_tokens v = {store, visit, user};
 
     return read_rows(store,
                      "SELECT number, name, role, owner, made_by, hash, made_at, used_at, expires_at FROM tokens"
+                     " WHERE number NOT IN (SELECT key FROM temp.bad WHERE tab='tokens')"
                      " ORDER BY number",
                      "the tokens cannot be read", read_token, &v, err);
 }
@@ -134,16 +122,18 @@ status store_tokens_load(struct store *store,
 
 status store_webhook_add(struct store *store, struct webhook_row *row, struct error *err)
 {
-    return insert_row(store, "INSERT INTO webhooks (url, secret, made_by, made_at) VALUES (?, ?, ?, ?)",
-                      SQL_VALUES(sql_text(row->url), sql_blob(row->secret, sizeof row->secret),
-                                 sql_text(row->made_by), sql_number(row->made_at)),
-                      "the webhook cannot be stored", &row->number, err);
+    TRY(next_number(store, "webhooks", &store->last_webhook, err));
+    row->number = store->last_webhook;
+    return sql_note(store, "INSERT INTO webhooks (number, url, secret, made_by, made_at) VALUES (?, ?, ?, ?, ?)",
+                     SQL_VALUES(sql_number((int64_t)row->number), sql_text(row->url), sql_blob(row->secret, sizeof row->secret), sql_text(row->made_by),
+                                sql_number(row->made_at)),
+                     "the webhook cannot be stored", err);
 }
 
 status store_webhook_remove(struct store *store, uint64_t number, struct error *err)
 {
-    return write_row(store, "DELETE FROM webhooks WHERE number=?", SQL_VALUES(sql_number((int64_t)number)),
-                     "the webhook cannot be removed", err);
+    return sql_note(store, "DELETE FROM webhooks WHERE number=?", SQL_VALUES(sql_number((int64_t)number)),
+                    "the webhook cannot be removed", err);
 }
 
 struct visit_webhooks {
@@ -165,12 +155,13 @@ static status read_webhook(void *user, sqlite3_stmt *statement, struct error *er
 }
 
 status store_webhooks_load(struct store *store,
-                           status (*visit)(void *user, const struct webhook_row *row, struct error *err),
-                           void *user, struct error *err)
+                           status (*visit)(void *user, const struct webhook_row *row, struct error *err), void *user,
+                           struct error *err)
 {
     struct visit_webhooks v = {store, visit, user};
 
-    return read_rows(store, "SELECT number, url, secret, made_by, made_at FROM webhooks ORDER BY number",
+    return read_rows(store, "SELECT number, url, secret, made_by, made_at FROM webhooks WHERE number NOT IN"
+                     " (SELECT key FROM temp.bad WHERE tab='webhooks') ORDER BY number",
                      "the webhooks cannot be read", read_webhook, &v, err);
 }
 
@@ -178,8 +169,10 @@ status store_webhook_event_add(struct store *store, struct webhook_event *event,
 {
     uint64_t id = 0;
     int made;
-    status s;
+    status s = changes_await(store, err); /* it may be new itself */
 
+    if (s != STATUS_OK)
+        return s;
     pthread_mutex_lock(&store->order);
     s = sql_change_reserved(store,
                             "INSERT INTO webhook_events (webhook, at, body) SELECT number, ?2, ?3 FROM webhooks"
@@ -199,8 +192,8 @@ status store_webhook_event_add(struct store *store, struct webhook_event *event,
 
 status store_webhook_event_remove(struct store *store, uint64_t id, struct error *err)
 {
-    return write_row(store, "DELETE FROM webhook_events WHERE id=?", SQL_VALUES(sql_number((int64_t)id)),
-                     "what a webhook was sent cannot be removed", err);
+    return sql_write(store, "DELETE FROM webhook_events WHERE id=?", SQL_VALUES(sql_number((int64_t)id)),
+                     "what a webhook was sent cannot be removed", NULL, err);
 }
 
 struct visit_events {
@@ -220,12 +213,12 @@ static status read_event(void *user, sqlite3_stmt *statement, struct error *err)
 }
 
 status store_webhook_events_load(struct store *store,
-                                 status (*visit)(void *user, const struct webhook_event *event,
-                                                 struct error *err),
+                                 status (*visit)(void *user, const struct webhook_event *event, struct error *err),
                                  void *user, struct error *err)
 {
     struct visit_events v = {visit, user};
 
-    return read_rows(store, "SELECT id, webhook, at, body FROM webhook_events ORDER BY id",
+    return read_rows(store, "SELECT id, webhook, at, body FROM webhook_events WHERE id NOT IN"
+                     " (SELECT key FROM temp.bad WHERE tab='webhook_events') ORDER BY id",
                      "what webhooks are to be sent cannot be read", read_event, &v, err);
 }

@@ -5,14 +5,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "coordinator/store/store_parts.h"
 
 enum { WORKERS_WAITING_MAX = 1 << 15 };
 
 struct saved_worker {
-    struct saved_worker *next;
+    struct noted noted;
     struct worker_row row;
 };
 
@@ -28,20 +28,9 @@ void store_worker_later(struct store *store, const struct worker_row *row)
         log_warn("worker %s: what it did is not stored: no memory", row->name);
         return;
     }
-    saved->next = NULL;
     memcpy(&saved->row, row, sizeof *row - left_out);
     pthread_mutex_lock(&store->lock);
-    if (store->workers_waiting == WORKERS_WAITING_MAX) { /* the store has failed for long */
-        struct saved_worker *oldest = store->workers;
-        store->workers = oldest->next;
-        store->workers_waiting--;
-        mem_free(oldest);
-    }
-    if (!store->workers)
-        store->workers_end = &store->workers;
-    *store->workers_end = saved;
-    store->workers_end = &saved->next;
-    store->workers_waiting++;
+    noted_add(&store->workers, saved, WORKERS_WAITING_MAX);
     pthread_cond_signal(&store->work);
     pthread_mutex_unlock(&store->lock);
 }
@@ -82,23 +71,22 @@ static status row_add(struct store *store, const struct worker_row *row, struct 
         buffer_release(&lines);
         return error_no_memory(err, "a worker's lines");
     }
-    s = sql_change(
-        store,
-        "INSERT INTO workers (name, instance, host, process, address, software, threads, joined_at,"
-        " left_at, seen_at, connections, units, samples, cpu_ns, why, lines)"
-        " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
-        " ON CONFLICT (name, instance) DO UPDATE SET address=excluded.address,"
-        " left_at=excluded.left_at, seen_at=excluded.seen_at,"
-        " connections=connections+excluded.connections, units=units+excluded.units,"
-        " samples=samples+excluded.samples, cpu_ns=cpu_ns+excluded.cpu_ns, why=excluded.why,"
-        " lines=CASE WHEN excluded.lines='' THEN lines ELSE excluded.lines END",
-        SQL_VALUES(sql_text(row->name), sql_number((int64_t)row->instance), sql_text(row->host),
-                   sql_number(row->process), sql_text(row->address), sql_text(row->software),
-                   sql_number(row->threads), sql_number(row->joined_at), sql_number(row->left_at),
-                   sql_number(row->seen_at), sql_number(row->connections), sql_number(row->units),
-                   sql_number(row->samples), sql_number(row->cpu_ns), sql_text(row->why),
-                   sql_text(lines.size ? buffer_text(&lines) : "")),
-        "what a worker did cannot be stored", err);
+    s = sql_change(store,
+                   "INSERT INTO workers (name, instance, host, process, address, software, threads, joined_at,"
+                   " left_at, seen_at, connections, units, samples, cpu_ns, why, lines)"
+                   " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+                   " ON CONFLICT (name, instance) DO UPDATE SET address=excluded.address,"
+                   " left_at=excluded.left_at, seen_at=excluded.seen_at,"
+                   " connections=connections+excluded.connections, units=units+excluded.units,"
+                   " samples=samples+excluded.samples, cpu_ns=cpu_ns+excluded.cpu_ns, why=excluded.why,"
+                   " lines=CASE WHEN excluded.lines='' THEN lines ELSE excluded.lines END",
+                   SQL_VALUES(sql_text(row->name), sql_number((int64_t)row->instance), sql_text(row->host),
+                              sql_number(row->process), sql_text(row->address), sql_text(row->software),
+                              sql_number(row->threads), sql_number(row->joined_at), sql_number(row->left_at),
+                              sql_number(row->seen_at), sql_number(row->connections), sql_number(row->units),
+                              sql_number(row->samples), sql_number(row->cpu_ns), sql_text(row->why),
+                              sql_text(lines.size ? buffer_text(&lines) : "")),
+                   "what a worker did cannot be stored", err);
     buffer_release(&lines);
     return s;
 }
@@ -108,57 +96,14 @@ static status forget_oldest(struct store *store, struct error *err)
     return sql_change(store,
                       "DELETE FROM workers WHERE seq IN (SELECT seq FROM workers WHERE left_at>0 "
                       "ORDER BY left_at DESC, seq DESC LIMIT -1 OFFSET ?)",
-                      SQL_VALUES(sql_number(WORKERS_GONE_MAX)),
-                      "workers that left long ago cannot be removed", err);
-}
-
-static void rows_free(struct saved_worker *first)
-{
-    while (first) {
-        struct saved_worker *next = first->next;
-        mem_free(first);
-        first = next;
-    }
-}
-
-void workers_take(struct store *store)
-{
-    store->workers_taken = store->workers;
-    store->workers = NULL;
-    store->workers_waiting = 0;
+                      SQL_VALUES(sql_number(WORKERS_GONE_MAX)), "workers that left long ago cannot be removed", err);
 }
 
 status workers_write(struct store *store, struct error *err)
 {
-    status s = STATUS_OK;
-
-    for (const struct saved_worker *w = store->workers_taken; w && s == STATUS_OK; w = w->next)
-        s = row_add(store, &w->row, err);
-    return s == STATUS_OK && store->workers_taken ? forget_oldest(store, err) : s;
-}
-
-void workers_settle(struct store *store, int written)
-{
-    struct saved_worker *first = store->workers_taken, *last = first;
-
-    store->workers_taken = NULL;
-    if (!first || written) {
-        rows_free(first);
-        return;
-    }
-    for (store->workers_waiting++; last->next; last = last->next)
-        store->workers_waiting++;
-    last->next = store->workers; /* newer ones may have come */
-    if (!store->workers)
-        store->workers_end = &last->next;
-    store->workers = first;
-}
-
-void workers_drop(struct store *store)
-{
-    rows_free(store->workers);
-    store->workers = NULL;
-    store->workers_waiting = 0;
+    for (const struct noted *w = store->workers.taken; w; w = w->next)
+        TRY(row_add(store, &((const struct saved_worker *)w)->row, err));
+    return store->workers.taken ? forget_oldest(store, err) : STATUS_OK;
 }
 
 status store_workers_begin(struct store *store, struct error *err)
@@ -166,8 +111,7 @@ status store_workers_begin(struct store *store, struct error *err)
     status s;
 
     pthread_mutex_lock(&store->order);
-    s = sql_change(store,
-                   "UPDATE workers SET left_at=max(seen_at, 1), why='the coordinator ended' WHERE left_at=0",
+    s = sql_change(store, "UPDATE workers SET left_at=max(seen_at, 1), why='the coordinator ended' WHERE left_at=0",
                    NULL, 0, "the workers of the last run cannot be stored", err);
     pthread_mutex_unlock(&store->order);
     return s;
@@ -195,81 +139,98 @@ static void read_row(sqlite3_stmt *statement, struct worker_row *row)
 }
 
 status store_workers_gone(struct store *store, const char *name,
-                          status (*visit)(void *user, const struct worker_row *row,
-                                          struct error *err),
-                          void *user, struct error *err)
+                          status (*visit)(void *user, const struct worker_row *row, struct error *err), void *user,
+                          struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    sqlite3 *db = reader_take(store);
-    int code = SQLITE_DONE;
-    status s = sql_ask(store, db,
-                       "SELECT name, instance, host, process, address, software, threads, joined_at,"
-                       " left_at, connections, units, samples, cpu_ns, why, lines FROM workers"
-                       " WHERE left_at>0 AND (?1='' OR name=?1) ORDER BY left_at DESC, seq DESC LIMIT ?2",
-                       SQL_VALUES(sql_text(name), sql_number(WORKERS_GONE_MAX)), &statement, err);
+    struct sql_rows rows =
+        sql_read(store,
+                 "SELECT name, instance, host, process, address, software, threads, joined_at,"
+                 " left_at, connections, units, samples, cpu_ns, why, lines FROM workers"
+                 " WHERE left_at>0 AND (?1='' OR name=?1) ORDER BY left_at DESC, seq DESC LIMIT ?2",
+                 SQL_VALUES(sql_text(name), sql_number(WORKERS_GONE_MAX)), "the workers that left cannot be read", err);
 
-    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
+    while (sql_next(&rows)) {
         struct worker_row row;
-        read_row(statement, &row);
-        s = visit(user, &row, err);
+        read_row(rows.row, &row);
+        rows.result = visit(user, &row, err);
     }
-    if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_failed(store, db, "the workers that left cannot be read", err);
-    sqlite3_finalize(statement);
-    reader_leave(store, db);
-    return s;
+    return sql_end(&rows);
 }
 
 /* ---- marks ----------------------------------------------------------------------------------- */
 
 status store_worker_mark(struct store *store, const struct worker_mark *mark, struct error *err)
 {
-    status s;
-
-    pthread_mutex_lock(&store->order);
-    s = sql_change_reserved(store,
-                            "INSERT OR REPLACE INTO worker_marks (name, blocked, instance, who, at)"
-                            " VALUES (?, ?, ?, ?, ?)",
-                            SQL_VALUES(sql_text(mark->name), sql_number(mark->blocked),
-                                       sql_number((int64_t)mark->instance), sql_text(mark->who),
-                                       sql_number(mark->at)),
-                            "the worker's state cannot be stored", err);
-    pthread_mutex_unlock(&store->order);
-    return s;
+    return sql_note(store,
+                    "INSERT OR REPLACE INTO worker_marks (name, blocked, instance, who, at) VALUES (?, ?, ?, ?, ?)",
+                    SQL_VALUES(sql_text(mark->name), sql_number(mark->blocked), sql_number((int64_t)mark->instance),
+                               sql_text(mark->who), sql_number(mark->at)),
+                    "the worker's state cannot be stored", err);
 }
 
 status store_worker_unmark(struct store *store, const char *name, struct error *err)
 {
-    status s;
-
-    pthread_mutex_lock(&store->order);
-    s = sql_change_reserved(store, "DELETE FROM worker_marks WHERE name=?", SQL_VALUES(sql_text(name)),
-                            "the worker's state cannot be stored", err);
-    pthread_mutex_unlock(&store->order);
-    return s;
+    return sql_note(store, "DELETE FROM worker_marks WHERE name=?", SQL_VALUES(sql_text(name)),
+                    "the worker's state cannot be stored", err);
 }
 
 status store_worker_marks_load(struct store *store,
-                               status (*visit)(void *user, const struct worker_mark *mark,
-                                               struct error *err),
+                               status (*visit)(void *user, const struct worker_mark *mark, struct error *err),
                                void *user, struct error *err)
 {
-    sqlite3_stmt *statement = NULL;
-    int code = SQLITE_DONE;
-    status s = sql_select(store, "SELECT name, blocked, instance, who, at FROM worker_marks", NULL, 0,
-                          &statement, err);
+    struct sql_rows rows = sql_select(store, "SELECT name, blocked, instance, who, at FROM worker_marks", NULL, 0,
+                                      "the workers' states cannot be read", err);
 
-    while (s == STATUS_OK && (code = sqlite3_step(statement)) == SQLITE_ROW) {
-        struct worker_mark mark = {0};
-        column_text(statement, 0, mark.name, sizeof mark.name);
-        mark.blocked = column_number(statement, 1) != 0;
-        mark.instance = column_number(statement, 2);
-        column_text(statement, 3, mark.who, sizeof mark.who);
-        mark.at = sqlite3_column_int64(statement, 4);
-        s = visit(user, &mark, err);
+    while (sql_next(&rows)) {
+        struct worker_mark mark = {.blocked = column_number(rows.row, 1) != 0,
+                                   .instance = column_number(rows.row, 2),
+                                   .at = sqlite3_column_int64(rows.row, 4)};
+        column_text(rows.row, 0, mark.name, sizeof mark.name);
+        column_text(rows.row, 3, mark.who, sizeof mark.who);
+        rows.result = visit(user, &mark, err);
     }
-    if (s == STATUS_OK && code != SQLITE_DONE)
-        s = sql_error(store, "the workers' states cannot be read", err);
-    sqlite3_finalize(statement);
-    return s;
+    return sql_end(&rows);
+}
+
+/* ---- workers that delivered results: films' logs hold their numbers, this table the rest ------- */
+
+status deliverer_write(struct store *store, const struct deliverer *d, struct error *err)
+{
+    return sql_change_reserved(store,
+                               "INSERT INTO deliverers (number, host, process, software, first_seen, label) VALUES (?, ?, ?, ?, ?, ?)"
+                               " ON CONFLICT (number) DO UPDATE SET host=excluded.host, process=excluded.process,"
+                               " software=excluded.software, first_seen=excluded.first_seen, label=excluded.label",
+                               SQL_VALUES(sql_number(d->number), sql_text(d->host), sql_number(d->process),
+                                          sql_text(d->software), sql_number(d->first_seen), sql_text(d->label)),
+                               "the worker that delivers results cannot be stored", err);
+}
+
+status store_deliverers_last(struct store *store, uint32_t *last, struct error *err)
+{
+    struct sql_rows rows = sql_select(store, "SELECT COALESCE(MAX(number), 0) FROM deliverers", NULL, 0,
+                                      "the deliverers cannot be read", err);
+
+    *last = sql_next(&rows) ? (uint32_t)column_number(rows.row, 0) : 0;
+    return sql_end(&rows);
+}
+
+status store_deliverer_find(struct store *store, uint32_t number, struct deliverer *out, struct error *err)
+{
+    struct sql_rows rows = sql_read(store,
+                       "SELECT host, process, software, first_seen,"
+                       " CASE WHEN label<>'' THEN label ELSE (SELECT name FROM workers w WHERE w.host=d.host AND"
+                       "  w.process=d.process ORDER BY joined_at DESC LIMIT 1) END"
+                       " FROM deliverers d WHERE number=?",
+                       SQL_VALUES(sql_number(number)), "the deliverers cannot be read", err);
+
+    memset(out, 0, sizeof *out);
+    if (sql_next(&rows)) {
+        out->number = number;
+        column_text(rows.row, 0, out->host, sizeof out->host);
+        out->process = (uint32_t)column_number(rows.row, 1);
+        column_text(rows.row, 2, out->software, sizeof out->software);
+        out->first_seen = sqlite3_column_int64(rows.row, 3);
+        column_text(rows.row, 4, out->label, sizeof out->label);
+    }
+    return sql_end(&rows);
 }

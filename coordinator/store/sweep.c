@@ -8,12 +8,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/scene/scene.h"
 #include "coordinator/job/queue.h"
-#include "coordinator/store/blobs.h"
+#include "coordinator/store/files/blobs.h"
 #include "coordinator/store/store_hold.h"
 
 /* The blobs that jobs need; sorted once they are complete. */
@@ -26,16 +26,15 @@ static int compare(const void *a, const void *b) { return memcmp(a, b, sizeof(st
 
 static status add(struct needed *n, const struct digest *digest, struct error *err)
 {
-    if (!MEM_GROW(n->items, n->capacity, n->count + 1))
-        return error_no_memory(err, "the blobs that jobs need");
+    NEED(MEM_GROW(n->items, n->capacity, n->count + 1), err, "the blobs that jobs need");
     n->items[n->count++] = *digest;
     return STATUS_OK;
 }
 
 /* The scene and its blobs; their bytes. A scene that is not there, or damaged, needs nothing: none of its
  * jobs can be rendered, and a client that sends it again sends its blobs, too. */
-static status add_scene(struct needed *n, const char *folder, const struct digest *digest,
-                        uint64_t *bytes, struct error *err)
+static status add_scene(struct needed *n, const char *folder, const struct digest *digest, uint64_t *bytes,
+                        struct error *err)
 {
     struct buffer packed = BUFFER_INIT;
     struct scene_blob *blobs = NULL;
@@ -45,12 +44,9 @@ static status add_scene(struct needed *n, const char *folder, const struct diges
 
     scene_init(&scene);
     *bytes = packed.size;
-    if (s == STATUS_OK)
-        s = scene_unpack(&scene, packed.data, packed.size, err);
-    if (s == STATUS_OK)
-        s = scene_blobs(&scene, &blobs, &count, err);
-    if (s == STATUS_OK)
-        s = add(n, digest, err);
+    THEN(s, scene_unpack(&scene, packed.data, packed.size, err));
+    THEN(s, scene_blobs(&scene, &blobs, &count, err));
+    THEN(s, add(n, digest, err));
     for (size_t i = 0; i < count && s == STATUS_OK; i++) {
         s = add(n, &blobs[i].digest, err);
         *bytes += blobs[i].size_bytes;
@@ -67,12 +63,10 @@ static status add_scene(struct needed *n, const char *folder, const struct diges
 
 static int compare_scenes(const void *a, const void *b)
 {
-    return memcmp(&((const struct blob_user *)a)->scene, &((const struct blob_user *)b)->scene,
-                  sizeof(struct digest));
+    return memcmp(&((const struct blob_user *)a)->scene, &((const struct blob_user *)b)->scene, sizeof(struct digest));
 }
 
-static status find_needed(struct sweep *sweep, const char *folder, struct needed *n,
-                          struct error *err)
+static status find_needed(struct sweep *sweep, const char *folder, struct needed *n, struct error *err)
 {
     status s = STATUS_OK;
 
@@ -80,8 +74,7 @@ static status find_needed(struct sweep *sweep, const char *folder, struct needed
         qsort(sweep->users, sweep->count, sizeof *sweep->users, compare_scenes);
     for (size_t i = 0, end; i < sweep->count && s == STATUS_OK; i = end) {
         uint64_t bytes = 0;
-        for (end = i + 1;
-             end < sweep->count && compare_scenes(&sweep->users[i], &sweep->users[end]) == 0;)
+        for (end = i + 1; end < sweep->count && compare_scenes(&sweep->users[i], &sweep->users[end]) == 0;)
             end++;
         s = add_scene(n, folder, &sweep->users[i].scene, &bytes, err);
         for (size_t k = i; k < end && s == STATUS_OK; k++) {
@@ -100,8 +93,7 @@ static int is_needed(const struct needed *n, const struct digest *digest)
     return n->count > 0 && bsearch(digest, n->items, n->count, sizeof *digest, compare) != NULL;
 }
 
-static void sweep_folder(struct sweep *sweep, const struct needed *n, const char *store, int blobs,
-                         const char *name)
+static void sweep_folder(struct sweep *sweep, const struct needed *n, const char *store, int blobs, const char *name)
 {
     int fd = openat(blobs, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
@@ -126,15 +118,13 @@ static void sweep_folder(struct sweep *sweep, const struct needed *n, const char
         closedir(folder);
 }
 
-static status sweep_blobs(struct sweep *sweep, const struct needed *n, const char *store,
-                          struct error *err)
+static status sweep_blobs(struct sweep *sweep, const struct needed *n, const char *store, struct error *err)
 {
     char *path = file_join(store, "blobs");
     DIR *blobs = path ? opendir(path) : NULL;
     const struct dirent *entry;
 
-    if (!path)
-        return error_no_memory(err, "a path");
+    NEED(path, err, "a path");
     mem_free(path);
     if (!blobs)
         return STATUS_OK;
@@ -151,10 +141,8 @@ status sweep_run(struct sweep *sweep, const char *folder, struct error *err)
     int hold = -1;
     status s = store_hold_exclude(folder, &hold, err);
 
-    if (s == STATUS_OK)
-        s = find_needed(sweep, folder, &n, err);
-    if (s == STATUS_OK)
-        s = sweep_blobs(sweep, &n, folder, err);
+    THEN(s, find_needed(sweep, folder, &n, err));
+    THEN(s, sweep_blobs(sweep, &n, folder, err));
     store_hold_end(hold);
     mem_free(n.items);
     if (s == STATUS_OK && sweep->removed > 0)

@@ -3,13 +3,12 @@
  * A blob is needed if it is a stored job's scene, one of that scene's blobs, or its tone mapping's file. It is kept,
  * too, if a client named or sent it at or after `cutoff_ns` (blobs_hold): that client may be about to submit a
  * job with it. The caller chooses a cutoff that is not after the first question of any client that is connected.
- * Looking at a blob's age and removing it exclude blobs_hold, so a blob that a client was told is there
+ * Looking at a blob's age and removing it exclude blobs_hold, so a blob that a client knows to be there
  * stays. If it is not known which blobs a job needs, none is removed.
  *
  * While a backup is made (store_hold.h) nothing is removed.
  */
-#ifndef AZULEJO_COORDINATOR_SWEEP_H
-#define AZULEJO_COORDINATOR_SWEEP_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -37,5 +36,3 @@ struct sweep {
 /* Fill the results and remove. ERR_NO_MEMORY, ERR_IO: not known what is needed, nothing was removed;
  * ERR_REFUSED: a backup is being made. [any thread] */
 status sweep_run(struct sweep *sweep, const char *folder, struct error *err) MUST_CHECK;
-
-#endif

@@ -37,11 +37,12 @@ tell() {
 import json, sys
 name, path = sys.argv[1:]
 job = json.load(open(path))["job"]
-error, settings = job["error"], job["settings"]
-width, height = (settings.get("region") or [0, 0, settings["width"], settings["height"]])[2:]
+now, error, settings = job["now"], job["now"]["figures"], job["settings"]
+width, height = settings["width"], settings["height"]
 print("%-18s %dx%d, %.0f samples a pixel, %.0f core-seconds; %.1f/255 (%.1f to %.1f), %s" % (
-    name, width, height, error["samples"] / width / height,
-    error["core_seconds"], error["display"], error["display_low"], error["display_high"], error["word"]))
+    name, width, height, now["samples"] / width / height,
+    now["core_seconds"], error["display"], error["display_low"], error["display_high"],
+    "reliable" if error["reliable"] else "may be understated"))
 PYTHON
 }
 
@@ -129,7 +130,7 @@ sampling() {
 import json, sys
 work, sun = sys.argv[1:]
 def cost(way):
-    seconds = json.load(open("%s/%s-%s.json" % (work, way, sun)))["job"]["error"]["core_seconds"]
+    seconds = json.load(open("%s/%s-%s.json" % (work, way, sun)))["job"]["now"]["core_seconds"]
     return seconds * json.load(open("%s/%s-%s-compare.json" % (work, way, sun)))["mse"]
 print("%s: uniform sampling takes %.3g times as long to the same mean squared error" % (
     sun, cost("uniform-only") / cost("importance")))

@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "scenes/gltf_writer.h"
 
 #define WALL \
@@ -29,12 +29,11 @@ static const char mirror_json[] =
     "{\"name\": \"mirror\", \"pbrMetallicRoughness\": {\"baseColorFactor\": [0.95, 0.95, 0.95, 1], "
     "\"metallicFactor\": 1, \"roughnessFactor\": 0}}";
 /* 17, 12, 4: the usual radiance of the lamp. It shines downwards only. */
-static const char lamp_json[] =
-    "{\"name\": \"lamp\", \"pbrMetallicRoughness\": {\"baseColorFactor\": [0, 0, 0, 1], "
-    "\"metallicFactor\": 0, \"roughnessFactor\": 1}, "
-    "\"emissiveFactor\": [1, 0.705882353, 0.235294118], "
-    "\"extensions\": {\"KHR_materials_emissive_strength\": {\"emissiveStrength\": 17}, "
-    "\"KHR_materials_specular\": {\"specularFactor\": 0}}}";
+static const char lamp_json[] = "{\"name\": \"lamp\", \"pbrMetallicRoughness\": {\"baseColorFactor\": [0, 0, 0, 1], "
+                                "\"metallicFactor\": 0, \"roughnessFactor\": 1}, "
+                                "\"emissiveFactor\": [1, 0.705882353, 0.235294118], "
+                                "\"extensions\": {\"KHR_materials_emissive_strength\": {\"emissiveStrength\": 17}, "
+                                "\"KHR_materials_specular\": {\"specularFactor\": 0}}}";
 
 enum { CENTRE_X = 278 };
 #define CEILING 548.8
@@ -158,8 +157,8 @@ static int faces(const struct shape *s, const double point[3], double sign)
 }
 
 /* One shape, one mesh, one node. `inside`: a point that the faces must turn from or to. */
-static status add_object(struct gltf_writer *w, const struct shape *s, const char *name,
-                         unsigned material, const double inside[3], double sign, struct error *err)
+static status add_object(struct gltf_writer *w, const struct shape *s, const char *name, unsigned material,
+                         const double inside[3], double sign, struct error *err)
 {
     struct buffer primitive = BUFFER_INIT;
     status st = STATUS_OK;
@@ -168,8 +167,7 @@ static status add_object(struct gltf_writer *w, const struct shape *s, const cha
         return error_set(err, STATUS_ERR_INTERNAL, "%s is wound the wrong way", name);
     gltf_writer_add_shape(w, s, &primitive);
     if (buffer_ok(&primitive))
-        gltf_writer_add_node(
-            w, name, gltf_writer_add_mesh(w, name, buffer_text(&primitive), material), 0, 0, 0);
+        gltf_writer_add_node(w, name, gltf_writer_add_mesh(w, name, buffer_text(&primitive), material), 0, 0, 0);
     else
         st = error_no_memory(err, name);
     buffer_release(&primitive);
@@ -197,8 +195,7 @@ static void add_room_part(struct box *b, const char *name, unsigned material)
         b->st = add_object(&b->writer, b->shape, name, material, middle, -1.0, b->err);
 }
 
-static void add_block(struct box *b, const char *name, unsigned material, const double top[4][2],
-                      double height)
+static void add_block(struct box *b, const char *name, unsigned material, const double top[4][2], double height)
 {
     double measured[3] = {0, height / 2, 0}, middle[3];
 
@@ -235,8 +232,7 @@ static void add_camera(struct box *b, const struct design *d)
     gltf_writer_add_camera(&b->writer, d->yfov_rad, eye, target);
 }
 
-static status make_box(const char *folder, const struct design *d, struct shape *scratch,
-                       struct error *err)
+static status make_box(const char *folder, const struct design *d, struct shape *scratch, struct error *err)
 {
     static const double small_top[4][2] = {{130, 65}, {82, 225}, {240, 272}, {290, 114}};
     static const double tall_top[4][2] = {{423, 247}, {265, 296}, {314, 456}, {472, 406}};

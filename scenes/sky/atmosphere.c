@@ -99,9 +99,8 @@ static void set_colors(struct atmosphere *a)
 
         color_matching(FIRST_NM + STEP_NM * i, xyz);
         for (int c = 0; c < 3; c++)
-            a->to_rgb[i][c] = 683.0 * STEP_NM *
-                              (xyz_to_rgb[c][0] * xyz[0] + xyz_to_rgb[c][1] * xyz[1] +
-                               xyz_to_rgb[c][2] * xyz[2]);
+            a->to_rgb[i][c] =
+                683.0 * STEP_NM * (xyz_to_rgb[c][0] * xyz[0] + xyz_to_rgb[c][1] * xyz[1] + xyz_to_rgb[c][2] * xyz[2]);
     }
 }
 
@@ -192,14 +191,8 @@ static struct columns integrate_columns(double r, double mu)
 }
 
 /* Nodes are denser near the ground and near the horizon. */
-static double height_of_node(double t)
-{
-    return (TOP_RADIUS - GROUND_RADIUS) * t * t * t;
-}
-static double node_of_height(double height)
-{
-    return cbrt(fmax(height, 0) / (TOP_RADIUS - GROUND_RADIUS));
-}
+static double height_of_node(double t) { return (TOP_RADIUS - GROUND_RADIUS) * t * t * t; }
+static double node_of_height(double height) { return cbrt(fmax(height, 0) / (TOP_RADIUS - GROUND_RADIUS)); }
 /* The lowest cosine that does not meet the ground, at a height. */
 static double horizon_cosine(double height)
 {
@@ -217,21 +210,16 @@ static void set_columns(struct atmosphere *a)
         for (int k = 0; k < COLUMN_ANGLES; k++) {
             double t = (double)k / (COLUMN_ANGLES - 1);
 
-            a->columns[h][k] = integrate_columns(GROUND_RADIUS + height,
-                                                 lowest + (1 - lowest) * t * t);
+            a->columns[h][k] = integrate_columns(GROUND_RADIUS + height, lowest + (1 - lowest) * t * t);
         }
     }
 }
 
-static double mix(double a, double b, double t)
-{
-    return a + (b - a) * t;
-}
+static double mix(double a, double b, double t) { return a + (b - a) * t; }
 
 static struct columns columns_mix(struct columns a, struct columns b, double t)
 {
-    return (struct columns){mix(a.rayleigh, b.rayleigh, t), mix(a.mie, b.mie, t),
-                            mix(a.ozone, b.ozone, t)};
+    return (struct columns){mix(a.rayleigh, b.rayleigh, t), mix(a.mie, b.mie, t), mix(a.ozone, b.ozone, t)};
 }
 
 static int split(double t, int nodes, double *fraction)
@@ -275,8 +263,7 @@ struct march {
     struct columns passed;
 };
 
-static void multiple_at(const struct atmosphere *a, double height, double sun_mu,
-                        struct spectrum *out)
+static void multiple_at(const struct atmosphere *a, double height, double sun_mu, struct spectrum *out)
 {
     double fh, fk;
     int h = split(node_of_height(height), MULTIPLE_HEIGHTS, &fh);
@@ -284,14 +271,13 @@ static void multiple_at(const struct atmosphere *a, double height, double sun_mu
 
     for (int i = 0; i < ATMOSPHERE_WAVELENGTHS; i++)
         out->at[i] = mix(mix(a->multiple[h][k].at[i], a->multiple[h][k + 1].at[i], fk),
-                         mix(a->multiple[h + 1][k].at[i], a->multiple[h + 1][k + 1].at[i], fk),
-                         fh);
+                         mix(a->multiple[h + 1][k].at[i], a->multiple[h + 1][k + 1].at[i], fk), fh);
 }
 
 /* March from radius r along (mu, and cosine `nu` to the sun) over `length`. The sun stands at
  * cosine sun_mu at the start. Within a step the light is attenuated analytically. */
-static void march_ray(const struct atmosphere *a, double r, double mu, double nu, double sun_mu,
-                      double length, int steps, int with_rest, struct march *m)
+static void march_ray(const struct atmosphere *a, double r, double mu, double nu, double sun_mu, double length,
+                      int steps, int with_rest, struct march *m)
 {
     memset(m, 0, sizeof *m);
     for (int s = 0; s < steps; s++) {
@@ -309,8 +295,7 @@ static void march_ray(const struct atmosphere *a, double r, double mu, double nu
             double air = a->rayleigh[i] * d.rayleigh, aerosol = a->mie[i] * d.mie;
             double extinction = air + aerosol + a->ozone[i] * d.ozone;
             double through = transmittance(a, &m->passed, i);
-            double share = through * (extinction * dx > 1e-9 ? -expm1(-extinction * dx) / extinction
-                                                             : dx);
+            double share = through * (extinction * dx > 1e-9 ? -expm1(-extinction * dx) / extinction : dx);
             double light = lit ? sun_irradiance[i] * transmittance(a, &sun, i) : 0;
 
             aerosol *= MIE_ALBEDO;
@@ -328,8 +313,7 @@ static void march_ray(const struct atmosphere *a, double r, double mu, double nu
 
 /* The mean radiance at one place after two and more scatterings: Hillaire's equations 5 to 10,
  * with the ground's reflection. */
-static void set_multiple_at(struct atmosphere *a, double height, double sun_mu,
-                            struct spectrum *out)
+static void set_multiple_at(struct atmosphere *a, double height, double sun_mu, struct spectrum *out)
 {
     double r = GROUND_RADIUS + fmax(height, OBSERVER_HEIGHT);
     double sun_sine = sqrt(fmax(1 - sun_mu * sun_mu, 0));
@@ -354,9 +338,8 @@ static void set_multiple_at(struct atmosphere *a, double height, double sun_mu,
                 second.at[i] += (m.rayleigh.at[i] + m.mie.at[i]) / (4 * PI) / count;
                 again.at[i] += m.scattered.at[i] / count;
                 if (lit)
-                    second.at[i] += transmittance(a, &m.passed, i) * a->ground_albedo / PI *
-                                    ground_mu * sun_irradiance[i] * transmittance(a, &sun, i) /
-                                    count;
+                    second.at[i] += transmittance(a, &m.passed, i) * a->ground_albedo / PI * ground_mu *
+                                    sun_irradiance[i] * transmittance(a, &sun, i) / count;
             }
         }
     for (int i = 0; i < ATMOSPHERE_WAVELENGTHS; i++)
@@ -375,18 +358,15 @@ struct atmosphere *atmosphere_new(double turbidity, double ground_albedo)
     set_columns(a);
     for (int h = 0; h < MULTIPLE_HEIGHTS; h++)
         for (int k = 0; k < MULTIPLE_ANGLES; k++)
-            set_multiple_at(a, height_of_node((double)h / (MULTIPLE_HEIGHTS - 1)),
-                            2.0 * k / (MULTIPLE_ANGLES - 1) - 1, &a->multiple[h][k]);
+            set_multiple_at(a, height_of_node((double)h / (MULTIPLE_HEIGHTS - 1)), 2.0 * k / (MULTIPLE_ANGLES - 1) - 1,
+                            &a->multiple[h][k]);
     return a;
 }
 
-void atmosphere_free(struct atmosphere *a)
-{
-    mem_free(a);
-}
+void atmosphere_free(struct atmosphere *a) { mem_free(a); }
 
-void atmosphere_sky(const struct atmosphere *a, double sun_elevation_rad, double elevation_rad,
-                    double azimuth_rad, struct sky_radiance *out)
+void atmosphere_sky(const struct atmosphere *a, double sun_elevation_rad, double elevation_rad, double azimuth_rad,
+                    struct sky_radiance *out)
 {
     double r = GROUND_RADIUS + OBSERVER_HEIGHT, mu = sin(elevation_rad);
     double sun_mu = sin(sun_elevation_rad);
@@ -399,18 +379,14 @@ void atmosphere_sky(const struct atmosphere *a, double sun_elevation_rad, double
     spectrum_to_rgb(a, &m.rest, out->rest);
 }
 
-double atmosphere_phase_rayleigh(double cosine)
-{
-    return 3 / (16 * PI) * (1 + cosine * cosine);
-}
+double atmosphere_phase_rayleigh(double cosine) { return 3 / (16 * PI) * (1 + cosine * cosine); }
 
 /* Cornette and Shanks 1992. */
 double atmosphere_phase_mie(double cosine)
 {
     const double g = MIE_G;
 
-    return 3 / (8 * PI) * (1 - g * g) / (2 + g * g) * (1 + cosine * cosine) /
-           pow(1 + g * g - 2 * g * cosine, 1.5);
+    return 3 / (8 * PI) * (1 - g * g) / (2 + g * g) * (1 + cosine * cosine) / pow(1 + g * g - 2 * g * cosine, 1.5);
 }
 
 void atmosphere_sun(const struct atmosphere *a, double elevation_rad, double radius, double rgb[3])
@@ -428,8 +404,7 @@ void atmosphere_sun(const struct atmosphere *a, double elevation_rad, double rad
          * 2 / (alpha + 2). */
         double alpha = -0.023 + 0.292 / ((FIRST_NM + STEP_NM * i) / 1000);
 
-        s.at[i] = sun_irradiance[i] / solid_angle * transmittance(a, &c, i) * pow(mu, alpha) *
-                  (alpha + 2) / 2;
+        s.at[i] = sun_irradiance[i] / solid_angle * transmittance(a, &c, i) * pow(mu, alpha) * (alpha + 2) / 2;
     }
     spectrum_to_rgb(a, &s, rgb);
 }

@@ -6,8 +6,7 @@
  * Everything is computed at ATMOSPHERE_WAVELENGTHS wavelengths and handed out as linear Rec. 709
  * in photometric units: 1 is 1 cd/m2 (radiance) or 1 lux (irradiance).
  */
-#ifndef AZULEJO_SCENES_SKY_ATMOSPHERE_H
-#define AZULEJO_SCENES_SKY_ATMOSPHERE_H
+#pragma once
 
 enum { ATMOSPHERE_WAVELENGTHS = 16 };
 
@@ -28,8 +27,8 @@ void atmosphere_free(struct atmosphere *a);
 struct sky_radiance {
     double rayleigh[3], mie[3], rest[3];
 };
-void atmosphere_sky(const struct atmosphere *a, double sun_elevation_rad, double elevation_rad,
-                    double azimuth_rad, struct sky_radiance *out);
+void atmosphere_sky(const struct atmosphere *a, double sun_elevation_rad, double elevation_rad, double azimuth_rad,
+                    struct sky_radiance *out);
 
 /* Phase functions, per steradian, by the cosine of the angle to the sun. */
 double atmosphere_phase_rayleigh(double cosine);
@@ -41,5 +40,3 @@ void atmosphere_sun(const struct atmosphere *a, double elevation_rad, double rad
 
 /* Half the sun's angular diameter of 0.533 degrees. */
 #define SUN_RADIUS_RAD (0.533 / 2 * 3.14159265358979323846 / 180)
-
-#endif

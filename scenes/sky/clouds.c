@@ -59,12 +59,10 @@ static double density_at(const struct clouds *clouds, const double p[3], int oct
     for (int i = 0; i < 3; i++)
         toward[i] = p[i] / length;
     body -= 2 * smooth_step(cos(PI / 180 * 16), cos(PI / 180 * 9),
-                            toward[0] * clouds->light->to_sun[0] +
-                                toward[1] * clouds->light->to_sun[1] +
+                            toward[0] * clouds->light->to_sun[0] + toward[1] * clouds->light->to_sun[1] +
                                 toward[2] * clouds->light->to_sun[2]);
     puffs = noise_sum(p[0] / 420, p[1] / 360, p[2] / 420, octaves, clouds->seed + 21);
-    return smooth_step(0, 0.12, body - 0.34 + 0.75 * puffs) *
-           smooth_step(BASE - 30, BASE + 60, p[1] + 60 * puffs);
+    return smooth_step(0, 0.12, body - 0.34 + 0.75 * puffs) * smooth_step(BASE - 30, BASE + 60, p[1] + 60 * puffs);
 }
 
 /* Optical depth towards the sun, in steps that grow. */
@@ -84,10 +82,7 @@ static double depth_to_sun(const struct clouds *clouds, const double p[3])
     return depth;
 }
 
-static double phase(double cosine, double g)
-{
-    return (1 - g * g) / (4 * PI * pow(1 + g * g - 2 * g * cosine, 1.5));
-}
+static double phase(double cosine, double g) { return (1 - g * g) / (4 * PI * pow(1 + g * g - 2 * g * cosine, 1.5)); }
 
 /* Sunlight after one and more scatterings: each further one is dimmer, sees the sun through less,
  * and has lost more of its direction (Wrenninge, Kulla and Lundqvist 2013, "Oz: The Great and
@@ -113,8 +108,8 @@ double clouds_light(const struct clouds *clouds, const double direction[3], doub
     for (int c = 0; c < 3; c++)
         cosine += direction[c] * light->to_sun[c];
     /* The same start for neighbours would show as rings. */
-    t += STEP * noise_number(noise_hash((int)(direction[0] * 1e6), (int)(direction[1] * 1e6),
-                                        (int)(direction[2] * 1e6), clouds->seed),
+    t += STEP * noise_number(noise_hash((int)(direction[0] * 1e6), (int)(direction[1] * 1e6), (int)(direction[2] * 1e6),
+                                        clouds->seed),
                              0);
     while (t < fmin(end, FARTHEST) && passes > 0.01) {
         double step = STEP * (1 + t / 8000);

@@ -1,6 +1,5 @@
 /* clouds: fair-weather cumulus, flat below and round above, lit by the sun and the sky. */
-#ifndef AZULEJO_SCENES_SKY_CLOUDS_H
-#define AZULEJO_SCENES_SKY_CLOUDS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -15,5 +14,3 @@ struct clouds {
  * sky's light that passes (returned, 0 to 1), and their own light, cd/m2. None stands before the
  * sun or within a few degrees of it. */
 double clouds_light(const struct clouds *clouds, const double direction[3], double rgb[3]);
-
-#endif

@@ -15,8 +15,7 @@ void daylight_haze(const struct daylight *light, double azimuth_rad, double rgb[
         rgb[c] = mix(light->haze[i][c], light->haze[k][c], at - floor(at));
 }
 
-void daylight_matt(const struct daylight *light, const double albedo[3], double sun, double sky,
-                   double rgb[3])
+void daylight_matt(const struct daylight *light, const double albedo[3], double sun, double sky, double rgb[3])
 {
     for (int c = 0; c < 3; c++)
         rgb[c] = albedo[c] / PI * (light->sun_lux[c] * sun + light->sky_lux[c] * sky);

@@ -1,6 +1,5 @@
 /* daylight: the light that the parts of a landscape stand in. Linear Rec. 709, photometric. */
-#ifndef AZULEJO_SCENES_SKY_DAYLIGHT_H
-#define AZULEJO_SCENES_SKY_DAYLIGHT_H
+#pragma once
 
 enum { DAYLIGHT_AZIMUTHS = 360 };
 
@@ -15,7 +14,4 @@ struct daylight {
 void daylight_haze(const struct daylight *light, double azimuth_rad, double rgb[3]);
 /* What a matt face of `albedo` sends out: `sun` is the cosine to the sun, 0 in shadow, and `sky`
  * the share of the sky that it sees. cd/m2. */
-void daylight_matt(const struct daylight *light, const double albedo[3], double sun, double sky,
-                   double rgb[3]);
-
-#endif
+void daylight_matt(const struct daylight *light, const double albedo[3], double sun, double sky, double rgb[3]);

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "common/base/parallel.h"
+#include "common/system/parallel.h"
 #include "scenes/sky/clouds.h"
 #include "scenes/sky/land.h"
 #include "scenes/sky/noise.h"
@@ -23,15 +23,9 @@ struct painting {
     uint32_t seed;
 };
 
-static double elevation_of(const struct image *map, double y)
-{
-    return PI / 2 - PI * y / map->height;
-}
+static double elevation_of(const struct image *map, double y) { return PI / 2 - PI * y / map->height; }
 
-static double azimuth_of(const struct image *map, double x)
-{
-    return 2 * PI * (x / map->width - 0.5);
-}
+static double azimuth_of(const struct image *map, double x) { return 2 * PI * (x / map->width - 0.5); }
 
 static void fill_veil(void *user, size_t begin, size_t end)
 {
@@ -122,14 +116,12 @@ static void paint_rows(void *user, size_t begin, size_t end)
                 covered = land_at(p, x, y, land);
             for (int c = 0; c < 3; c++)
                 texel[c] =
-                    (float)((1 - covered) * ((double)texel[c] * cloud[3] + cloud[c] / p->unit) +
-                            land[c] / p->unit);
+                    (float)((1 - covered) * ((double)texel[c] * cloud[3] + cloud[c] / p->unit) + land[c] / p->unit);
         }
     }
 }
 
-status field_paint(struct image *map, double unit, const struct daylight *light, uint32_t seed,
-                   struct error *err)
+status field_paint(struct image *map, double unit, const struct daylight *light, uint32_t seed, struct error *err)
 {
     struct painting *p = mem_calloc(1, sizeof *p);
     status st;
@@ -141,8 +133,7 @@ status field_paint(struct image *map, double unit, const struct daylight *light,
     p->seed = seed;
     p->clouds = (struct clouds){.light = light, .seed = seed};
     land_init(&p->land, light, seed);
-    st = image_init(&p->veil, map->width / CLOUD_TEXELS + 1, map->height / 2 / CLOUD_TEXELS + 1, 4,
-                    err);
+    st = image_init(&p->veil, map->width / CLOUD_TEXELS + 1, map->height / 2 / CLOUD_TEXELS + 1, 4, err);
     if (st == STATUS_OK) {
         parallel_for(0, p->veil.height, 1, fill_veil, p);
         parallel_for(0, map->height, 4, paint_rows, p);

@@ -1,6 +1,5 @@
 /* field: paints a wheat field under a summer sky into a map that holds the clear sky already. */
-#ifndef AZULEJO_SCENES_SKY_FIELD_H
-#define AZULEJO_SCENES_SKY_FIELD_H
+#pragma once
 
 #include "common/image/image.h"
 #include "scenes/sky/daylight.h"
@@ -9,5 +8,3 @@
  * are put before its sky, and the land before both. The same `seed`, the same field. ERR_NO_MEMORY. */
 status field_paint(struct image *map, double unit, const struct daylight *light, uint32_t seed,
                    struct error *err) MUST_CHECK;
-
-#endif

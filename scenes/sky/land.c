@@ -64,8 +64,7 @@ static void haze_over(const struct daylight *light, double azimuth, double dista
 
 /* Leaves of a round crown: brighter towards the sun, dark between the twigs. `x`, `y`: place in
  * the crown, -1 to 1. */
-static void crown_light(const struct daylight *light, double azimuth, double x, double y,
-                        double grain, double rgb[3])
+static void crown_light(const struct daylight *light, double azimuth, double x, double y, double grain, double rgb[3])
 {
     static const double leaves[3] = {.085, .115, .035};
     double out = sqrt(fmax(1 - x * x - y * y, 0)); /* towards the eye */
@@ -82,8 +81,8 @@ static void crown_light(const struct daylight *light, double azimuth, double x, 
 
 /* Tree number `number`, if there is one: a crown of several lumps. `x`: radians right of the left
  * end of its place; `y`: over the ground. */
-static int tree_light(const struct land *land, int number, double x, double y, double azimuth,
-                      double grain, double rgb[3])
+static int tree_light(const struct land *land, int number, double x, double y, double azimuth, double grain,
+                      double rgb[3])
 {
     uint32_t h = noise_hash(number, 0, 7, land->seed);
     double clump = around(2 * PI * number / TREES, 9, 3.5, 2, land->seed + 43);
@@ -108,8 +107,7 @@ static int tree_light(const struct land *land, int number, double x, double y, d
     }
     if (nearest > 0.85 + 0.5 * grain)
         return 0;
-    crown_light(land->wheat.light, azimuth, fmin(fmax(at[0], -0.9), 0.9),
-                fmin(fmax(at[1], -0.9), 0.9), grain, rgb);
+    crown_light(land->wheat.light, azimuth, fmin(fmax(at[0], -0.9), 0.9), fmin(fmax(at[1], -0.9), 0.9), grain, rgb);
     return 1;
 }
 
@@ -123,8 +121,8 @@ static int hedge_light(const struct land *land, double azimuth, double elevation
     double hedge = RAD(.22) * (1 + 0.6 * around(azimuth, 300, 0.5, 3, land->seed + 42));
 
     for (int i = middle - 1; i <= middle + 1; i++)
-        found |= tree_light(land, (i % TREES + TREES) % TREES, (at - i) * (2 * PI / TREES),
-                            elevation - ground, azimuth, grain, rgb);
+        found |= tree_light(land, (i % TREES + TREES) % TREES, (at - i) * (2 * PI / TREES), elevation - ground, azimuth,
+                            grain, rgb);
     if (!found && elevation < ground + hedge * (1 + 0.5 * grain)) {
         crown_light(light, azimuth, 0, 2 * (elevation - ground) / hedge - 1.2, grain, rgb);
         found = 1;
@@ -147,19 +145,16 @@ static double hill_top(const struct land *land, int k, double azimuth)
 {
     const struct hill *hill = &hills[k];
 
-    return RAD(hill->mean_deg + hill->range_deg * around(azimuth, hill->waves, 0.5, 3,
-                                                         land->seed + 50 + (uint32_t)k));
+    return RAD(hill->mean_deg + hill->range_deg * around(azimuth, hill->waves, 0.5, 3, land->seed + 50 + (uint32_t)k));
 }
 
 /* Fields are cells of a skewed grid over the hill's face; hedges run between them. */
-static void fields_colour(const struct land *land, int k, double azimuth, double down,
-                          double albedo[3])
+static void fields_colour(const struct land *land, int k, double azimuth, double down, double albedo[3])
 {
     static const double crops[6][3] = {{.50, .38, .16}, {.20, .26, .08}, {.16, .22, .07},
                                        {.42, .34, .15}, {.27, .28, .11}, {.34, .26, .15}};
     double bent = 0.35 * around(azimuth, 40, 4 * down, 2, land->seed + 60 + (uint32_t)k);
-    double across = azimuth / (2 * PI) * (46 + 20 * k) + 0.6 * down + bent,
-           deep = down * 3.2 + bent;
+    double across = azimuth / (2 * PI) * (46 + 20 * k) + 0.6 * down + bent, deep = down * 3.2 + bent;
     uint32_t h = noise_hash((int)floor(across), (int)floor(deep), k, land->seed + 61);
     const double *crop = crops[h % 6];
     double edge = fmin(fmin(across - floor(across), 1 - (across - floor(across))),
@@ -170,17 +165,15 @@ static void fields_colour(const struct land *land, int k, double azimuth, double
         albedo[c] = crop[c] * dark * (0.85 + 0.3 * noise_number(h, 1));
 }
 
-static int hill_light(const struct land *land, int k, double azimuth, double elevation,
-                      double rgb[3])
+static int hill_light(const struct land *land, int k, double azimuth, double elevation, double rgb[3])
 {
     static const double leaves[3] = {.055, .080, .030};
     const struct daylight *light = land->wheat.light;
     uint32_t seed = land->seed + 70 + (uint32_t)k;
     double grain = around(azimuth, 1500 * (1 + k), elevation * 240 * (1 + k), 3, seed);
     double smooth = hill_top(land, k, azimuth), down, wood, albedo[3], lean, sun;
-    double crest =
-        smooth + RAD(.16 - .04 * k) * fmax(grain, -0.2) *
-                     smooth_step(-0.1, 0.15, around(azimuth, 60, 0.5, 2, seed + 9) + hills[k].wood);
+    double crest = smooth + RAD(.16 - .04 * k) * fmax(grain, -0.2) *
+                                smooth_step(-0.1, 0.15, around(azimuth, 60, 0.5, 2, seed + 9) + hills[k].wood);
 
     if (elevation > crest)
         return 0;
@@ -191,12 +184,10 @@ static int hill_light(const struct land *land, int k, double azimuth, double ele
                            (elevation > smooth ? 1 : 0));
     fields_colour(land, k, azimuth, down, albedo);
     for (int c = 0; c < 3; c++)
-        albedo[c] = mix(albedo[c] * (1 + 0.15 * grain),
-                        leaves[c] * fmin(fmax(1 + 1.2 * grain, 0.3), 2), wood);
+        albedo[c] = mix(albedo[c] * (1 + 0.15 * grain), leaves[c] * fmin(fmax(1 + 1.2 * grain, 0.3), 2), wood);
     /* The face leans towards us; its flanks turn with the crest. */
     lean = (hill_top(land, k, azimuth + RAD(1)) - hill_top(land, k, azimuth - RAD(1))) / RAD(2);
-    sun = 0.94 * light->to_sun[1] -
-          0.3 * (light->to_sun[0] * cos(azimuth) + light->to_sun[2] * sin(azimuth)) -
+    sun = 0.94 * light->to_sun[1] - 0.3 * (light->to_sun[0] * cos(azimuth) + light->to_sun[2] * sin(azimuth)) -
           0.8 * lean * (light->to_sun[2] * cos(azimuth) - light->to_sun[0] * sin(azimuth));
     daylight_matt(light, albedo, fmax(sun, 0.05), 0.9, rgb);
     haze_over(light, azimuth, hills[k].distance_m, rgb);

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 
 #include "common/base/buffer.h"
-#include "common/base/file.h"
-#include "common/base/options.h"
+#include "common/system/file.h"
+#include "common/cli/options.h"
 #include "scenes/sky/sky.h"
 
 /* "1024x512". */
@@ -14,15 +14,13 @@ static status read_size(const char *text, struct sky_settings *s, struct error *
     char rest;
 
     if (sscanf(text, "%6ux%6u%c", &width, &height, &rest) != 2 || width < 1 || height < 1)
-        return error_set(err, STATUS_ERR_USAGE, "--size must be like 1024x512, and is \"%s\"",
-                         text);
+        return error_set(err, STATUS_ERR_USAGE, "--size must be like 1024x512, and is \"%s\"", text);
     s->width = width;
     s->height = height;
     return STATUS_OK;
 }
 
-static status write_map(const char *path, const struct image *map, const struct sky_settings *s,
-                        struct error *err)
+static status write_map(const char *path, const struct image *map, const struct sky_settings *s, struct error *err)
 {
     const struct exr_attribute attributes[] = {
         /* the field's first */
@@ -78,11 +76,10 @@ int main(int argc, char **argv)
     status st = options_parse(table, argc, argv, &rest, &help, &err);
 
     if (st == STATUS_OK && help) {
-        options_print_help(
-            "make_sky [options]",
-            "Write a clear sky with sun, or a summer's field under it, as an environment map; "
-            "1 unit is 10 kcd/m2.",
-            table);
+        options_print_help("make_sky [options]",
+                           "Write a clear sky with sun, or a summer's field under it, as an environment map; "
+                           "1 unit is 10 kcd/m2.",
+                           table);
         return 0;
     }
     if (st == STATUS_OK && rest.count > 0)
@@ -98,7 +95,7 @@ int main(int argc, char **argv)
     if (st != STATUS_OK)
         fprintf(stderr, "make_sky: %s\n", err.text);
     else
-        printf("%s: %u x %u, sun %.1f klx, sky %.1f klx on the ground\n", path, (unsigned)s.width,
-               (unsigned)s.height, report.sun_lux / 1000, report.sky_lux / 1000);
+        printf("%s: %u x %u, sun %.1f klx, sky %.1f klx on the ground\n", path, (unsigned)s.width, (unsigned)s.height,
+               report.sun_lux / 1000, report.sky_lux / 1000);
     return status_exit_code(st);
 }

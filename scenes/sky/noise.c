@@ -13,10 +13,7 @@ uint32_t noise_hash(int x, int y, int z, uint32_t seed)
     return h ^ (h >> 16);
 }
 
-double noise_number(uint32_t hash, int n)
-{
-    return noise_hash((int)hash, n, 0, 0x5bd1e995u) / 4294967296.0;
-}
+double noise_number(uint32_t hash, int n) { return noise_hash((int)hash, n, 0, 0x5bd1e995u) / 4294967296.0; }
 
 double smooth_step(double from, double to, double x)
 {
@@ -44,11 +41,9 @@ static double noise_at(double x, double y, double z, uint32_t seed)
         weight[i] = at[i] * at[i] * at[i] * (at[i] * (at[i] * 6 - 15) + 10);
     for (int corner = 0; corner < 8; corner++) {
         int cx = corner & 1, cy = corner >> 1 & 1, cz = corner >> 2;
-        uint32_t hash =
-            noise_hash((int)whole[0] + cx, (int)whole[1] + cy, (int)whole[2] + cz, seed);
+        uint32_t hash = noise_hash((int)whole[0] + cx, (int)whole[1] + cy, (int)whole[2] + cz, seed);
 
-        sum += (cx ? weight[0] : 1 - weight[0]) * (cy ? weight[1] : 1 - weight[1]) *
-               (cz ? weight[2] : 1 - weight[2]) *
+        sum += (cx ? weight[0] : 1 - weight[0]) * (cy ? weight[1] : 1 - weight[1]) * (cz ? weight[2] : 1 - weight[2]) *
                slope(hash >> 8, at[0] - cx, at[1] - cy, at[2] - cz);
     }
     return sum;

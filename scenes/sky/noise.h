@@ -1,7 +1,6 @@
 /* noise: repeatable randomness over the plane and over space, for what a landscape is made of. The
  * same seed and place give the same value. */
-#ifndef AZULEJO_SCENES_SKY_NOISE_H
-#define AZULEJO_SCENES_SKY_NOISE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -16,5 +15,3 @@ double noise_sum(double x, double y, double z, int octaves, uint32_t seed);
 /* 0 below `from`, 1 above `to`, smooth between. */
 double smooth_step(double from, double to, double x);
 double mix(double a, double b, double share_of_b);
-
-#endif

@@ -26,9 +26,8 @@ static void fill_grid(struct sky *sky)
 {
     for (int e = 0; e < ELEVATIONS; e++)
         for (int k = 0; k < AZIMUTHS; k++)
-            atmosphere_sky(sky->atmosphere, sky->sun_elevation_rad,
-                           elevation_of_node((double)e / (ELEVATIONS - 1)), PI * k / (AZIMUTHS - 1),
-                           &sky->grid[e][k]);
+            atmosphere_sky(sky->atmosphere, sky->sun_elevation_rad, elevation_of_node((double)e / (ELEVATIONS - 1)),
+                           PI * k / (AZIMUTHS - 1), &sky->grid[e][k]);
 }
 
 static int split(double t, int nodes, double *fraction)
@@ -41,8 +40,7 @@ static int split(double t, int nodes, double *fraction)
 }
 
 /* cd/m2 as linear Rec. 709; `azimuth_rad` is relative to the sun's. */
-static void sky_radiance_at(const struct sky *sky, double elevation_rad, double azimuth_rad,
-                            double rgb[3])
+static void sky_radiance_at(const struct sky *sky, double elevation_rad, double azimuth_rad, double rgb[3])
 {
     double fe, fk, cosine, rayleigh, mie;
     int e = split(sqrt(elevation_rad / (PI / 2)), ELEVATIONS, &fe);
@@ -58,8 +56,7 @@ static void sky_radiance_at(const struct sky *sky, double elevation_rad, double 
     for (int c = 0; c < 3; c++) {
         rgb[c] = 0;
         for (int i = 0; i < 4; i++)
-            rgb[c] += weights[i] * (nodes[i]->rayleigh[c] * rayleigh + nodes[i]->mie[c] * mie +
-                                    nodes[i]->rest[c]);
+            rgb[c] += weights[i] * (nodes[i]->rayleigh[c] * rayleigh + nodes[i]->mie[c] * mie + nodes[i]->rest[c]);
         rgb[c] = fmax(rgb[c], 0); /* a blue outside Rec. 709 */
     }
 }
@@ -157,8 +154,7 @@ static void paint_sun(const struct sky *sky, struct image *out, double horizonta
                 continue;
             i = split(at / (SUN_HEIGHTS - 1), SUN_HEIGHTS, &fraction);
             for (int c = 0; c < 3; c++) {
-                double middle =
-                    table.rgb[i][c] + (table.rgb[i + 1][c] - table.rgb[i][c]) * fraction;
+                double middle = table.rgb[i][c] + (table.rgb[i + 1][c] - table.rgb[i][c]) * fraction;
 
                 light[c] = fmax(middle * limb[c] / whole[c], 0) * solid_angle;
                 horizontal[c] += light[c] * sin(elevation);
@@ -167,8 +163,7 @@ static void paint_sun(const struct sky *sky, struct image *out, double horizonta
                 double u = azimuth / (2 * PI) + 0.5, v = 0.5 - elevation / PI;
                 uint32_t y = (uint32_t)fmin(v * out->height, out->height - 1.0);
                 uint32_t x = (uint32_t)fmin((u - floor(u)) * out->width, out->width - 1.0);
-                double texel = 2 * PI / out->width *
-                               (cos(PI * y / out->height) - cos(PI * (y + 1.0) / out->height));
+                double texel = 2 * PI / out->width * (cos(PI * y / out->height) - cos(PI * (y + 1.0) / out->height));
 
                 for (int c = 0; c < 3; c++)
                     light[c] /= texel;
@@ -178,14 +173,11 @@ static void paint_sun(const struct sky *sky, struct image *out, double horizonta
     }
 }
 
-static double luminance(const double rgb[3])
-{
-    return 0.212656 * rgb[0] + 0.715158 * rgb[1] + 0.072186 * rgb[2];
-}
+static double luminance(const double rgb[3]) { return 0.212656 * rgb[0] + 0.715158 * rgb[1] + 0.072186 * rgb[2]; }
 
 /* What the landscape stands in. A sun at the horizon gives it none of its light. */
-static void describe_daylight(const struct sky *sky, const double from_sun[3],
-                              const double from_sky[3], struct daylight *light)
+static void describe_daylight(const struct sky *sky, const double from_sun[3], const double from_sky[3],
+                              struct daylight *light)
 {
     double sine = sin(sky->sun_elevation_rad), cosine = cos(sky->sun_elevation_rad);
 
@@ -197,12 +189,10 @@ static void describe_daylight(const struct sky *sky, const double from_sun[3],
         light->sky_lux[c] = from_sky[c];
     }
     for (int i = 0; i < DAYLIGHT_AZIMUTHS; i++)
-        sky_radiance_at(sky, RAD(1.5), 2 * PI * i / DAYLIGHT_AZIMUTHS - sky->sun_azimuth_rad,
-                        light->haze[i]);
+        sky_radiance_at(sky, RAD(1.5), 2 * PI * i / DAYLIGHT_AZIMUTHS - sky->sun_azimuth_rad, light->haze[i]);
 }
 
-status sky_make(struct image *out, const struct sky_settings *settings, struct sky_report *report,
-                struct error *err)
+status sky_make(struct image *out, const struct sky_settings *settings, struct sky_report *report, struct error *err)
 {
     double from_sun[3], from_sky[3], ground[3];
     struct sky *sky;

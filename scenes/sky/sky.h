@@ -5,8 +5,7 @@
  * 270 is -Z (one quarter). One unit of the picture is 10 kcd/m2 = 10 000 lux/sr, so that a clear
  * sky is about 0.2 to 1 and the sun about 1e5.
  */
-#ifndef AZULEJO_SCENES_SKY_SKY_H
-#define AZULEJO_SCENES_SKY_SKY_H
+#pragma once
 
 #include "common/image/image.h"
 
@@ -31,5 +30,3 @@ struct sky_report {
 /* `out` is initialised here; 3 channels. `report` may be NULL. */
 status sky_make(struct image *out, const struct sky_settings *settings, struct sky_report *report,
                 struct error *err) MUST_CHECK;
-
-#endif

@@ -38,10 +38,7 @@ struct meeting {
     uint32_t plant;
 };
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* A place in the field: across the rows and along them. */
 static void rows_of(const struct wheat *w, double x, double z, double *across, double *along)
@@ -75,8 +72,8 @@ static double green_at(double across, double along, uint32_t seed)
 }
 
 /* A round rod from `foot` along `span`. */
-static void meet_rod(const struct ray *ray, const double foot[3], const double span[3],
-                     double radius, enum part part, uint32_t plant, struct meeting *nearest)
+static void meet_rod(const struct ray *ray, const double foot[3], const double span[3], double radius, enum part part,
+                     uint32_t plant, struct meeting *nearest)
 {
     double to_foot[3] = {foot[0] - ray->from[0], foot[1] - ray->from[1], foot[2] - ray->from[2]};
     double b = dot(ray->to, span), c = dot(span, span), d = dot(ray->to, to_foot);
@@ -104,8 +101,8 @@ static void meet_rod(const struct ray *ray, const double foot[3], const double s
 
 /* The plant of a cell of the field, in which the ray is at `lowest` or higher: a bent stalk, its ear, and a
  * leaf. */
-static void meet_plant(const struct wheat *w, const struct ray *ray, int row, int number,
-                       double lowest, struct meeting *nearest)
+static void meet_plant(const struct wheat *w, const struct ray *ray, int row, int number, double lowest,
+                       struct meeting *nearest)
 {
     const double c = w->along[0], s = w->along[1];
     uint32_t plant = noise_hash(row, number, 3, w->seed);
@@ -133,8 +130,7 @@ static void meet_plant(const struct wheat *w, const struct ray *ray, int row, in
         const double leaf[3] = {0.16 * cos(turn + 2), 0.12 * (noise_number(plant, 8) - 0.3),
                                 0.16 * sin(turn + 2)};
 
-        meet_rod(ray, neck, ear, EAR_RADIUS * (0.8 + 0.5 * noise_number(plant, 5)), EAR, plant,
-                 nearest);
+        meet_rod(ray, neck, ear, EAR_RADIUS * (0.8 + 0.5 * noise_number(plant, 5)), EAR, plant, nearest);
         if (lowest > height)
             return;
         meet_rod(ray, foot, stalk, STALK_RADIUS, STALK, plant, nearest);
@@ -145,8 +141,7 @@ static void meet_plant(const struct wheat *w, const struct ray *ray, int row, in
 
 /* Walk through the field's cells from `t`, at most `cells` of them and while the ray is among the plants: the
  * first part that it meets, or the soil. 0 if it leaves the crop upwards, or meets nothing. */
-static int meet_crop(const struct wheat *w, const struct ray *ray, double t, int cells,
-                     struct meeting *nearest)
+static int meet_crop(const struct wheat *w, const struct ray *ray, double t, int cells, struct meeting *nearest)
 {
     double across, along, across_step, along_step, next[2], delta[2], enters = t;
     int at[2], step[2];
@@ -183,8 +178,7 @@ static int meet_crop(const struct wheat *w, const struct ray *ray, double t, int
     return 0;
 }
 
-static void colour_of(const struct wheat *w, const struct meeting *m, double across, double along,
-                      double albedo[3])
+static void colour_of(const struct wheat *w, const struct meeting *m, double across, double along, double albedo[3])
 {
     static const double ripe[4][3] = {
         {.20, .15, .095}, {.72, .50, .20}, {.62, .46, .20}, {.50, .41, .19}};
@@ -268,12 +262,10 @@ static double seen_into(double width, double fall, double crossing)
     return smooth_step(0, 0.5, width * fall / fmax(crossing, 1e-3) / 0.5);
 }
 
-static void mean_light(const struct wheat *w, const double direction[3], double distance,
-                       double slope, double rgb[3])
+static void mean_light(const struct wheat *w, const double direction[3], double distance, double slope, double rgb[3])
 {
     static const double green_tint[3] = {0.62, 0.95, 0.75};
-    double flat = hypot(direction[0], direction[2]), x = direction[0] / flat,
-           z = direction[2] / flat;
+    double flat = hypot(direction[0], direction[2]), x = direction[0] / flat, z = direction[2] / flat;
     double across, along, crossing, unused, at, gap, green, tone;
     double turn = atan2(z, x) / (2 * PI), fall = slope - direction[1] / flat;
     int i, k;
@@ -286,9 +278,7 @@ static void mean_light(const struct wheat *w, const double direction[3], double 
     k = (i + 1) % WHEAT_SECTORS;
     /* Ears as one sees them: upright grains of an even size in the field. */
     tone = tone_at(across, along, w->seed) *
-           (1 + 0.5 *
-                    noise_sum(turn * 2 * PI * distance / 0.09, 30 * log(distance), 0.5, 2,
-                              w->seed + 14) *
+           (1 + 0.5 * noise_sum(turn * 2 * PI * distance / 0.09, 30 * log(distance), 0.5, 2, w->seed + 14) *
                     smooth_step(300, 30, distance));
     /* Tracks, and a wider gap between two rows where the sower turned, every 3 m. */
     gap = in_track(across) ? 0.45 + 0.55 * seen_into(0.5, fall, crossing) : 0;
@@ -300,8 +290,7 @@ static void mean_light(const struct wheat *w, const double direction[3], double 
                  mix(1, green_tint[c], green + 0.25 * gap);
 }
 
-void wheat_light(const struct wheat *wheat, const double direction[3], double distance_m,
-                 double slope, double rgb[3])
+void wheat_light(const struct wheat *wheat, const double direction[3], double distance_m, double slope, double rgb[3])
 {
     double share = smooth_step(NEAR, FAR, distance_m), near[3];
 

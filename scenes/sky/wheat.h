@@ -1,8 +1,7 @@
 /* wheat: a field of ripe wheat, sown in rows, around an eye at WHEAT_EYE_M over the ground. Near
  * the eye it is made of ears, stalks and leaves; further away of their mean light, with the
  * rows, tracks and patches that are still seen. */
-#ifndef AZULEJO_SCENES_SKY_WHEAT_H
-#define AZULEJO_SCENES_SKY_WHEAT_H
+#pragma once
 
 #include <stdint.h>
 
@@ -23,7 +22,4 @@ struct wheat {
 void wheat_init(struct wheat *wheat, const struct daylight *light, uint32_t seed);
 /* The light from unit direction `direction` that meets the field `distance_m` away, measured
  * along the ground, where the field slopes by `slope` (tangent) against the view. cd/m2. */
-void wheat_light(const struct wheat *wheat, const double direction[3], double distance_m,
-                 double slope, double rgb[3]);
-
-#endif
+void wheat_light(const struct wheat *wheat, const double direction[3], double distance_m, double slope, double rgb[3]);

@@ -6,9 +6,9 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "common/image/image.h"
 #include "scenes/gltf_writer.h"
 
@@ -130,8 +130,8 @@ static void paint_wave_normals(double x, double y, double code[3])
     encode_normal(0.45 * cos(kx * x) * sin(ky * y), -0.45 * sin(kx * x) * cos(ky * y), code);
 }
 
-static status write_texture(const char *folder, const char *name,
-                            void (*paint)(double, double, double[3]), struct error *err)
+static status write_texture(const char *folder, const char *name, void (*paint)(double, double, double[3]),
+                            struct error *err)
 {
     struct image image;
     struct buffer png = BUFFER_INIT;
@@ -147,8 +147,7 @@ static status write_texture(const char *folder, const char *name,
             paint((x + 0.5) / TEXTURE_SIDE, (y + 0.5) / TEXTURE_SIDE, code);
             /* Whole codes, so that the encoder's dither changes nothing. */
             for (int c = 0; c < 3; c++)
-                image.pixels[3 * (y * TEXTURE_SIDE + x) + (uint32_t)c] =
-                    (float)(floor(code[c] + 0.5) / 255);
+                image.pixels[3 * (y * TEXTURE_SIDE + x) + (uint32_t)c] = (float)(floor(code[c] + 0.5) / 255);
         }
     if (st == STATUS_OK)
         st = png_encode(&png, &image, err);
@@ -170,19 +169,17 @@ static const char ground_json[] =
     "{\"name\": \"tiles\", \"pbrMetallicRoughness\": {\"baseColorTexture\": {\"index\": 0}, "
     "\"metallicFactor\": 0, \"roughnessFactor\": 0.45}, \"normalTexture\": {\"index\": 1}, "
     "\"doubleSided\": true}";
-static const char lamp_json[] =
-    "{\"name\": \"lamp\", " PBR("0, 0, 0", "0", "1") ", \"emissiveFactor\": [1, 0.95, 0.88], "
-    "\"extensions\": {\"KHR_materials_emissive_strength\": {\"emissiveStrength\": 12}}}";
+static const char lamp_json[] = "{\"name\": \"lamp\", " PBR(
+    "0, 0, 0", "0", "1") ", \"emissiveFactor\": [1, 0.95, 0.88], "
+                         "\"extensions\": {\"KHR_materials_emissive_strength\": {\"emissiveStrength\": 12}}}";
 
 static const struct {
     const char *name;
     const char *json;
     double x, z; /* metres; a sphere's radius is 1/2 */
 } spheres[] = {
-    {"rough metal", "{\"name\": \"rough metal\", " PBR("0.95, 0.64, 0.54", "1", "0.4") "}", -2.3,
-     0.1},
-    {"smooth metal", "{\"name\": \"smooth metal\", " PBR("1, 0.78, 0.34", "1", "0.05") "}", -1.15,
-     -0.4},
+    {"rough metal", "{\"name\": \"rough metal\", " PBR("0.95, 0.64, 0.54", "1", "0.4") "}", -2.3, 0.1},
+    {"smooth metal", "{\"name\": \"smooth metal\", " PBR("1, 0.78, 0.34", "1", "0.05") "}", -1.15, -0.4},
     {"plastic", "{\"name\": \"plastic\", " PBR("0.06, 0.24, 0.62", "0", "0.15") "}", 0.0, 0.25},
     {"glass",
      "{\"name\": \"glass\", " PBR("1, 1, 1", "0", "0") ", \"extensions\": "
@@ -193,19 +190,18 @@ static const struct {
      1.15, -0.4},
     {"hammered",
      "{\"name\": \"hammered\", " PBR("0.7, 0.08, 0.06", "0", "0.25") ", \"normalTexture\": "
-     "{\"index\": 2}}",
+                                                                     "{\"index\": 2}}",
      2.3, 0.1},
 };
 
-static void add_object(struct gltf_writer *w, const struct shape *shape, const char *name,
-                       const char *material, double y)
+static void add_object(struct gltf_writer *w, const struct shape *shape, const char *name, const char *material,
+                       double y)
 {
     struct buffer primitive = BUFFER_INIT;
     unsigned mesh;
 
     gltf_writer_add_shape(w, shape, &primitive);
-    mesh = gltf_writer_add_mesh(w, name, buffer_text(&primitive),
-                                gltf_writer_add_material(w, material));
+    mesh = gltf_writer_add_mesh(w, name, buffer_text(&primitive), gltf_writer_add_material(w, material));
     gltf_writer_add_node(w, name, mesh, 0, y, 0);
     if (!buffer_ok(&primitive))
         w->meshes.failed = 1;
@@ -225,9 +221,8 @@ static void add_spheres(struct gltf_writer *w, struct shape *scratch)
         unsigned material = gltf_writer_add_material(w, spheres[i].json);
 
         gltf_writer_add_node(w, spheres[i].name,
-                             gltf_writer_add_mesh(w, spheres[i].name, buffer_text(&primitive),
-                                                  material),
-                             spheres[i].x, 0.5, spheres[i].z);
+                             gltf_writer_add_mesh(w, spheres[i].name, buffer_text(&primitive), material), spheres[i].x,
+                             0.5, spheres[i].z);
     }
     if (!buffer_ok(&primitive))
         w->meshes.failed = 1;
@@ -280,8 +275,7 @@ int main(int argc, char **argv)
     status st = options_parse(table, argc, argv, &rest, &help, &err);
 
     if (st == STATUS_OK && help) {
-        options_print_help("make_studio [options]",
-                           "Write textured-spheres.gltf with its buffer and textures.", table);
+        options_print_help("make_studio [options]", "Write textured-spheres.gltf with its buffer and textures.", table);
         return 0;
     }
     if (st == STATUS_OK && rest.count > 0)

@@ -2,7 +2,8 @@
  *
  *   allocation [--explore | --targets] FILE...
  *
- * For each recording, its first two seeds in turn: one seed decides, the other one judges. Printed
+ * For each recording, its first two seeds in turn: one seed decides, the other one judges, each with
+ * a further seed that tells its errors (four in all). Printed
  * is the gain in CPU time over uniform samples to an equal error, at the end of each round: of the
  * rounds, and of the optimum, which knows from all of the deciding seed's samples what each tile
  * needs; for the RMS of the errors in codes and for the display error (95 % of the pixels). The two
@@ -92,10 +93,7 @@ static uint32_t tile_of(const struct replay *r, size_t pixel)
     return (uint32_t)(pixel / r->width / TILE_SIZE * tiles_across(r->width) + pixel % r->width / TILE_SIZE);
 }
 
-static double cost_of(const struct replay *r, const struct plan *p)
-{
-    return replay_cost(r, p->passes);
-}
+static double cost_of(const struct replay *r, const struct plan *p) { return replay_cost(r, p->passes); }
 
 /* Neyman with cost, nowhere less than `least` passes, both groups alike. */
 static void neyman(const struct replay *decides, double cost, uint32_t least, struct plan *p)
@@ -118,8 +116,7 @@ static void neyman(const struct replay *decides, double cost, uint32_t least, st
         for (uint32_t t = 0; t < decides->tiles; t++) {
             uint32_t passes = least;
             while (passes < decides->passes &&
-                   strength[t] * exp(middle) * 1e3 >
-                       sqrt((double)pass_samples(passes) * pass_samples(passes + 1)))
+                   strength[t] * exp(middle) * 1e3 > sqrt((double)pass_samples(passes) * pass_samples(passes + 1)))
                 passes++;
             p->passes[0][t] = p->passes[1][t] = passes;
         }
@@ -135,7 +132,7 @@ static void neyman(const struct replay *decides, double cost, uint32_t least, st
  * price, by its own measured error after each pass. */
 static void least_square(const struct replay *r, double cost, struct plan *p)
 {
-    double (*square)[RECORD_PASSES_MAX] = mem_calloc(r->tiles, sizeof *square);
+    double(*square)[RECORD_PASSES_MAX] = mem_calloc(r->tiles, sizeof *square);
     double low = -40, high = 40;
 
     if (!square)
@@ -182,7 +179,7 @@ static void count_within(const struct replay *r, float codes, uint16_t (*within)
  * common price. Returns the share of pixels. */
 static double most_within(const struct replay *r, double cost, float codes, struct plan *p)
 {
-    uint16_t (*within)[RECORD_PASSES_MAX] = mem_alloc_array(r->tiles, sizeof *within);
+    uint16_t(*within)[RECORD_PASSES_MAX] = mem_alloc_array(r->tiles, sizeof *within);
     double low = -60, high = 20, sum = 0;
 
     if (!within)
@@ -363,7 +360,6 @@ struct variant {
 
 static uint32_t make_variants(struct variant *v, int explore)
 {
-   
     static const uint32_t shares[] = {50, 100, 200, 300};
     static const double limits[] = {0.5, 1, 2, 4, 1e9}, smoothings[] = {0, 0.25, 0.75, 1};
     static char names[64][32];
@@ -432,7 +428,7 @@ int main(int argc, char **argv)
     }
     for (uint32_t v = 0; v < count && cells > 0; v++)
         printf("geometric mean   | %-14s | %.3f %.3f | %.3f %.3f | worst %.3f %.3f\n", variants[v].name,
-               exp(logs[v][0] / cells), exp(logs[v][1] / cells), exp(logs[v][2] / cells),
-               exp(logs[v][3] / cells), worst[v][0], worst[v][1]);
+               exp(logs[v][0] / cells), exp(logs[v][1] / cells), exp(logs[v][2] / cells), exp(logs[v][3] / cells),
+               worst[v][0], worst[v][1]);
     return 0;
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Record two seeds of each scene at 900 tiles, into build/accuracy, and print what giving samples
+# Record four seeds of each scene at 900 tiles, into build/accuracy, and print what giving samples
 # to tiles saves. Recordings are kept: remove the folder after a change of the renderer.
 set -u
 cd "$(dirname "$0")/../.."
@@ -9,7 +9,7 @@ mkdir -p "$folder"
 record() {
     local name=$1 spp=$2 scene=$3
     [ -f "$folder/$name.rec" ] || {
-        "$build/tests/accuracy/record" "$scene" --out "$folder/$name.tmp" --size 480x480 --spp "$spp" --seeds 2 &&
+        "$build/tests/accuracy/record" "$scene" --out "$folder/$name.tmp" --size 480x480 --spp "$spp" --seeds 4 &&
             mv "$folder/$name.tmp" "$folder/$name.rec"
     } || exit 1
 }

@@ -12,7 +12,7 @@
 
 #include "common/accuracy/curve.h"
 #include "common/base/memory.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "tests/support/calibration.h"
 #include "tests/support/judge.h"
 
@@ -62,19 +62,20 @@ static void mean_of_seeds(const struct judgement *all, uint32_t seeds, uint32_t 
 /* One line of one seed's judgements all[levels]. `even`: their mean over the seeds. `reference`: samples
  * of a pixel that the truth was made of. */
 static void print_row(const char *scene, uint32_t seed, const struct judgement *all, const struct judgement *even,
-                      uint32_t level, uint32_t levels, uint32_t reference)
+                      uint32_t level, uint32_t levels, uint32_t reference, size_t pixels)
 {
     const struct judgement *j = &all[level], *later = &all[level + AHEAD < levels ? level + AHEAD : level];
     const struct accuracy_figures *f = &j->figures;
     struct accuracy_estimate cost = predict(all, level, levels, CPU_SECONDS);
     struct accuracy_estimate samples = predict(all, level, levels, SAMPLES);
 
-    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g,%u,%.6g,%.6g,%.6g,%.9g,%d,%.6g,%.6g,%.6g,%.6g\n",
+    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g,%u,%.6g,%.6g,%.6g,%.9g,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%u,%u,%zu\n",
            scene, seed, calibration_spp(level), f->display_error, f->display_lo, f->display_hi, j->true_display,
            f->rmse_percent, f->rmse_lo, f->rmse_hi, j->true_rmse, f->psnr_db, j->true_psnr,
            f->lone, f->dark, f->top_share, f->disagreement, f->unseen, f->tail_index, f->reliable, f->reasons,
            j->cpu_s, reference, cost.value, cost.lo, cost.hi, later->cpu_s, later->figures.reliable,
-           samples.value, samples.lo, samples.hi, predict(even, level, levels, SAMPLES).value);
+           samples.value, samples.lo, samples.hi, predict(even, level, levels, SAMPLES).value,
+           f->display_all, j->true_all, f->worst_part, j->true_part, f->subject, j->fireflies, j->found, j->wrong, pixels);
 }
 
 int main(int argc, char **argv)
@@ -104,7 +105,8 @@ int main(int argc, char **argv)
     if (header) {
         puts("scene,seed,spp,display,display_lo,display_hi,display_true,rmse,rmse_lo,rmse_hi,rmse_true,"
              "psnr,psnr_true,lone,dark,top_share,disagreement,unseen,tail_index,reliable,reasons,cpu_s,reference,"
-             "cost,cost_lo,cost_hi,later_cpu_s,later_reliable,samples,samples_lo,samples_hi,samples_even");
+             "cost,cost_lo,cost_hi,later_cpu_s,later_reliable,samples,samples_lo,samples_hi,samples_even,"
+             "all,all_true,part,part_true,subject,fireflies,found,wrong,pixels");
         return 0;
     }
     if (help || rest.count != 1 || sscanf(size_text, "%ux%u", &size.width, &size.height) != 2) {
@@ -137,7 +139,7 @@ int main(int argc, char **argv)
     for (uint32_t s = 0; s < c.seeds; s++)
         for (uint32_t level = 0; level < c.levels; level++)
             print_row(name, s, judgements + (size_t)s * c.levels, even, level, c.levels,
-                      c.reference_seeds * c.reference_spp + (c.seeds - 1) * calibration_spp(c.levels - 1));
+                      c.reference_seeds * c.reference_spp + (c.seeds - 1) * calibration_spp(c.levels - 1), (size_t)c.width * c.height);
     mem_free(judgements);
     calibration_release(&c);
     return 0;

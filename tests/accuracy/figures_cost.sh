@@ -7,7 +7,7 @@ build=${BUILD:-build/release}
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 command -v perf >/dev/null || { echo "figures_cost: perf is missing (Debian: linux-perf)" >&2; exit 2; }
-figures='accuracy_|gather|view_|values_at|contrast|spread|quantile|complement_erf|share_|figure_|measurement_|show_codes|add_codes|map_tiles|top_share|tails|lone|film_replicates'
+figures='accuracy_|gather|contrast|pair_variance|half_difference|spread|quantile|complement_erf|share_|figure_|measurement_|show_codes|map_tiles|top_share|tails|film_develop_group'
 levels='film_level|level_|measure_codes|measure_spreads|add_side|mean_around|tonemap_pixels|film_codes|spread_add'
 codes='expose_lines|srgb_|reinhard_row|tonemap_'
 echo "| scene | size | samples | coordinator | of it figures | levels | display codes for both |"

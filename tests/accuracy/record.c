@@ -8,7 +8,7 @@
 #include <stdlib.h>
 
 #include "client/import/import.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "tests/support/imported.h"
 #include "tests/support/recording.h"
 
@@ -38,12 +38,10 @@ static void record_seed(const struct render_scene *scene, const struct render_se
                 record_pass_range(pass, &begin, &end);
                 if (begin >= cap)
                     continue;
-                record_render(scene, settings, seed, frame, tile, group, begin,
-                              end < cap ? end : cap, &unit);
+                record_render(scene, settings, seed, frame, tile, group, begin, end < cap ? end : cap, &unit);
                 unit.head.pass = pass;
                 put(file, &unit.head, sizeof unit.head);
-                put(file, unit.sums,
-                    (size_t)RECORD_REPLICATES * unit.head.pixels * 3 * sizeof *unit.sums);
+                put(file, unit.sums, (size_t)unit.head.pixels * 3 * sizeof *unit.sums);
                 put(file, unit.tail, unit.head.tail_count * sizeof *unit.tail);
             }
 }

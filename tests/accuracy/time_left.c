@@ -48,8 +48,7 @@ static void costs_read(struct costs *c, const char *path)
         die(path, "is no recording");
     c->cpu_ns = mem_calloc(place(c, 0, 0, c->header.passes), sizeof *c->cpu_ns);
     while (c->cpu_ns && fread(&head, sizeof head, 1, file) == 1) {
-        size_t data = RECORD_REPLICATES * (size_t)head.pixels * 3 * sizeof(float) +
-                      head.tail_count * sizeof(struct record_tail);
+        size_t data = (size_t)head.pixels * 3 * sizeof(float) + head.tail_count * sizeof(struct record_tail);
         if (units > 0 && head.seed != seed)
             break;
         seed = head.seed;

@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "tests/support/unbiased.h"
 
 int main(int argc, char **argv)
@@ -50,9 +50,8 @@ int main(int argc, char **argv)
         const struct unbiased_way *w = &result.ways[way];
         printf("%-22s frame %+.2f +- %.2f %%, least p %.2g (at 1 %%, %u tests: %.2g), samples %.1f +- %.1f\n",
                unbiased_names[way], 100 * w->frame.mean / result.uniform.mean,
-               100 * running_stats_error(&w->frame) / result.uniform.mean,
-               unbiased_p_value(&result, way), result.tests, sidak_alpha(0.01, result.tests),
-               w->samples.mean, sqrt(running_stats_variance(&w->samples)));
+               100 * running_stats_error(&w->frame) / result.uniform.mean, unbiased_p_value(&result, way), result.tests,
+               sidak_alpha(0.01, result.tests), w->samples.mean, sqrt(running_stats_variance(&w->samples)));
     }
     return unbiased_p_value(&result, 0) < sidak_alpha(0.01, result.tests);
 }

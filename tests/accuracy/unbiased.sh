@@ -11,7 +11,7 @@ try() {
     echo "== $*"
     "$unbiased" "$@" || bad=1
 }
-try tests/accuracy/scenes/lamp-in-bulb.pbrt --size 16x16 --samples 32 --rmse 600 --seeds "$((10 * seeds))"
+try tests/accuracy/scenes/lamp-in-bulb.pbrt --size 16x16 --samples 32 --rmse 300 --seeds "$((10 * seeds))"
 try tests/accuracy/scenes/lamp-in-bulb.pbrt --samples 64 --rmse 500 --seeds "$seeds"
 try tests/accuracy/scenes/lamps-in-glass.pbrt --samples 32 --last-level 2 --rmse 120 --seeds "$seeds"
 try tests/accuracy/scenes/small-caustic.pbrt --samples 32 --last-level 2 --rmse 25 --seeds "$seeds"

@@ -54,7 +54,7 @@ def checkout(commit):
 def render(program, scene, seed, out):
     text = run(program, "render", os.path.join(ROOT, scene), "--size", SIZE, "--spp", str(SPP), "--threads", "1",
                "--seed", str(seed), "--format", "exr", "--json", "-o", out)
-    return json.loads(text)["job"]["stats"]["cpu_seconds"]
+    return json.loads(text)["job"]["stats"]["cpu_ns"] / 1e9
 
 
 def compare(ours, a, b):

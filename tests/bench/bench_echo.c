@@ -15,9 +15,9 @@
 #include <time.h>
 #include <uv.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "protocol/tls.h"
 
 enum { READ_BYTES = 64 << 10, CONNECTING_MAX = 64, WARM_MS = 1000 };
@@ -234,8 +234,7 @@ static void on_end(uv_timer_t *timer)
 
     printf("{\"connections\": %" PRId64 ", \"bytes\": %" PRId64 ", \"messages_per_s\": %.0f, "
            "\"cpu_us_per_message\": %.2f, \"server_busy\": %.2f, \"client_busy\": %.2f}\n",
-           e->connections, e->bytes, count / seconds,
-           (double)(server_ns(e) - e->cpu_from_ns) / 1e3 / count,
+           e->connections, e->bytes, count / seconds, (double)(server_ns(e) - e->cpu_from_ns) / 1e3 / count,
            (double)(server_ns(e) - e->cpu_from_ns) / 1e9 / seconds,
            (double)(cpu_ns_of(CLOCK_PROCESS_CPUTIME_ID) - e->own_from_ns) / 1e9 / seconds);
     fflush(stdout);
@@ -279,8 +278,7 @@ static void connect_more(struct echo *e)
         link->connect.data = link;
         uv_tcp_init(&e->loop, &link->tcp);
         check(tls_new_client(&link->tls, &e->key, FARM_ROLE_WORKER, &err), &err);
-        if (uv_tcp_connect(&link->connect, &link->tcp, (const struct sockaddr *)&address,
-                           on_connected) != 0)
+        if (uv_tcp_connect(&link->connect, &link->tcp, (const struct sockaddr *)&address, on_connected) != 0)
             die("a connection", "cannot begin");
     }
 }

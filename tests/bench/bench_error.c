@@ -26,10 +26,7 @@ enum kind { WORLD, INSTANCE, MOVING, KINDS };
 static const char *const names[KINDS] = {"world", "instance", "moving"};
 static struct test_random dice = {11};
 
-static double between(double low, double high)
-{
-    return low + (high - low) * test_random_double(&dice);
-}
+static double between(double low, double high) { return low + (high - low) * test_random_double(&dice); }
 
 static void direction(double out[3])
 {
@@ -147,8 +144,7 @@ static void measure(RTCDevice device, enum kind kind, int rays, double worst[3])
         for (int r = 0; r < 3; r++) {
             corner[k][r] = kind == WORLD ? (double)p[k][r] : 0;
             for (int c = 0; kind != WORLD && c < 4; c++)
-                corner[k][r] += ((1 - (double)time) * (double)m[0].m[r][c] +
-                                 (double)time * (double)m[1].m[r][c]) *
+                corner[k][r] += ((1 - (double)time) * (double)m[0].m[r][c] + (double)time * (double)m[1].m[r][c]) *
                                 (c < 3 ? (double)p[k][c] : 1);
         }
     if (kind != WORLD)
@@ -194,8 +190,8 @@ int main(int argc, char **argv)
         double worst[3] = {0, 0, 0};
         for (long i = 0; i < rays; i += 100)
             measure(device, kind, 100, worst);
-        printf("%-9s %11.0f hits, largest error %6.2f of 2^-24, %.3f of the bound\n", names[kind],
-               worst[2], worst[0], worst[1]);
+        printf("%-9s %11.0f hits, largest error %6.2f of 2^-24, %.3f of the bound\n", names[kind], worst[2], worst[0],
+               worst[1]);
         fflush(stdout);
     }
     rtcReleaseDevice(device);

@@ -14,8 +14,8 @@
 #include <string.h>
 
 #include "client/import/import.h"
-#include "common/base/clock.h"
-#include "common/base/options.h"
+#include "common/system/clock.h"
+#include "common/cli/options.h"
 #include "common/film/tiles.h"
 #include "common/scene/effects.h"
 #include "tests/support/imported.h"
@@ -65,12 +65,11 @@ static void median_bounds(const double *values, int count, double *low, double *
 }
 
 /* One round: CPU nanoseconds of each kernel over the whole picture. */
-static void run_round(struct render_scene *const scenes[KINDS],
-                      const struct render_settings *settings, uint32_t frame, int round,
-                      struct rounds *out)
+static void run_round(struct render_scene *const scenes[KINDS], const struct render_settings *settings, uint32_t frame,
+                      int round, struct rounds *out)
 {
     static float sums[KINDS][TILE_FLOATS_MAX];
-    struct render_stats stats[KINDS] = {{0}};
+    struct render_stats stats[KINDS] = {0};
     uint64_t ns[KINDS] = {0};
     uint32_t tiles = tile_count(settings->width, settings->height);
 
@@ -83,8 +82,7 @@ static void run_round(struct render_scene *const scenes[KINDS],
             for (int i = 0; i < KINDS; i++) {
                 int kind = (i + round + 1 + (int)tile) % KINDS;
                 uint64_t start = clock_thread_cpu_ns();
-                floats[kind] = render_tile(scenes[kind], frame, tile, group, pass, sums[kind], NULL,
-                                           &stats[kind]);
+                floats[kind] = render_tile(scenes[kind], frame, tile, group, pass, sums[kind], NULL, &stats[kind]);
                 ns[kind] += clock_thread_cpu_ns() - start;
             }
             if (floats[SPECIAL] != floats[GENERAL] ||
@@ -97,8 +95,7 @@ static void run_round(struct render_scene *const scenes[KINDS],
     if (round < 0)
         return; /* that one was for the caches */
     for (int kind = 0; kind < KINDS; kind++)
-        out->ns_per_sample[kind][out->count] =
-            (double)ns[kind] / (double)stats[kind].samples;
+        out->ns_per_sample[kind][out->count] = (double)ns[kind] / (double)stats[kind].work.samples;
     out->ratio[out->count++] = (double)ns[SPECIAL] / (double)ns[GENERAL];
 }
 
@@ -133,8 +130,7 @@ int main(int argc, char **argv)
     if (options_parse(table, argc, argv, &rest, &help, &err) != STATUS_OK)
         die(&err);
     if (help || rest.count != 1 || sscanf(size, "%ux%u", &width, &height) != 2) {
-        options_print_help("bench_kernels SCENE [options]",
-                           "Times a scene's kernel against the general one.", table);
+        options_print_help("bench_kernels SCENE [options]", "Times a scene's kernel against the general one.", table);
         return help ? 0 : 2;
     }
     how.env_path = env;
@@ -149,8 +145,8 @@ int main(int argc, char **argv)
     settings.shutter = (float)shutter;
     for (int kind = 0; kind < KINDS; kind++) {
         render_force_general(kind == GENERAL);
-        if (render_scene_new(&scenes[kind], &import.scene, &settings, (uint32_t)frame,
-                             imported_source(&import), &err) != STATUS_OK)
+        if (render_scene_new(&scenes[kind], &import.scene, &settings, (uint32_t)frame, imported_source(&import),
+                             &err) != STATUS_OK)
             die(&err);
     }
     for (int round = -1; round < rounds; round++)
@@ -161,10 +157,8 @@ int main(int argc, char **argv)
                   "\"low\": %.4f, \"high\": %.4f, \"rounds\": %d}\n"
                 : "kernel %s: %.1f ns a sample, general %.1f ns: %.4f of its time (%.4f to %.4f, "
                   "%d rounds)\n",
-           render_kernel_variant(scenes[SPECIAL]),
-           median(measured.ns_per_sample[SPECIAL], measured.count),
-           median(measured.ns_per_sample[GENERAL], measured.count), middle, low, high,
-           measured.count);
+           render_kernel_variant(scenes[SPECIAL]), median(measured.ns_per_sample[SPECIAL], measured.count),
+           median(measured.ns_per_sample[GENERAL], measured.count), middle, low, high, measured.count);
     for (int kind = 0; kind < KINDS; kind++)
         render_scene_free(scenes[kind]);
     import_result_release(&import);

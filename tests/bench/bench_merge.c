@@ -12,10 +12,10 @@
 #include <uv.h>
 
 #include "common/base/buffer.h"
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/digest.h"
 #include "common/base/memory.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "common/math/elementary.h"
 #include "common/scene/scene.h"
 #include "protocol/message.h"
@@ -173,8 +173,7 @@ static void on_open(struct channel *channel, void *user)
 
     (void)channel;
     hello.protocol_version = PROTOCOL_VERSION;
-    hello.role = peer->is_worker ? AZULEJO__WIRE__ROLE__ROLE_WORKER
-                                 : AZULEJO__WIRE__ROLE__ROLE_CLIENT;
+    hello.role = peer->is_worker ? AZULEJO__WIRE__ROLE__ROLE_WORKER : AZULEJO__WIRE__ROLE__ROLE_CLIENT;
     hello.software = software;
     hello.host = host;
     hello.kernel = kernel;
@@ -197,27 +196,16 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
         else
             put_scene(peer);
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT:
-        render_nothing(peer, m->lease_grant);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK:
-        b->acked += m->result_ack->n_units;
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_STORED:
-        submit(peer);
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT: render_nothing(peer, m->lease_grant); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK: b->acked += m->result_ack->n_units; break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_STORED: submit(peer); break;
     case AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED:
         b->job = m->job_accepted->job;
         watch(peer);
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST:
-        look_at(b, m->job_list);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
-        bench_fail(b, "the coordinator says", m->failure->text);
-        break;
-    default:
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST: look_at(b, m->job_list); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE: bench_fail(b, "the coordinator says", m->failure->text); break;
+    default: break;
     }
 }
 
@@ -330,8 +318,7 @@ int main(int argc, char **argv)
     s = options_parse(table, argc, argv, &rest, &help, &err);
     if (s == STATUS_OK && help) {
         options_print_help("bench_merge --key FILE [options]",
-                           "Measure how many tile results a running coordinator takes a second.",
-                           table);
+                           "Measure how many tile results a running coordinator takes a second.", table);
         return 0;
     }
     colon = strrchr(address, ':');

@@ -5,11 +5,11 @@
  *                [--sampler NAME] [--light-choice HOW] [--roulette on|off] [--clamp X]
  *                [--texture-filter HOW] [--bvh-quality HOW] [--robust on|off]
  *                [--seed N] [--aovs] [--general] [--trace] [--json] [--out FILE.exr]
- *                [--replicates FILE.exr]
+ *                [--groups FILE.exr]
  *
  * --trace times every Embree call (and slows the run down a little, so take samples/s from a
  * run without it). --general runs the general kernel instead of the smallest one.
- * --replicates keeps the four replicates' means, one below the other.
+ * --groups keeps the two groups' means, one below the other.
  * CPU time is that of the rendering threads. */
 #include <pthread.h>
 #include <stdatomic.h>
@@ -20,10 +20,10 @@
 
 #include "client/import/import.h"
 #include "common/accuracy/figures.h"
-#include "common/base/clock.h"
-#include "common/base/file.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "common/film/film.h"
 #include "common/image/image.h"
 #include "common/scene/effects.h"
@@ -41,8 +41,7 @@ struct bench {
     uint64_t cpu_ns;
 };
 
-static status srgb_codes(void *user, const float *rgb, uint32_t width, uint32_t height, float *codes,
-                         struct error *err)
+static status srgb_codes(void *user, const float *rgb, uint32_t width, uint32_t height, float *codes, struct error *err)
 {
     (void)err;
     film_codes_plain(user, rgb, width * height, codes);
@@ -51,17 +50,17 @@ static status srgb_codes(void *user, const float *rgb, uint32_t width, uint32_t 
 
 static void estimate(const struct film *film, struct accuracy_figures *out)
 {
-    const struct accuracy_transform transform = {srgb_codes, NULL};
+    const struct accuracy_transform transform = {.apply = srgb_codes, .user = NULL};
     struct accuracy_picture picture = {.width = film_width(film), .height = film_height(film)};
     size_t values = (size_t)picture.width * picture.height * 3;
-    float *all = mem_alloc_array(values * REPLICATES, sizeof *all);
+    float *all = mem_alloc_array(values * GROUPS, sizeof *all);
     struct error err = {0};
 
     if (!all)
         exit(1);
-    for (uint32_t r = 0; r < REPLICATES; r++) {
-        film_replicates(film, r, 0, picture.height, all + r * values);
-        picture.replicates[r] = all + r * values;
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        film_develop_group(film, g, all + g * values);
+        picture.groups[g] = all + g * values;
     }
     if (accuracy_figures_of(out, &picture, &transform, NULL, NULL, &err) != STATUS_OK)
         exit(1);
@@ -85,8 +84,8 @@ static void *run(void *user)
             break;
         if (result.pass >= film_pass_count(b->film, result.group))
             continue;
-        result.count = render_tile(b->scene, b->frame, result.tile, result.group, result.pass, sums,
-                                   &result.tail, &stats);
+        result.count =
+            render_tile(b->scene, b->frame, result.tile, result.group, result.pass, sums, &result.tail, &stats);
         pthread_mutex_lock(&b->lock);
         if (film_merge(b->film, &result, 0, &merged, &err) != STATUS_OK) {
             fprintf(stderr, "bench_render: %s\n", err.text);
@@ -96,15 +95,15 @@ static void *run(void *user)
     }
     pthread_mutex_lock(&b->lock);
     b->cpu_ns += clock_thread_cpu_ns() - start;
-    b->stats.samples += stats.samples;
-    b->stats.rays += stats.rays;
-    b->stats.vertices += stats.vertices;
-    health_add(&b->stats.health, &stats.health);
-    b->stats.leaked_rays += stats.leaked_rays;
-    b->stats.clamped_samples += stats.clamped_samples;
-    b->stats.clamped_luminance += stats.clamped_luminance;
-    b->stats.kept_luminance += stats.kept_luminance;
-    depth_light_add(&b->stats.depth, &stats.depth);
+    b->stats.work.samples += stats.work.samples;
+    b->stats.work.rays += stats.work.rays;
+    b->stats.work.vertices += stats.work.vertices;
+    health_add(&b->stats.work.health, &stats.work.health);
+    b->stats.work.leaked_rays += stats.work.leaked_rays;
+    b->stats.work.clamped_samples += stats.work.clamped_samples;
+    b->stats.work.clamped_luminance += stats.work.clamped_luminance;
+    b->stats.work.kept_luminance += stats.work.kept_luminance;
+    depth_light_add(&b->stats.work.depth, &stats.work.depth);
     b->stats.trace_ns += stats.trace_ns;
     pthread_mutex_unlock(&b->lock);
     return NULL;
@@ -146,7 +145,7 @@ int main(int argc, char **argv)
     int64_t spp = 100, threads = 1, depth = 12;
     int trace = 0, json = 0, help = 0, general = 0;
     int64_t frame = 0, seed = 0;
-    const char *replicates = NULL;
+    const char *groups = NULL;
     int aovs = 0;
     double shutter = 0;
     const char *without = NULL, *sampler = "sobol", *light_choice = "tree", *roulette = "on";
@@ -175,7 +174,7 @@ int main(int argc, char **argv)
         {"shutter", 0, OPTION_REAL, &shutter, "S", "share of the frame's time", 0, 1, NULL},
         {"without", 0, OPTION_STRING, &without, "EFFECT", "switch one effect off", 0, 0, NULL},
         {"seed", 0, OPTION_INT, &seed, "N", "of the random numbers", 0, INT32_MAX, NULL},
-        {"replicates", 0, OPTION_STRING, &replicates, "FILE.exr", "keep the replicates", 0, 0, NULL},
+        {"groups", 0, OPTION_STRING, &groups, "FILE.exr", "keep the groups' means", 0, 0, NULL},
         {"aovs", 0, OPTION_FLAG, &aovs, NULL, "all output variables, too", 0, 0, NULL},
         {"general", 0, OPTION_FLAG, &general, NULL, "run the general kernel", 0, 0, NULL},
         {"trace", 0, OPTION_FLAG, &trace, NULL, "time Embree's calls", 0, 0, NULL},
@@ -235,8 +234,9 @@ int main(int argc, char **argv)
         b.settings.without = (uint64_t)1 << effect;
     }
     render_force_general(general);
-    if (render_scene_new(&scene, &import.scene, &b.settings, (uint32_t)frame,
-                         imported_source(&import), &err) != STATUS_OK)
+    render_build_threads((unsigned)threads);
+    if (render_scene_new(&scene, &import.scene, &b.settings, (uint32_t)frame, imported_source(&import), &err) !=
+        STATUS_OK)
         die(&err);
     render_scene_info(scene, &info);
     b.scene = scene;
@@ -259,43 +259,43 @@ int main(int argc, char **argv)
     wall = (double)(clock_monotonic_ns() - start) * 1e-9;
     cpu = (double)b.cpu_ns * 1e-9;
     estimate(b.film, &figures);
-    ended = depth_light_report(&b.stats.depth, b.stats.samples, b.settings.max_depth);
+    ended = depth_light_report(&b.stats.work.depth, b.stats.work.samples, b.settings.max_depth);
     getrusage(RUSAGE_SELF, &usage);
-    printf(json ? "{\"kernel\": \"%s\", \"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
+    printf(json ? "{\"kernel\": \"%s\", \"effects\": \"0x%llx\", \"samples_per_cpu_s\": %.0f, \"rays_per_cpu_s\": %.0f, \"rays_per_sample\": %.3f, "
                   "\"trace_share\": %.3f, \"cpu_s\": %.3f, \"wall_s\": %.3f, \"build_s\": %.3f, "
                   "\"peak_mib\": %.1f, \"scene_mib\": %.1f, \"squared_error\": %.4g, \"display_error\": %.4g, \"dropped\": %llu, "
                   "\"leaked_rays\": %llu, \"clamped_samples\": %llu, \"clamped_share\": %.4g, \"depth_share\": %.4g}\n"
-                : "kernel %s\n"
+                : "kernel %s, effects 0x%llx\n"
                   "samples/CPU-s %.0f  rays/CPU-s %.0f  rays/sample %.2f  Embree's share %.3f\n"
                   "CPU %.2f s  wall %.2f s  build %.3f s  peak %.1f MiB (mesh+textures+BVH %.1f MiB)\n"
                   "squared error over squared mean %.4g  display error %.4g/255  dropped samples %llu  leaked rays %llu\n"
                   "clamped samples %llu, %.4g of the light\nended by depth %.4g of the light\n",
-           render_kernel_variant(scene), (double)b.stats.samples / cpu,
-           (double)b.stats.rays / cpu,
-           (double)b.stats.rays / (double)b.stats.samples,
+           render_kernel_variant(scene), (unsigned long long)render_effects(scene), (double)b.stats.work.samples / cpu,
+           (double)b.stats.work.rays / cpu,
+           (double)b.stats.work.rays / (double)b.stats.work.samples,
            trace ? (double)b.stats.trace_ns * 1e-9 / cpu : 0.0, cpu, wall,
            (double)info.build_ns * 1e-9, (double)usage.ru_maxrss / 1024,
            (double)(info.mesh_bytes + info.texture_bytes + info.bvh_bytes) / (1 << 20),
-           figures.rmse_percent * figures.rmse_percent / 1e4, figures.display_error, (unsigned long long)b.stats.dropped_samples,
-           (unsigned long long)b.stats.leaked_rays, (unsigned long long)b.stats.clamped_samples,
-           b.stats.clamped_samples ? b.stats.clamped_luminance /
-                                         (b.stats.clamped_luminance + b.stats.kept_luminance) : 0,
+           figures.rmse_percent * figures.rmse_percent / 1e4, figures.display_error, (unsigned long long)b.stats.work.dropped_samples,
+           (unsigned long long)b.stats.work.leaked_rays, (unsigned long long)b.stats.work.clamped_samples,
+           b.stats.work.clamped_samples ? b.stats.work.clamped_luminance /
+                                         (b.stats.work.clamped_luminance + b.stats.work.kept_luminance) : 0,
            ended.share);
     for (int k = 0; k < HEALTH_KINDS && !json; k++) {
         char text[HEALTH_TEXT_SIZE];
-        if (b.stats.health.count[k])
-            printf("%s\n", health_text(text, &b.stats.health, (enum health_kind)k, (struct tile_rect){0, 0, width, height}, 0));
+        if (b.stats.work.health.count[k])
+            printf("%s\n", health_text(text, &b.stats.work.health, (enum health_kind)k, (struct tile_rect){0, 0, width, height}, 0));
     }
     if (out) {
         struct image image = new_picture(width, height);
         film_develop(b.film, image.pixels);
         keep(out, &image);
     }
-    if (replicates) {
-        struct image image = new_picture(width, height * REPLICATES);
-        for (uint32_t r = 0; r < REPLICATES; r++)
-            film_replicates(b.film, r, 0, height, image.pixels + (size_t)r * width * height * 3);
-        keep(replicates, &image);
+    if (groups) {
+        struct image image = new_picture(width, height * GROUPS);
+        for (uint32_t g = 0; g < GROUPS; g++)
+            film_develop_group(b.film, g, image.pixels + (size_t)g * width * height * 3);
+        keep(groups, &image);
     }
     film_free(b.film);
     render_scene_free(scene);

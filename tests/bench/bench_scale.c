@@ -5,7 +5,7 @@
  *       that no simulated worker offers).
  *   bench_scale run --key FILE --coordinator HOST:PORT --pid PID [--workers N] [--latency-ms L] [--rate R]
  *       Connect N workers over TLS, submit a job with more work than the measurement needs, answer
- *       every lease with black tiles (each grant is answered L ms later; with --rate R together only
+ *       every lease with noisy tiles of 64 samples a pixel (each grant is answered L ms later; with --rate R together only
  *       R results a second), and print what was acknowledged a second and the coordinator's CPU time
  *       for each. The job is cancelled at the end.
  *
@@ -19,10 +19,10 @@
 #include <uv.h>
 
 #include "common/base/buffer.h"
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/digest.h"
 #include "common/base/memory.h"
-#include "common/base/options.h"
+#include "common/cli/options.h"
 #include "common/math/elementary.h"
 #include "common/scene/scene.h"
 #include "protocol/message.h"
@@ -68,12 +68,12 @@ struct bench {
     struct buffer scene;
     struct digest scene_digest;
     struct peer client, *workers;
-    int64_t begun, welcomed;              /* workers */
+    int64_t begun, welcomed; /* workers */
     int64_t submitted, accepted;
     uint64_t job;
-    struct waiting *line;                 /* a ring, ordered by due_ns */
+    struct waiting *line; /* a ring, ordered by due_ns */
     size_t line_first, line_count, line_capacity;
-    double allowance;                     /* results that --rate allows now */
+    double allowance; /* results that --rate allows now */
     uint64_t paid_ns;
     unsigned turn;
     uint64_t acked, counted, from_ns, cpu_from_ns, own_from_ns;
@@ -104,9 +104,23 @@ static void ask(struct peer *peer)
     send_to(peer, &e);
 }
 
+/* Sums of so many samples as a room has them: from .01 to 1, off by half of it, and one value in 64 bright. Another
+ * tile for every unit: what costs depends on the values, so black tiles say too little. */
+static void noise_set(uint8_t *sums, size_t count, uint32_t samples, uint32_t seed)
+{
+    for (size_t i = 0; i < count; i++) {
+        float light = (float)(1 + i % 97) * 0.01f, value;
+        seed = seed * 1664525u + 1013904223u;
+        value = (float)samples * light * (0.5f + (float)(seed >> 8) * 0x1p-24f);
+        if (seed >> 26 == 0)
+            value *= 20;
+        memcpy(sums + i * sizeof value, &value, sizeof value);
+    }
+}
+
 static void send_result(struct bench *b, const struct waiting *w)
 {
-    static uint8_t black[TILE_FLOATS_MAX * 4];
+    static uint8_t sums[TILE_FLOATS_MAX * 4];
     Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
     Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
     Azulejo__Wire__Work work = AZULEJO__WIRE__WORK__INIT;
@@ -123,9 +137,10 @@ static void send_result(struct bench *b, const struct waiting *w)
     result.tile = w->tile;
     result.group = w->group;
     result.pass = w->pass;
-    result.sums.data = black;
+    result.sums.data = sums;
     result.sums.len = wire_sums_count(&b->settings, w->tile, w->group, w->pass) * 4;
-    work.samples = result.sums.len / 24 * (end - begin);
+    noise_set(sums, result.sums.len / 4, end - begin, (w->tile * GROUPS + w->group) * PASSES_MAX + w->pass);
+    work.samples = result.sums.len / 12 * (end - begin);
     stats.cpu_ns = work.samples * 50; /* as a quick renderer would: sizes the leases */
     if (b->rate > 0)
         stats.cpu_ns = (uint64_t)(THREADS * 1e9 * (double)b->worker_count / (double)b->rate);
@@ -175,6 +190,7 @@ static void take_grant(struct peer *peer, const Azulejo__Wire__LeaseGrant *grant
     struct bench *b = peer->bench;
     uint64_t due_ns = clock_monotonic_ns() + (uint64_t)b->latency_ms * NS_PER_MS;
 
+    channel_cork(peer->channel); /* as a worker does, which sends every 20 ms */
     for (size_t i = 0; i < grant->n_units; i++) {
         const Azulejo__Wire__WorkUnit *unit = grant->units[i];
         struct waiting w = {due_ns, grant->lease, grant->epoch, grant->job, peer,
@@ -185,6 +201,7 @@ static void take_grant(struct peer *peer, const Azulejo__Wire__LeaseGrant *grant
             send_result(b, &w);
     }
     ask(peer);
+    channel_uncork(peer->channel);
 }
 
 /* ---- the client ----------------------------------------------------------------------------- */
@@ -263,8 +280,7 @@ static void on_measured(uv_timer_t *timer)
     printf("{\"workers\": %" PRId64 ", \"latency_ms\": %" PRId64 ", \"rate\": %" PRId64
            ", \"results_per_s\": %.0f, \"cpu_us_per_result\": %.1f, \"coordinator_busy\": %.2f, "
            "\"client_busy\": %.2f}\n",
-           b->worker_count, b->latency_ms, b->rate, count / seconds,
-           count > 0 ? cpu_ns / 1e3 / count : 0,
+           b->worker_count, b->latency_ms, b->rate, count / seconds, count > 0 ? cpu_ns / 1e3 / count : 0,
            cpu_ns / 1e9 / seconds, own_ns / 1e9 / seconds);
     fflush(stdout);
     b->measured = 1;
@@ -321,8 +337,7 @@ static void on_open(struct channel *channel, void *user)
 
     (void)channel;
     hello.protocol_version = PROTOCOL_VERSION;
-    hello.role = peer->is_worker ? AZULEJO__WIRE__ROLE__ROLE_WORKER
-                                 : AZULEJO__WIRE__ROLE__ROLE_CLIENT;
+    hello.role = peer->is_worker ? AZULEJO__WIRE__ROLE__ROLE_WORKER : AZULEJO__WIRE__ROLE__ROLE_CLIENT;
     hello.software = software;
     hello.host = host;
     hello.kernel = kernel;
@@ -354,28 +369,14 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
 
     (void)channel;
     switch (m->body_case) {
-    case AZULEJO__WIRE__ENVELOPE__BODY_WELCOME:
-        welcome(peer);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT:
-        take_grant(peer, m->lease_grant);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK:
-        b->acked += m->result_ack->n_units;
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_STORED:
-        scene_stored(b);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED:
-        job_accepted(b, m->job_accepted->job);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST:
-        exit(0); /* it is cancelled */
-    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
-        die("the coordinator says", m->failure->text);
-        break;
-    default:
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_WELCOME: welcome(peer); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT: take_grant(peer, m->lease_grant); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK: b->acked += m->result_ack->n_units; break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_STORED: scene_stored(b); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_ACCEPTED: job_accepted(b, m->job_accepted->job); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST: exit(0); /* it is cancelled */
+    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE: die("the coordinator says", m->failure->text); break;
+    default: break;
     }
 }
 
@@ -400,8 +401,7 @@ static void connect_peer(struct bench *b, struct peer *peer, int is_worker)
     peer->bench = b;
     peer->is_worker = is_worker;
     if (channel_connect(&peer->channel, &b->loop, b->host, b->port, &b->key,
-                        is_worker ? FARM_ROLE_WORKER : FARM_ROLE_CLIENT, &callbacks, peer, &err) !=
-        STATUS_OK)
+                        is_worker ? FARM_ROLE_WORKER : FARM_ROLE_CLIENT, &callbacks, peer, &err) != STATUS_OK)
         die("connect", err.text);
 }
 
@@ -449,9 +449,9 @@ static status make_scene(struct bench *b, struct error *err)
 static void settings_choose(struct bench *b)
 {
     render_settings_default(&b->settings);
-    b->settings.width = b->fills ? 64 : 1920;
-    b->settings.height = b->fills ? 64 : 1080;
-    b->settings.spp = b->fills ? 4 : 1 << 20;
+    b->settings.width = b->fills ? 64 : 2560;
+    b->settings.height = b->fills ? 64 : 1440;
+    b->settings.spp = b->fills ? 4 : 64;
     if (b->ahead)
         b->settings.isa = ISA_AVX512;
 }
@@ -500,8 +500,8 @@ int main(int argc, char **argv)
     if (options_parse(table, argc, argv, &rest, &help, &err) != STATUS_OK)
         die("usage", err.text);
     if (help) {
-        options_print_help("bench_scale fill | run --key FILE [options]",
-                           "What a result costs a running coordinator.", table);
+        options_print_help("bench_scale fill | run --key FILE [options]", "What a result costs a running coordinator.",
+                           table);
         return 0;
     }
     b.fills = rest.count == 1 && strcmp(rest.items[0], "fill") == 0;

@@ -1,13 +1,13 @@
-/* bench_touch: how long the search for faces that coincide takes (worker/render/scene/world_touch.h):
+/* bench_touch: how long the search for faces that coincide takes (worker/render/scene/render_touch.h):
  * worst cases, each at one size and at four times as much. CPU time, the fastest of three. */
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "tests/support/scene_builder.h"
-#include "worker/render/world.h"
-#include "worker/render/scene/world_touch.h"
+#include "worker/render/render_scene.h"
+#include "worker/render/scene/render_touch.h"
 
 static double seconds(struct render_scene *scene)
 {
@@ -17,7 +17,7 @@ static double seconds(struct render_scene *scene)
         uint64_t start = clock_thread_cpu_ns();
         struct error err;
         double took;
-        if (world_touch_find(scene, &err) != STATUS_OK) {
+        if (touch_find(scene, &err) != STATUS_OK) {
             fprintf(stderr, "bench_touch: %s\n", err.text);
             exit(1);
         }
@@ -33,7 +33,7 @@ static void report(struct render_scene *scene, const char *name, double *before)
     double took = seconds(scene);
 
     for (uint32_t i = 0; i < scene->instance_count; i++) {
-        const struct world_instance *instance = &scene->instances[i];
+        const struct render_instance *instance = &scene->instances[i];
         uint32_t count = scene->meshes[instance->mesh].triangle_count;
         triangles += count;
         for (uint32_t t = 0; instance->touches && t < count; t++)

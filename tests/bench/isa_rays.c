@@ -11,7 +11,7 @@
 #include "common/math/elementary.h"
 #include "tests/support/imported.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { SIDE = 400, SAMPLES = 64, BOUNCES = 3 };
 #define NEAR_EDGE 1e-4f /* barycentric weight */
@@ -20,10 +20,7 @@ struct tally {
     unsigned long rays, edge, distance, silhouette;
 };
 
-static float edge_distance(const struct surface *s)
-{
-    return fminf(s->b1, fminf(s->b2, 1 - s->b1 - s->b2));
-}
+static float edge_distance(const struct surface *s) { return fminf(s->b1, fminf(s->b2, 1 - s->b1 - s->b2)); }
 
 /* One path, until the kernels part or it escapes. */
 static void follow(struct render_scene *const scenes[2], struct ray ray, const struct sampler *sampler,
@@ -85,8 +82,7 @@ int main(int argc, char **argv)
     s = import_scene(argv[1], &options, &import, &err);
     for (int k = 0; k < 2 && s == STATUS_OK; k++) {
         settings.isa = k ? ISA_AVX2 : ISA_SSE2;
-        s = render_scene_new(&scenes[k], &import.scene, &settings, 0,
-                             imported_source(&import), &err);
+        s = render_scene_new(&scenes[k], &import.scene, &settings, 0, imported_source(&import), &err);
     }
     if (s != STATUS_OK) {
         fprintf(stderr, "isa_rays: %s\n", err.text);

@@ -20,7 +20,6 @@ GROUP_SIZE = "240x160"
 KERNEL_SIZE, KERNEL_SPP, KERNEL_ROUNDS = "64x64", 8, 9
 KERNEL_COPIES = 9
 TABLES = ("renderer", "groups", "kernels", "threads", "memory", "preview", "merging", "tonemapping", "workers")
-AGAINST_SIZE, AGAINST_SPP = "256x256", 16
 
 
 def output(*argv):
@@ -77,37 +76,6 @@ def bench_render(scene, *options, program=os.path.join(BUILD, "tests", "bench", 
     return json.loads(text)
 
 
-def show_against(scenes, tree):
-    """Against another checkout, which is built: `report.py against FOLDER`.
-
-    Copies of both programs, as for the kernels below.
-    """
-    title("This tree against another: bench_render SCENE --size %s --spp %d, CPU time and variance of "
-          "a sample, %d pairs" % (AGAINST_SIZE, AGAINST_SPP, KERNEL_COPIES))
-    print("| scene | time | 96 % of such medians | variance |")
-    print("|---|---:|---|---:|")
-    with tempfile.TemporaryDirectory(prefix="azulejo-bench-", dir=BUILD) as folder:
-        pairs = []
-        for i in range(KERNEL_COPIES):
-            pairs.append([os.path.join(folder, "%s%d" % (kind, i)) for kind in ("this", "other")])
-            for copy, build in zip(pairs[-1], (BUILD, os.path.join(tree, "build", "release"))):
-                shutil.copy(os.path.join(build, "tests", "bench", "bench_render"), copy)
-        for name, scene, options in scenes:
-            ratios, variances = [], []
-            for i, pair in enumerate(pairs):
-                order = (0, 1) if i % 2 else (1, 0)
-                runs = {k: bench_render(scene, "--size", AGAINST_SIZE, "--spp", str(AGAINST_SPP),
-                                        *options, program=pair[k]) for k in order}
-                ratios.append(runs[1]["samples_per_cpu_s"] / runs[0]["samples_per_cpu_s"])
-                # Commits of before 0.2.0 print another figure.
-                if "squared_error" in runs[1]:
-                    variances.append(runs[0]["squared_error"] / runs[1]["squared_error"])
-            ratios.sort()
-            print("| %s | %.2f | %.2f to %.2f | %s |" % (
-                name, median(ratios), ratios[1], ratios[-2],
-                "%.2f" % median(variances) if variances else "-"), flush=True)
-
-
 def show_renderer(scenes):
     title("The renderer alone: bench_render SCENE --size %s --spp %d, one thread, median of %d" % (
         SIZE, SPP, ROUNDS))
@@ -150,7 +118,7 @@ def kernel_ratio(program, scene, options):
 
 
 def show_kernels(scenes):
-    """The table of docs/EFFECTS.md; `report.py kernels` prints it alone.
+    """Time against the general kernel; `report.py kernels` prints it alone.
 
     Where a program's pages happen to lie in memory moves such a ratio by some per cent, for as long
     as the file is cached: so each scene is rendered by several copies of the program.
@@ -299,8 +267,8 @@ def show_tonemapping():
 
 
 def main():
-    if not (sys.argv[1:2] == ["auto"] or set(sys.argv[1:]) <= set(TABLES) or (len(sys.argv) == 3 and sys.argv[1] == "against")):
-        sys.exit("usage: report.py [%s]... | auto [SCENE]... | against FOLDER" % " | ".join(TABLES))
+    if not (sys.argv[1:2] == ["auto"] or set(sys.argv[1:]) <= set(TABLES)):
+        sys.exit("usage: report.py [%s]... | auto [SCENE]..." % " | ".join(TABLES))
     if not os.path.exists(os.path.join(BUILD, "tests", "bench", "bench_render")):
         sys.exit("make bench: %s is not built" % BUILD)
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
@@ -329,9 +297,6 @@ def main():
         show_machine()
         if sys.argv[1:2] == ["auto"]:
             bench_auto.show_auto(title, sys.argv[2:])
-            return
-        if sys.argv[1:2] == ["against"]:
-            show_against(scenes, sys.argv[2])
             return
         tables = {
             "renderer": lambda: show_renderer(scenes),

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # `make bench`: the tables of docs/PERFORMANCE.md, in some five minutes. `report.py renderer threads`: those alone; `report.py kernels`:
-# the table of kernels in docs/EFFECTS.md; `report.py auto`: what `--effects auto` saves, there, too; `report.py against FOLDER`: this
+# each kernel against the general one; `report.py auto`: what `--effects auto` saves, in docs/EFFECTS.md; `report.py against FOLDER`: this
 # tree and another checkout, which is built, in turns.
 #
 # BUILD names the build tree. AZULEJO_DATA, when set, adds a scene from outside. Figures are

@@ -13,8 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "common/base/log.h"
+#include "common/system/clock.h"
+#include "common/system/log.h"
 #include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
 
@@ -28,20 +28,17 @@ enum {
     HOURS_SIZE = 24,
 };
 
-static int64_t at(int hour, int minute)
-{
-    return hour * 3600 + minute * 60;
-}
+static int64_t at(int hour, int minute) { return hour * 3600 + minute * 60; }
 
 /* What people submit; times are of the day, above 24:00 of the next one. */
 struct plan {
     const char *owner, *name;
     int hour, minute;
     uint32_t frames;
-    double core_hours;           /* all frames together */
+    double core_hours; /* all frames together */
     int32_t priority;
-    int not_before;              /* hour; 0: at once */
-    const char *after;           /* a job's name; NULL: none */
+    int not_before;    /* hour; 0: at once */
+    const char *after; /* a job's name; NULL: none */
 };
 
 static const struct plan day[] = {
@@ -75,10 +72,7 @@ static int is_there(unsigned machine, int64_t now)
 }
 enum { MACHINES = 7 };
 
-static int disk_is_full(int64_t now)
-{
-    return now >= at(13, 0) && now < at(13, 30);
-}
+static int disk_is_full(int64_t now) { return now >= at(13, 0) && now < at(13, 30); }
 
 struct running {
     struct sim_unit unit;
@@ -98,7 +92,7 @@ struct studio {
     struct sim *sim;
     int fair;
     struct job *jobs[JOBS];
-    uint64_t cost_ns[JOBS + 1];  /* of a sample, by the job's number */
+    uint64_t cost_ns[JOBS + 1]; /* of a sample, by the job's number */
     struct outcome outcomes[JOBS];
     struct machine machines[MACHINES];
     double busy_s, there_s;
@@ -106,8 +100,8 @@ struct studio {
 
 static int same(const struct sim_unit *a, const struct sim_unit *b)
 {
-    return a->job == b->job && a->frame == b->frame && a->name.tile == b->name.tile &&
-           a->name.group == b->name.group && a->name.pass == b->name.pass && a->lease == b->lease;
+    return a->job == b->job && a->frame == b->frame && a->name.tile == b->name.tile && a->name.group == b->name.group &&
+           a->name.pass == b->name.pass && a->lease == b->lease;
 }
 
 static size_t find(const struct sim_worker *worker, const struct sim_unit *unit)
@@ -175,8 +169,7 @@ static void begin_units(struct studio *s, unsigned m)
         double seconds;
         pass_range(SPP, unit->name.group, unit->name.pass, &begin, &end);
         seconds = 256.0 * (end - begin) * (double)s->cost_ns[unit->job] * 1e-9;
-        machine->running[machine->count++] =
-            (struct running){*unit, s->sim->now_ns + (uint64_t)(seconds * 1e9)};
+        machine->running[machine->count++] = (struct running){*unit, s->sim->now_ns + (uint64_t)(seconds * 1e9)};
     }
     s->busy_s += machine->count;
     s->there_s += MACHINE_THREADS;
@@ -309,8 +302,7 @@ static void print_owner(const struct studio *before, const struct studio *after,
         hours(longest[k], most);
         hours(done[k], done_sum / count);
     }
-    printf("| %s | %s | %s | %s | %s | %s | %s |\n", owner, mean[0], mean[1], longest[0], longest[1], done[0],
-           done[1]);
+    printf("| %s | %s | %s | %s | %s | %s | %s |\n", owner, mean[0], mean[1], longest[0], longest[1], done[0], done[1]);
 }
 
 int main(void)
@@ -334,16 +326,15 @@ int main(void)
             snprintf(extra, sizeof extra, ", after *%s*", day[i].after);
         printf("| %s | %s%s | %s | %u, %g | %s | %s | %s | %s |\n", day[i].owner, day[i].name, extra,
                hours(when, o->submitted), day[i].frames, day[i].core_hours, hours(a, o->begun - o->submitted),
-               hours(b, n->begun - n->submitted), hours(c, o->done - o->submitted),
-               hours(d, n->done - n->submitted));
+               hours(b, n->begun - n->submitted), hours(c, o->done - o->submitted), hours(d, n->done - n->submitted));
     }
     printf("\n| owner | mean wait: before | now | longest wait: before | now | mean until done: before | now |\n"
            "|---|---:|---:|---:|---:|---:|---:|\n");
     print_owner(&before, &after, "ana");
     print_owner(&before, &after, "ben");
     print_owner(&before, &after, "cat");
-    printf("\nThreads were busy for %.1f %% of the time before, %.1f %% now.\n",
-           100 * before.busy_s / before.there_s, 100 * after.busy_s / after.there_s);
+    printf("\nThreads were busy for %.1f %% of the time before, %.1f %% now.\n", 100 * before.busy_s / before.there_s,
+           100 * after.busy_s / after.there_s);
     sim_free(before.sim);
     sim_free(after.sim);
     return 0;

@@ -144,8 +144,8 @@ static void run_workers(const char *host, uint16_t port, const struct farm_key *
         die("standard input is no pipe");
     channel_fault_handshake_ms(LIMIT_MS); /* this one process may need longer than 2,000 machines */
     for (uint32_t i = 0; i < crowd.count; i++)
-        if (channel_connect(&crowd.workers[i].channel, &crowd.loop, host, port, key,
-                            FARM_ROLE_WORKER, &callbacks, &crowd.workers[i], &err) != STATUS_OK)
+        if (channel_connect(&crowd.workers[i].channel, &crowd.loop, host, port, key, FARM_ROLE_WORKER, &callbacks,
+                            &crowd.workers[i], &err) != STATUS_OK)
             die(err.text);
     uv_run(&crowd.loop, UV_RUN_DEFAULT);
     uv_loop_close(&crowd.loop);
@@ -158,8 +158,7 @@ static void print_record(const struct farm_key *key)
     uint8_t bytes[CHANNEL_FIRST_MAX];
     size_t size;
 
-    if (tls_new_client(&tls, key, FARM_ROLE_WORKER, &err) != STATUS_OK ||
-        tls_step(tls, &err) != STATUS_OK)
+    if (tls_new_client(&tls, key, FARM_ROLE_WORKER, &err) != STATUS_OK || tls_step(tls, &err) != STATUS_OK)
         die(err.text);
     size = tls_output_take(tls, bytes, sizeof bytes);
     printf("record ");

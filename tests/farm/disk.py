@@ -1,10 +1,15 @@
 """Disks that go wrong: small ones that fill up or become read-only, which only root can mount, and
 ones whose every call fails as a test wants (odd_disk.c), which need no rights."""
+import contextlib
 import ctypes
+import fcntl
 import os
+import shutil
+import struct
 import subprocess
+import tempfile
 
-from farm import BUILD, PATIENCE, Skip
+from farm import BUILD, PATIENCE, Clients, Failure, Skip, wait_for
 
 ODD_DISK = os.path.join(BUILD, "tests", "farm", "odd_disk.so")
 CLONE_NEWNS = 0x20000
@@ -14,6 +19,7 @@ def leave_mounts():
     """From here on this process and its children mount where nobody else sees it; False: not allowed."""
     if os.geteuid() != 0 or ctypes.CDLL(None).unshare(CLONE_NEWNS) != 0:
         return False
+    Clients.leave()
     return subprocess.run(["mount", "--make-rprivate", "/"],
                           stderr=subprocess.DEVNULL).returncode == 0
 
@@ -37,6 +43,46 @@ class SmallDisk:
 
     def remount(self, how):
         subprocess.run(["mount", "-o", "remount," + how, self.folder], check=True)
+
+
+class PowerDisk:
+    """An ext4 on a loop device that loses its power at a test's word: what was not synced is gone, as with a machine's.
+    Entered as None where that is not permitted. The programs that use it end inside of the `with`."""
+
+    SHUTDOWN, NO_LOG_FLUSH = 0x8004587d, 2  # FS_IOC_SHUTDOWN, EXT4_GOING_FLAGS_NOLOGFLUSH
+    NEEDS = "root, loop devices and mkfs.ext4"
+
+    def __enter__(self):
+        self.place = tempfile.mkdtemp(prefix="azulejo-power-")
+        self.image, self.folder = os.path.join(self.place, "disk"), os.path.join(self.place, "store")
+        os.mkdir(self.folder)
+        with open(self.image, "wb") as out:
+            out.truncate(256 << 20)
+        self.mounted = leave_mounts() and shutil.which("mkfs.ext4") is not None and \
+            subprocess.run(["mkfs.ext4", "-q", self.image], stderr=subprocess.DEVNULL).returncode == 0 and self.mount()
+        return self if self.mounted else None
+
+    def mount(self):
+        return subprocess.run(["mount", "-o", "loop", self.image, self.folder], stderr=subprocess.DEVNULL).returncode == 0
+
+    def cut(self):
+        """From now on nothing reaches the disk."""
+        folder = os.open(self.folder, os.O_RDONLY)
+        try:
+            fcntl.ioctl(folder, self.SHUTDOWN, struct.pack("I", self.NO_LOG_FLUSH))
+        finally:
+            os.close(folder)
+
+    def on(self):
+        """Again, once all that used it have died with it. The journal is replayed."""
+        wait_for(lambda: subprocess.run(["umount", self.folder], stderr=subprocess.DEVNULL).returncode == 0, "the disk's users to die")
+        if not self.mount():
+            raise Failure("the disk cannot be mounted after a power cut")
+
+    def __exit__(self, *_):
+        if self.mounted:
+            subprocess.run(["umount", "-l", self.folder], check=True)
+        shutil.rmtree(self.place, ignore_errors=True)
 
 
 def fill_up(path):
@@ -72,6 +118,14 @@ class OddDisk:
 
     def work(self):
         os.unlink(self.control)
+
+    @contextlib.contextmanager
+    def fast(self):
+        """Meanwhile removing takes no time, neither what begins nor what is under way."""
+        with open(self.control + "-fast", "w"):
+            pass
+        yield
+        os.unlink(self.control + "-fast")
 
 
 class StalledDisk(OddDisk):

@@ -113,6 +113,8 @@ def coordinator(words):
         if words[0] == "backup" and os.path.exists(scratch("store-of-farm")):
             change(words, ("--store", "-s"), lambda _: recorded("store-of-farm"))
         os.execv(os.path.join(REAL, NAME), [NAME] + words)
+    if "--check" in words:
+        os.execv(os.path.join(REAL, NAME), [NAME] + words)
     store = value_of(words, "--store", "-s")
     store = os.path.abspath(words[store[0]][len(store[1]):] if store else "azulejo-store")
     if not change(words, ("--listen", "-l"), lambda _: "127.0.0.1:0"):
@@ -138,8 +140,9 @@ def curl(words):
     """The page's port in a document is the one that the coordinator took."""
     with open(os.path.join(recorded("store-of-farm"), "page.url"), encoding="utf-8") as file:
         page = re.match(r"https?://([^/]+)/", file.read())[1]
-    os.environ["PATH"] = os.environ["PATH"].partition(":")[2]
-    os.execvp("curl", ["curl"] + [word.replace("127.0.0.1:7421", page) for word in words])
+    own = os.path.dirname(os.path.abspath(sys.argv[0]))
+    os.environ["PATH"] = ":".join(folder for folder in os.environ["PATH"].split(":") if folder != own)
+    os.execvp("curl", ["curl", "--max-time", "60"] + [word.replace("127.0.0.1:7421", page) for word in words])
 
 
 def main():

@@ -42,9 +42,10 @@ class Picture:
         total, count = 0.0, 0
         for name in self.channels:
             values = self.values(name)
-            if not all(math.isfinite(v) and v >= 0 for v in values):
+            light = sum(values)  # not finite if one of them is not
+            if not math.isfinite(light) or min(values) < 0:
                 raise ValueError("a sample of %s is not finite or negative" % name)
-            total += sum(values)
+            total += light
             count += len(values)
         return total / count
 

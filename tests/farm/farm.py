@@ -11,13 +11,17 @@ for a guess: wait_for() looks again and again until a deadline. BUILD names the 
 sanitizer builds are slower, so every deadline is multiplied by FARM_PATIENCE (or 5 in a
 build tree whose name tells of a sanitizer).
 """
+import atexit
 import base64
+import contextlib
 import json
 import os
 import re
 import select
 import shutil
 import signal
+import socket
+import sqlite3
 import struct
 import subprocess
 import sys
@@ -28,8 +32,11 @@ import traceback
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.path.join(ROOT, os.environ.get("BUILD", "build/release"))
 BIN = os.path.join(BUILD, "bin")
+SOUND = BIN  # a test may put faulty programs in its place
+RESTING = os.path.join(BUILD, "tests", "farm", "resting")
 PATIENCE = float(os.environ.get(
     "FARM_PATIENCE", 5 if re.search("address|thread|undefined|debug", BUILD) else 1))
+SANITIZED = bool(re.search("address|thread|undefined", BUILD))  # memory says nothing then
 SANITIZER_MARKS = ("ERROR: AddressSanitizer", "ERROR: LeakSanitizer", "runtime error:",
                    "WARNING: ThreadSanitizer")
 
@@ -43,15 +50,21 @@ class Skip(Exception):
 
 
 def wait_for(condition, what, limit_s=60.0):
-    """Wait until condition() is true and return its value; Failure after limit_s."""
-    end = time.monotonic() + limit_s * PATIENCE
+    """Wait until condition() is true and return its value; Failure after limit_s.
+
+    A look often runs the client: three quarters of the time are left to what is waited for."""
+    start = time.monotonic()
+    end = start + limit_s * PATIENCE
     while True:
+        began = time.monotonic()
         value = condition()
         if value:
             return value
         if time.monotonic() > end:
             raise Failure("waited %g s for %s" % (limit_s * PATIENCE, what))
-        time.sleep(0.01)  # how often we look, not how long it takes
+        # How often we look, not how long it takes: seldom after a while.
+        now = time.monotonic()
+        time.sleep(min(max(0.01, 3 * (now - began), (now - start) / 8), 0.25))
 
 
 def readable(fd, limit_s):
@@ -107,8 +120,15 @@ class Program:
                         self.label, self.process.returncode, prefix, self.log_text()))
                 self.rest += data
 
+    def stands_still(self):
+        with open("/proc/%d/stat" % self.pid) as stat:
+            return stat.read().rsplit(")", 1)[1].split()[0] in "TtZX"
+
     def signal(self, number):
+        """Send it; SIGSTOP returns once the process stands still."""
         self.process.send_signal(number)
+        if number == signal.SIGSTOP:
+            wait_for(self.stands_still, "%s to stand still" % self.label)
 
     def kill(self):
         """SIGKILL: as a power cut would."""
@@ -136,6 +156,13 @@ class Program:
                 pipe.close()
 
 
+class Client(subprocess.Popen):
+    """The command line client in the background."""
+
+    def communicate(self, input=None, timeout=60):
+        return super().communicate(input, timeout and timeout * PATIENCE)
+
+
 class Result:
     """What one run of the command line client gave."""
 
@@ -148,6 +175,68 @@ class Result:
     def __str__(self):
         return "%s\nexit status %d\nstdout: %s\nstderr: %s" % (
             " ".join(self.argv), self.code, self.out, self.err)
+
+
+class Clients:
+    """Runs client commands by tests/farm/clients.c, which forks where a program would start."""
+    # Those that only talk to a coordinator: no programs of the farm are started, or sought beside their own.
+    COMMANDS = ("submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend", "workers", "start",
+                "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "owners", "token",
+                "webhook", "key", "keygen")
+    running = None
+
+    @classmethod
+    def take(cls, argv, environment):
+        """Those that can run this command as its program would run; None: the program it is."""
+        if SANITIZED or BIN != SOUND or argv[1] not in cls.COMMANDS or sum(map(len, argv)) > 100000:
+            return None
+        if cls.running is None:
+            cls.running = cls(environment)
+        return cls.running if cls.running.environment == environment else None
+
+    @classmethod
+    def leave(cls):
+        """What this process has changed for its children since (its mounts) holds for the next ones."""
+        if cls.running:
+            atexit.unregister(cls.running.end)
+            cls.running.end()
+            cls.running = None
+
+    def __init__(self, environment):
+        self.environment = environment
+        self.socket, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with its:
+            self.process = subprocess.Popen([os.path.join(BUILD, "tests/farm/clients"), str(its.fileno())],
+                                            stdin=subprocess.DEVNULL, env=environment, pass_fds=[its.fileno()])
+        atexit.register(self.end)
+
+    def end(self):
+        self.socket.close()
+        self.process.wait()
+
+    def cpu_seconds(self):
+        with open("/proc/%d/stat" % self.process.pid) as stat:
+            return sum(map(int, stat.read().rsplit(")", 1)[1].split()[11:15])) / os.sysconf("SC_CLK_TCK")
+
+    def run(self, argv, cwd, limit_s):
+        """Exit status, output and complaints, as bytes; subprocess.TimeoutExpired."""
+        number = struct.Struct("=i")
+        out, err = os.memfd_create("out"), os.memfd_create("err")
+        reports, report = os.pipe()
+        try:
+            socket.send_fds(self.socket, [b"".join(os.fsencode(word) + b"\0" for word in [cwd] + argv)], [out, err, report])
+            os.close(report)
+            report = None
+            pid, = number.unpack(os.read(reports, number.size))
+            if not readable(reports, limit_s):
+                os.kill(pid, signal.SIGKILL)
+                raise subprocess.TimeoutExpired(argv, limit_s)
+            how, = number.unpack(os.read(reports, number.size))
+            return (os.waitstatus_to_exitcode(how), *(os.pread(fd, os.fstat(fd).st_size, 0) for fd in (out, err)))
+        finally:
+            for fd in (out, err, reports, report):
+                if fd is not None:
+                    os.close(fd)
 
 
 class Farm:
@@ -219,9 +308,11 @@ class Farm:
             options += ("--web", "127.0.0.1:0")
         return self.start_coordinator(*options, listen=self.address, env=env)
 
-    def start_worker(self, *options, key=None, threads=1, env=None, cache=None):
+    def start_worker(self, *options, key=None, threads=1, env=None, cache=None, rests=True):
+        """rests: it renders jobs that never end a quarter of the time (resting.c)."""
         number = len(self.workers) + 1
-        argv = [os.path.join(BIN, "azulejo-worker"), "--coordinator", self.address,
+        program = RESTING if rests and Tests.running and BIN == SOUND else os.path.join(BIN, "azulejo-worker")
+        argv = [program, "--coordinator", self.address,
                 "--key", key or self.key, "--threads", str(threads),
                 "--cache", cache or self.path("cache-%d" % number)] + list(options)
         worker = Program("worker %d" % number, argv, self.path("worker-%d.log" % number),
@@ -236,7 +327,7 @@ class Farm:
         argv = [os.path.join(BIN, "azulejo")] + [str(a) for a in args]
         if connect and self.address and args[0] in (
                 "submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend",
-                "workers", "top", "estimate", "start", "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "trace", "owners", "token", "webhook") or (
+                "workers", "top", "estimate", "start", "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "trace", "owners", "verify", "distrust", "token", "webhook", "key") or (
                     connect and self.address and args[0] == "debug-pixel" and str(args[1]).isdigit()):
             argv += ["--coordinator", self.address, "--key", key or self.key]
         return argv
@@ -246,14 +337,18 @@ class Farm:
         argv = self.cli_argv(*args, connect=connect, key=key)
         environment = {k: v for k, v in os.environ.items() if not k.startswith("AZULEJO_")}
         environment.update(env or {})
+        clients = Clients.take(argv, environment)
         try:
-            done = subprocess.run(argv, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                                  stderr=subprocess.PIPE, timeout=limit_s * PATIENCE,
-                                  env=environment, cwd=cwd or self.folder)
+            if clients:
+                code, out, words = clients.run(argv, cwd or self.folder, limit_s * PATIENCE)
+            else:
+                done = subprocess.run(argv, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                      stderr=subprocess.PIPE, timeout=limit_s * PATIENCE,
+                                      env=environment, cwd=cwd or self.folder)
+                code, out, words = done.returncode, done.stdout, done.stderr
         except subprocess.TimeoutExpired:
             raise Failure("did not end: " + " ".join(argv))
-        result = Result(argv, done.returncode, done.stdout.decode("utf-8", "replace"),
-                        done.stderr.decode("utf-8", "replace"))
+        result = Result(argv, code, out.decode("utf-8", "replace"), words.decode("utf-8", "replace"))
         for mark in SANITIZER_MARKS:
             if mark in result.err:
                 raise Failure(str(result))
@@ -270,13 +365,25 @@ class Farm:
             raise Failure("%s: %s" % (args, done.stderr.decode("utf-8", "replace")))
         return done.stdout
 
-    def start_cli(self, *args, env=None, cwd=None):
-        """Run the client in the background; a subprocess.Popen with its own process group."""
+    def start_cli(self, *args, env=None, cwd=None, key=None):
+        """Run the client in the background, in a process group of its own."""
         environment = {k: v for k, v in os.environ.items() if not k.startswith("AZULEJO_")}
         environment.update(env or {})
-        return subprocess.Popen(self.cli_argv(*args), stdin=subprocess.DEVNULL,
-                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment,
-                                cwd=cwd or self.folder, start_new_session=True)
+        return Client(self.cli_argv(*args, key=key), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                      env=environment, cwd=cwd or self.folder, start_new_session=True)
+
+    def edit_store(self, edit):
+        """Change the rows of a stopped coordinator's database by edit(connection). It takes the new rows for its own."""
+        with contextlib.closing(sqlite3.connect(os.path.join(self.store, "queue.sqlite"))) as store:
+            edit(store)
+            store.execute("DROP TABLE sums")
+            for column in ("denoised", "display_all", "worst_part", "fireflies", "subject"):
+                store.execute("ALTER TABLE history DROP COLUMN %s" % column)
+            for column in ("deliverers.label", "deliverers.distrusted", "frames.deliverers", "frames.done_at"):
+                store.execute("ALTER TABLE %s DROP COLUMN %s" % tuple(column.split(".")))
+            store.execute("ALTER TABLE jobs DROP COLUMN accounts")
+            store.execute("PRAGMA user_version=9")  # the next start fills the digests in
+            store.commit()
 
     def submit(self, scene, *options):
         """Submit and return the job's number."""
@@ -378,8 +485,17 @@ def read_bytes(path):
         return source.read()
 
 
+def cpu_seconds():
+    """Of this process and of all programs that it has started and waited for."""
+    spent = os.times()
+    return (spent.user + spent.system + spent.children_user + spent.children_system +
+            (Clients.running.cpu_seconds() if Clients.running else 0))
+
+
 class Tests:
     """Collects functions and prints TAP: `ok N - name`, or `not ok` and what was wrong."""
+
+    running = False  # not in benchmarks
 
     def __init__(self):
         self.functions = []
@@ -389,12 +505,14 @@ class Tests:
         return function
 
     def run(self):
+        Tests.running = True
         failed = 0
         only = sys.argv[1] if len(sys.argv) > 1 else ""
         chosen = [f for f in self.functions if re.search(only, f.__name__)]
         print("1..%d" % len(chosen), flush=True)
         for number, function in enumerate(chosen, 1):
             name = (function.__doc__ or function.__name__).strip().splitlines()[0]
+            began, before = time.monotonic(), cpu_seconds()
             try:
                 function()
                 print("ok %d - %s" % (number, name), flush=True)
@@ -405,4 +523,5 @@ class Tests:
                 for line in traceback.format_exc().splitlines():
                     print("# " + line)
                 print("not ok %d - %s" % (number, name), flush=True)
+            print("# %s: %.1f s, of them CPU %.1f" % (function.__name__, time.monotonic() - began, cpu_seconds() - before), flush=True)
         sys.exit(1 if failed else 0)

@@ -2,7 +2,9 @@
 long enough to be disturbed in mid-frame on any machine."""
 import os
 import re
+import signal
 import subprocess
+import time
 
 from exr import read_exr
 from farm import BIN, BUILD, ROOT, Failure, read_bytes, wait_for
@@ -68,20 +70,19 @@ def expect_same(farm, outcome, reference, what, counts=True):
            what + ": the EXR files differ in more than azulejo:measured")
     expect(outcome.pngs == reference.pngs, what + ": the PNGs differ")
     if len(outcome.exrs) == 1:  # of several frames it is the one that was written last
-        mine, other = ({key: value for key, value in job["error"].items()
-                        if key not in ("core_seconds", "wall_seconds")}
+        mine, other = ({key: value for key, value in job["now"].items() if key not in ("core_seconds", "wall_seconds")}
                        for job in (outcome.job, reference.job))
         expect(mine == other, "%s: the error: %s, not %s" % (what, mine, other))
     if counts:
-        for name in ("samples", "rays", "vertices", "dropped_samples"):
-            expect(outcome.job["stats"][name] == reference.job["stats"][name],
-                   "%s: %s: %s, not %s" % (what, name, outcome.job["stats"][name],
-                                           reference.job["stats"][name]))
+        for name in ("samples", "rays", "vertices", "health"):
+            expect(outcome.job["work"][name] == reference.job["work"][name],
+                   "%s: %s: %s, not %s" % (what, name, outcome.job["work"][name], reference.job["work"][name]))
 
 
 class LongJob:
     """A job of about `seconds` of one core's work, measured once, so that there is a mid-frame to
-    disturb on fast machines and an end on slow ones. All jobs made from it are the same job."""
+    disturb on fast machines and an end on slow ones. All jobs made from it are the same job. A second
+    will do: workers stand still while wait_mid_frame looks."""
 
     def __init__(self, seconds, size="193x121"):
         self.seconds, self.size, self.spp = seconds, size, None
@@ -93,13 +94,33 @@ class LongJob:
     def measure(self, farm):
         """With a worker connected: choose the samples a pixel."""
         number = farm.submit(MIRROR, *self.options(farm, 16))
-        stats = farm.wait_for_job(number)["stats"]
+        job = farm.wait_for_job(number)
         width, height = map(int, self.size.split("x"))
-        cost = stats["cpu_seconds"] / stats["samples"]
+        cost = job["stats"]["cpu_ns"] / 1e9 / job["work"]["samples"]
         self.spp = max(64, int(self.seconds / cost / (width * height)) | 1)
 
     def submit(self, farm, *options):
         return farm.submit(MIRROR, *self.options(farm), *options)
+
+
+def wait_slowly(farm, condition, what, limit_s=60.0, keep_stopped=()):
+    """wait_for, but the workers work for 50 ms before each look and stand still otherwise: however late a look
+    comes on a busy machine, they have not gone far. Those of keep_stopped stand still when it returns."""
+    workers = [w for w in farm.workers if w.alive() and not w.stands_still()]
+
+    def look():
+        for worker in workers:
+            worker.signal(signal.SIGCONT)
+        time.sleep(0.05)
+        for worker in workers:
+            worker.signal(signal.SIGSTOP)
+        return condition()
+    try:
+        return wait_for(look, what, limit_s)
+    finally:
+        for worker in workers:
+            if worker not in keep_stopped:
+                worker.signal(signal.SIGCONT)
 
 
 def wait_mid_frame(farm, number, share=0.1):
@@ -107,7 +128,7 @@ def wait_mid_frame(farm, number, share=0.1):
     def look():
         job = farm.job(number)
         return job if job["samples_done"] >= share * job["samples_total"] else None
-    job = wait_for(look, "job %d to get to %g %%" % (number, 100 * share))
+    job = wait_slowly(farm, look, "job %d to get to %g %%" % (number, 100 * share))
     expect(job["state"] == "running" and job["samples_done"] < 0.85 * job["samples_total"],
            "too late to disturb it: %s" % job)
     return job

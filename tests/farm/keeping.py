@@ -21,6 +21,11 @@ def gc(farm):
     return farm.cli("gc", "--json", expect=0).json()
 
 
+def total(store):
+    """Bytes of what `show --farm` tells by kind."""
+    return sum(store[kind] for kind in ("films", "pictures", "blobs", "database", "reserve", "other"))
+
+
 def blobs(farm):
     found = set()
     for folder, _, names in os.walk(os.path.join(farm.store, "blobs")):

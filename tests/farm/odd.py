@@ -1,6 +1,7 @@
 """Peers that break the rules: odd_peer (beside this file, in C) with the farm's key, bare sockets, and
 strangers on the coordinator's port."""
 import os
+import queue
 import select
 import socket
 import threading
@@ -14,11 +15,11 @@ ODD_PEER = os.path.join(BUILD, "tests", "farm", "odd_peer")
 class OddPeer(Program):
     """A connection that says what the test tells it to; see odd_peer.c for the commands."""
 
-    def __init__(self, farm, role="worker", hello=""):
+    def __init__(self, farm, role="worker", hello="", key=None):
         """Connects; with hello not None it says Hello (with these changes) and awaits the Welcome."""
         host, port = farm.address.rsplit(":", 1)
         number = len(farm.programs)
-        super().__init__("odd peer %d" % number, [ODD_PEER, host, port, farm.key, role],
+        super().__init__("odd peer %d" % number, [ODD_PEER, host, port, key or farm.key, role],
                          farm.path("odd-%d.log" % number), pipe_stdout=True, pipe_stdin=True)
         farm.programs.append(self)
         self.wait_line("open")
@@ -212,3 +213,56 @@ class Proxy:
                         (farm if end is client else client).sendall(data)
         except OSError:
             pass
+
+
+class FarAway:
+    """Between a worker and the farm's coordinator: what either sends arrives `delay_s` later."""
+
+    def __init__(self, farm, delay_s):
+        self.target, self.delay_s = farm.address.rsplit(":", 1), delay_s
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.address = "127.0.0.1:%d" % self.listener.getsockname()[1]
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.listener.shutdown(socket.SHUT_RDWR)
+        self.listener.close()
+
+    def accept(self):
+        while True:
+            try:
+                near, _ = self.listener.accept()
+            except OSError:
+                return
+            far = socket.create_connection((self.target[0], int(self.target[1])))
+            for source, to in ((near, far), (far, near)):
+                to.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                waiting = queue.Queue()
+                threading.Thread(target=self.read, args=(source, waiting), daemon=True).start()
+                threading.Thread(target=self.write, args=(to, waiting), daemon=True).start()
+
+    def read(self, source, waiting):
+        data = b"-"
+        while data:
+            try:
+                data = source.recv(1 << 20)
+            except OSError:
+                data = b""
+            waiting.put((time.monotonic() + self.delay_s, data))
+
+    @staticmethod
+    def write(to, waiting):
+        with to:
+            while True:
+                due, data = waiting.get()
+                time.sleep(max(0, due - time.monotonic()))
+                try:
+                    if not data:
+                        to.shutdown(socket.SHUT_WR)
+                        return
+                    to.sendall(data)
+                except OSError:
+                    return

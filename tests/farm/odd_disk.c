@@ -1,15 +1,16 @@
 /* odd_disk: preloaded into a program, makes calls on files fail as a bad disk would, without being root.
  *
  * ODD_DISK names a file that says what fails at the moment, one line: ERRNO KIND TEXT. KIND is "write"
- * (everything that makes or changes files and folders) or "any" (opening to read as well); TEXT is
- * part of the paths concerned. No file, or an empty one: nothing fails. It is read at every call, so a
+ * (everything that makes or changes files and folders), "any" (opening to read as well) or "sync" (fsync and fdatasync
+ * alone); TEXT is part of the paths concerned. No file, or an empty one: nothing fails. It is read at every call, so a
  * test changes it as it goes.
  *
  * STALLED_DISK names a file that says which paths hang, by a part of them: a call that syncs or writes at a place
  * (fsync, fdatasync, pwrite) does not return while that file is there.
  *
  * SLOW_REMOVAL=MS,BYTES: freeing the room of a file larger than BYTES takes MS milliseconds, as on ext4 with
- * discard: where its last name goes, or the last descriptor of one without a name.
+ * discard: where its last name goes, or the last descriptor of one without a name. While the file ODD_DISK-fast is there
+ * it takes none.
  */
 #undef _FORTIFY_SOURCE
 #include <dlfcn.h>
@@ -26,8 +27,10 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
+enum { READS, WRITES, SYNCS };
+
 /* 0, or the error that the call on the path gets. */
-static int fault(const char *path, int writes)
+static int fault(const char *path, int call)
 {
     const char *control = getenv("ODD_DISK");
     char line[512], kind[8], text[256];
@@ -39,7 +42,7 @@ static int fault(const char *path, int writes)
         syscall(SYS_close, (int)fd);
     line[got > 0 ? got : 0] = 0;
     if (sscanf(line, "%d %7s %255s", &number, kind, text) != 3 || !strstr(path, text) ||
-        (!writes && strcmp(kind, "any") != 0))
+        (call == READS && strcmp(kind, "any") != 0) || (call != SYNCS && strcmp(kind, "sync") == 0))
         return 0;
     errno = number;
     return number;
@@ -55,13 +58,15 @@ static void fd_path(int fd, char *path, size_t size)
     path[got > 0 ? got : 0] = 0;
 }
 
-static int fd_fault(int fd)
+static int fd_fault_of(int fd, int call)
 {
     char path[4096];
 
     fd_path(fd, path, sizeof path);
-    return fault(path, 1);
+    return fault(path, call);
 }
+
+static int fd_fault(int fd) { return fd_fault_of(fd, WRITES); }
 
 /* Wait while the disk that holds the file hangs. */
 static void stall(int fd)
@@ -85,12 +90,9 @@ static void stall(int fd)
     errno = code;
 }
 
-static void *next(const char *name)
-{
-    return dlsym(RTLD_NEXT, name);
-}
+static void *next(const char *name) { return dlsym(RTLD_NEXT, name); }
 
-#define WRITES(flags) (((flags) & O_ACCMODE) != O_RDONLY || ((flags) & O_CREAT))
+#define CALL(flags) (((flags) & O_ACCMODE) != O_RDONLY || ((flags) & O_CREAT))
 
 #define OPEN(name)                                                          \
     EXPORT int name(const char *path, int flags, ...)                      \
@@ -101,7 +103,7 @@ static void *next(const char *name)
         va_start(args, flags);                                              \
         mode = flags & O_CREAT ? va_arg(args, mode_t) : 0;                  \
         va_end(args);                                                       \
-        return fault(path, WRITES(flags)) ? -1 : real(path, flags, mode);   \
+        return fault(path, CALL(flags) ? WRITES : READS) ? -1 : real(path, flags, mode);   \
     }
 OPEN(open)
 OPEN(open64)
@@ -110,7 +112,7 @@ OPEN(open64)
     EXPORT int name(char *path, int flags)                                  \
     {                                                                       \
         int (*real)(char *, int) = (int (*)(char *, int))next(#name);       \
-        return fault(path, 1) ? -1 : real(path, flags);                     \
+        return fault(path, WRITES) ? -1 : real(path, flags);                     \
     }
 MKOSTEMP(mkostemp)
 MKOSTEMP(mkostemp64)
@@ -128,8 +130,7 @@ PWRITE(pwrite64)
 
 EXPORT ssize_t write(int fd, const void *data, size_t size)
 {
-    ssize_t (*real)(int, const void *, size_t) =
-        (ssize_t (*)(int, const void *, size_t))next("write");
+    ssize_t (*real)(int, const void *, size_t) = (ssize_t(*)(int, const void *, size_t))next("write");
 
     return fd_fault(fd) ? -1 : real(fd, data, size);
 }
@@ -139,7 +140,7 @@ EXPORT int fsync(int fd)
     int (*real)(int) = (int (*)(int))next("fsync");
 
     stall(fd);
-    return fd_fault(fd) ? -1 : real(fd);
+    return fd_fault_of(fd, SYNCS) ? -1 : real(fd);
 }
 
 EXPORT int fdatasync(int fd)
@@ -147,7 +148,7 @@ EXPORT int fdatasync(int fd)
     int (*real)(int) = (int (*)(int))next("fdatasync");
 
     stall(fd);
-    return fd_fault(fd) ? -1 : real(fd);
+    return fd_fault_of(fd, SYNCS) ? -1 : real(fd);
 }
 
 #define FALLOCATE(name)                                                     \
@@ -164,7 +165,7 @@ EXPORT int mkdir(const char *path, mode_t mode)
 {
     int (*real)(const char *, mode_t) = (int (*)(const char *, mode_t))next("mkdir");
 
-    return access(path, F_OK) != 0 && fault(path, 1) ? -1 : real(path, mode);
+    return access(path, F_OK) != 0 && fault(path, WRITES) ? -1 : real(path, mode);
 }
 
 EXPORT int rename(const char *from, const char *to)
@@ -178,11 +179,15 @@ EXPORT int rename(const char *from, const char *to)
 
 static void free_room(const struct stat *file)
 {
-    const char *how = getenv("SLOW_REMOVAL");
+    const char *how = getenv("SLOW_REMOVAL"), *control = getenv("ODD_DISK");
+    enum { STEP_MS = 20 };
+    char fast[4096];
     long ms, bytes;
 
+    snprintf(fast, sizeof fast, "%s-fast", control ? control : "");
     if (how && sscanf(how, "%ld,%ld", &ms, &bytes) == 2 && S_ISREG(file->st_mode) && (long)file->st_size > bytes)
-        nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL);
+        for (; ms > 0 && syscall(SYS_access, fast, F_OK) != 0; ms -= STEP_MS)
+            nanosleep(&(struct timespec){0, STEP_MS * 1000000}, NULL);
 }
 
 static int is_open(const struct stat *file)

@@ -15,13 +15,17 @@
  *                             floats=COUNT, fill=VALUE (0.25; also nan, inf)
  *   status [ms=N]             a WorkerStatus; with ms a unit runs: job, frame, tile, group, pass
  *   return [unit=INDEX]       a LeaseReturn
- *   broken                    a JobBroken for the last grant
+ *   broken [code=N]           a JobBroken for the last grant, with that status's number (ERR_NO_MEMORY)
  *   query JOB, cancel JOB, workers, heartbeat
  *   submit DIGEST             a JobSubmit of the scene of that digest (64 hex digits)
  *   render KEY=VALUE...       a RenderRequest: job, frame, and tile, group, pass, or x, y, first, count, path
+ *   blob DIGEST               a BlobGet
+ *   put REQUEST DIGEST HEX    a BlobPut for that request: a blob of these bytes ("-": none), whole
  *   rendered REQUEST BYTES    a RenderResult for that request with so many bytes of samples
  *   raw HEX                   these bytes in the TLS stream;  tcp HEX: beside it
  *   mute                      no more heartbeats of our own
+ *   deaf                      reads no more
+ *   times N COMMAND           the command N times
  *   welcome [version=N]       as coordinator: a Welcome
  *   failure CODE              as coordinator: a Failure with that status's number
  *   close                     say goodbye and end (so does the end of the input)
@@ -40,7 +44,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
 #include "common/math/elementary.h"
@@ -55,7 +59,8 @@ struct peer {
     int socket;
     struct tls *tls;
     struct framing_reader frames;
-    int mute, over;
+    int mute, deaf, over;
+    int spoke; /* no heartbeat comes before its first message, which is a Hello */
     /* the last grant */
     uint64_t lease, epoch, job;
     uint32_t frame, width, height, spp, unit_count;
@@ -105,6 +110,7 @@ static void send_plain(struct peer *p, const uint8_t *bytes, size_t size)
 
 static void send_message(struct peer *p, const Azulejo__Wire__Envelope *message)
 {
+    p->spoke = 1;
     size_t size = azulejo__wire__envelope__get_packed_size(message);
     uint8_t *bytes = malloc(FRAME_HEADER_BYTES + size);
 
@@ -196,8 +202,7 @@ static void send_result(struct peer *p, char *const words[], int count)
         sums[i] = value;
     wire_sums_set(bytes, sums, floats);
     pass_range(p->spp, p->units[unit].group, p->units[unit].pass, &begin, &end);
-    work.samples = number_of(words, count, "samples",
-                             (uint64_t)rect.width * rect.height * (end - begin));
+    work.samples = number_of(words, count, "samples", (uint64_t)rect.width * rect.height * (end - begin));
     work.rays = number_of(words, count, "rays", 0);
     result.work = &work;
     stats.cpu_ns = 1000000;
@@ -275,14 +280,14 @@ static void return_unit(struct peer *p, char *const words[], int count)
     send_message(p, &e);
 }
 
-static void say_broken(struct peer *p)
+static void say_broken(struct peer *p, char *const words[], int count)
 {
     Azulejo__Wire__JobBroken broken = AZULEJO__WIRE__JOB_BROKEN__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(JOB_BROKEN, job_broken, &broken);
 
     broken.job = p->job;
     broken.lease = p->lease;
-    broken.code = STATUS_ERR_NO_MEMORY;
+    broken.code = (uint32_t)number_of(words, count, "code", STATUS_ERR_NO_MEMORY);
     broken.text = (char *)"the odd peer cannot";
     send_message(p, &e);
 }
@@ -378,14 +383,55 @@ static void say_rendered(struct peer *p, const char *request, const char *size)
     send_message(p, &e);
 }
 
+static void say_blob_get(struct peer *p, const char *hex)
+{
+    Azulejo__Wire__BlobGet get = AZULEJO__WIRE__BLOB_GET__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(BLOB_GET, blob_get, &get);
+    struct digest digest;
+
+    if (digest_from_hex(&digest, hex) != STATUS_OK)
+        die("no digest");
+    wire_digest_set(&get.digest, &digest);
+    e.request = 1;
+    send_message(p, &e);
+}
+
+static void say_blob_put(struct peer *p, const char *request, const char *digest, const char *hex)
+{
+    Azulejo__Wire__BlobPut put = AZULEJO__WIRE__BLOB_PUT__INIT;
+    Azulejo__Wire__Envelope e = MESSAGE(BLOB_PUT, blob_put, &put);
+    uint8_t bytes[LINE_SIZE / 2];
+    struct digest name;
+
+    if (digest_from_hex(&name, digest) != STATUS_OK)
+        die("no digest");
+    wire_digest_set(&put.digest, &name);
+    put.data.data = bytes;
+    put.data.len = strcmp(hex, "-") == 0 ? 0 : parse_hex(hex, bytes);
+    put.total_bytes = put.raw_bytes = (uint32_t)put.data.len;
+    e.request = strtoull(request, NULL, 0);
+    send_message(p, &e);
+}
+
+static void obey(struct peer *p, char *line);
+
+static void obey_times(struct peer *p, char **words, int count)
+{
+    char line[256];
+
+    for (long left = strtol(words[1], NULL, 10); left > 0; left--) {
+        snprintf(line, sizeof line, "%s %s", words[2], count > 3 ? words[3] : "");
+        obey(p, line);
+    }
+}
+
 static void obey(struct peer *p, char *line)
 {
     static uint8_t bytes[LINE_SIZE / 2];
     char *words[WORDS_MAX], *save = NULL;
     int count = 0;
 
-    for (char *w = strtok_r(line, " \n", &save); w && count < WORDS_MAX;
-         w = strtok_r(NULL, " \n", &save))
+    for (char *w = strtok_r(line, " \n", &save); w && count < WORDS_MAX; w = strtok_r(NULL, " \n", &save))
         words[count++] = w;
     if (count == 0)
         return;
@@ -398,9 +444,13 @@ static void obey(struct peer *p, char *line)
     } else if (strcmp(words[0], "return") == 0) {
         return_unit(p, words, count);
     } else if (strcmp(words[0], "broken") == 0) {
-        say_broken(p);
+        say_broken(p, words, count);
     } else if (strcmp(words[0], "submit") == 0 && count == 2) {
         submit(p, words[1]);
+    } else if (strcmp(words[0], "blob") == 0 && count == 2) {
+        say_blob_get(p, words[1]);
+    } else if (strcmp(words[0], "put") == 0 && count == 4) {
+        say_blob_put(p, words[1], words[2], words[3]);
     } else if (strcmp(words[0], "render") == 0) {
         say_render(p, words, count);
     } else if (strcmp(words[0], "rendered") == 0 && count == 3) {
@@ -415,6 +465,10 @@ static void obey(struct peer *p, char *line)
         say_failure(p, words[1]);
     } else if (strcmp(words[0], "mute") == 0) {
         p->mute = 1;
+    } else if (strcmp(words[0], "deaf") == 0) {
+        p->deaf = 1;
+    } else if (strcmp(words[0], "times") == 0 && count >= 3) {
+        obey_times(p, words, count);
     } else if (strcmp(words[0], "close") == 0) {
         tls_end(p->tls);
         flush_tls(p);
@@ -436,8 +490,8 @@ static void take_grant(struct peer *p, const Azulejo__Wire__LeaseGrant *grant)
     p->width = grant->settings ? grant->settings->width : 0;
     p->height = grant->settings ? grant->settings->height : 0;
     p->unit_count = grant->n_units < UNITS_MAX ? (uint32_t)grant->n_units : UNITS_MAX;
-    printf("grant lease=%" PRIu64 " epoch=%" PRIu64 " job=%" PRIu64 " frame=%u units=", p->lease,
-           p->epoch, p->job, p->frame);
+    printf("grant lease=%" PRIu64 " epoch=%" PRIu64 " job=%" PRIu64 " frame=%u units=", p->lease, p->epoch, p->job,
+           p->frame);
     for (uint32_t i = 0; i < p->unit_count; i++) {
         p->units[i].tile = grant->units[i]->tile;
         p->units[i].group = grant->units[i]->group;
@@ -452,23 +506,18 @@ static void print_message(struct peer *p, const Azulejo__Wire__Envelope *m)
     char text[MESSAGE_TEXT_MAX];
 
     switch (m->body_case) {
-    case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT:
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT: break;
     case AZULEJO__WIRE__ENVELOPE__BODY_WELCOME:
-        printf("welcome version=%u session=%u\n", m->welcome->protocol_version,
-               m->welcome->session);
+        printf("welcome version=%u session=%u\n", m->welcome->protocol_version, m->welcome->session);
         break;
     case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
-        printf("failure request=%" PRIu64 " code=%s: %s\n", m->request,
-               status_text((status)m->failure->code),
+        printf("failure request=%" PRIu64 " code=%s: %s\n", m->request, status_text((status)m->failure->code),
                message_text(text, sizeof text, m->failure->text));
         break;
     case AZULEJO__WIRE__ENVELOPE__BODY_NOTICE:
         printf("notice %s\n", message_text(text, sizeof text, m->notice->text));
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT:
-        take_grant(p, m->lease_grant);
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT: take_grant(p, m->lease_grant); break;
     case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_REVOKE:
         printf("revoke lease=%" PRIu64 " %s\n", m->lease_revoke->lease,
                message_text(text, sizeof text, m->lease_revoke->reason));
@@ -476,13 +525,17 @@ static void print_message(struct peer *p, const Azulejo__Wire__Envelope *m)
     case AZULEJO__WIRE__ENVELOPE__BODY_RESULT_ACK:
         printf("ack job=%" PRIu64 " frame=%u units=", m->result_ack->job, m->result_ack->frame);
         for (size_t i = 0; i < m->result_ack->n_units; i++)
-            printf("%s%u:%u:%u", i ? "," : "", m->result_ack->units[i]->tile,
-                   m->result_ack->units[i]->group, m->result_ack->units[i]->pass);
+            printf("%s%u:%u:%u", i ? "," : "", m->result_ack->units[i]->tile, m->result_ack->units[i]->group,
+                   m->result_ack->units[i]->pass);
         printf("\n");
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
-        printf("asked %" PRIu64 "\n", m->request);
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_GET:
+        printf("wanted %" PRIu64 " ", m->request);
+        for (size_t i = 0; i < m->blob_get->digest.len; i++)
+            printf("%02x", m->blob_get->digest.data[i]);
+        printf("\n");
         break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST: printf("asked %" PRIu64 "\n", m->request); break;
     case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT:
         printf("rendered digest=");
         for (size_t i = 0; i < m->render_result->digest.len; i++)
@@ -491,12 +544,8 @@ static void print_message(struct peer *p, const Azulejo__Wire__Envelope *m)
                m->render_result->work ? m->render_result->work->samples : 0, m->render_result->added.len,
                message_text(text, sizeof text, m->render_result->worker));
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST:
-        printf("jobs %zu\n", m->job_list->n_jobs);
-        break;
-    default:
-        printf("%s\n", message_name(m));
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST: printf("jobs %zu\n", m->job_list->n_jobs); break;
+    default: printf("%s\n", message_name(m)); break;
     }
 }
 
@@ -534,8 +583,7 @@ static void hear(struct peer *p)
         } else if (framing_reader_push(&p->frames, bytes, plain, &err) != STATUS_OK) {
             die(err.text);
         }
-        while (!p->over && framing_reader_next(&p->frames, &payload, &size, &err) == STATUS_OK &&
-               payload) {
+        while (!p->over && framing_reader_next(&p->frames, &payload, &size, &err) == STATUS_OK && payload) {
             Azulejo__Wire__Envelope *message;
             if (message_unpack(&message, payload, size, &err) != STATUS_OK)
                 die(err.text);
@@ -602,9 +650,9 @@ static void converse(struct peer *p)
     while (!p->over) {
         int open = tls_state_of(p->tls) == TLS_OPEN;
         /* Commands wait until the handshake is through. */
-        struct pollfd sources[2] = {{.fd = p->socket, .events = POLLIN},
+        struct pollfd sources[2] = {{.fd = p->deaf ? -1 : p->socket, .events = POLLIN},
                                     {.fd = open ? STDIN_FILENO : -1, .events = POLLIN}};
-        if (poll(sources, 2, HEARTBEAT_MS) == 0 && open && !p->mute)
+        if (poll(sources, 2, HEARTBEAT_MS) == 0 && open && p->spoke && !p->mute)
             ask(p, "heartbeat", NULL);
         if (sources[0].revents)
             hear(p);
@@ -645,8 +693,7 @@ int main(int argc, char **argv)
     if (farm_key_load(&key, argv[3], &err) != STATUS_OK)
         die(err.text);
     framing_reader_init(&p.frames, CHANNEL_FRAME_MAX);
-    if ((is_coordinator ? tls_new_server(&p.tls, &key, &err)
-                        : tls_new_client(&p.tls, &key, role, &err)) != STATUS_OK)
+    if ((is_coordinator ? tls_new_server(&p.tls, &key, &err) : tls_new_client(&p.tls, &key, role, &err)) != STATUS_OK)
         die(err.text);
     p.socket = is_coordinator ? accept_at(argv[1], argv[2]) : connect_to(argv[1], argv[2]);
     converse(&p);

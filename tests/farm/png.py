@@ -1,4 +1,5 @@
 """The pixels of an RGB or RGBA PNG, read without any code of Azulejo's: 8 or 16 bits, not interlaced."""
+import itertools
 import struct
 import zlib
 
@@ -33,14 +34,20 @@ class Png:
         for y in range(self.height):
             kind = raw[y * (line + 1)]
             now = bytearray(raw[y * (line + 1) + 1:(y + 1) * (line + 1)])
-            for i in range(line if kind else 0):
-                left = now[i - step] if i >= step else 0
-                up = before[i]
-                corner = before[i - step] if i >= step else 0
-                guess = left + up - corner
-                nearest = min((abs(guess - left), 0, left), (abs(guess - up), 1, up),
-                              (abs(guess - corner), 2, corner))[2]
-                now[i] = (now[i] + (left, up, (left + up) // 2, nearest)[kind - 1]) & 255
+            if kind == 1:
+                for c in range(step):
+                    now[c::step] = bytes(v & 255 for v in itertools.accumulate(now[c::step]))
+            elif kind == 2:
+                now = bytearray((v + up) & 255 for v, up in zip(now, before))
+            elif kind:
+                for i, up in enumerate(before):
+                    left, corner = (now[i - step], before[i - step]) if i >= step else (0, 0)
+                    if kind == 3:
+                        now[i] = now[i] + (left + up) // 2 & 255
+                        continue
+                    to_left, to_up, to_corner = abs(up - corner), abs(left - corner), abs(left + up - 2 * corner)
+                    now[i] = now[i] + (left if to_left <= to_up and to_left <= to_corner else
+                                       up if to_up <= to_corner else corner) & 255
             rows.append(struct.unpack(">%d%s" % (line * 8 // self.bits,
                                                  "B" if self.bits == 8 else "H"), now))
             before = bytes(now)

@@ -32,13 +32,11 @@ static SSL_CTX *make_context(void)
     X509_NAME *name = certificate ? X509_get_subject_name(certificate) : NULL;
 
     if (!ctx || !key || !name ||
-        !X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_ASC, (const unsigned char *)"stranger", -1,
-                                    -1, 0) ||
-        !X509_set_issuer_name(certificate, name) ||
-        !X509_gmtime_adj(X509_getm_notBefore(certificate), 0) ||
-        !X509_gmtime_adj(X509_getm_notAfter(certificate), 3600) ||
-        !X509_set_pubkey(certificate, key) || !X509_sign(certificate, key, EVP_sha256()) ||
-        SSL_CTX_use_certificate(ctx, certificate) != 1 || SSL_CTX_use_PrivateKey(ctx, key) != 1)
+        !X509_NAME_add_entry_by_txt(name, "CN", MBSTRING_ASC, (const unsigned char *)"stranger", -1, -1, 0) ||
+        !X509_set_issuer_name(certificate, name) || !X509_gmtime_adj(X509_getm_notBefore(certificate), 0) ||
+        !X509_gmtime_adj(X509_getm_notAfter(certificate), 3600) || !X509_set_pubkey(certificate, key) ||
+        !X509_sign(certificate, key, EVP_sha256()) || SSL_CTX_use_certificate(ctx, certificate) != 1 ||
+        SSL_CTX_use_PrivateKey(ctx, key) != 1)
         die("no certificate can be made");
     X509_free(certificate);
     EVP_PKEY_free(key);

@@ -33,9 +33,9 @@ def resident_bytes(program):
 class Workers(Program):
     """So many workers of one process that connect at once; see crowd.c."""
 
-    def __init__(self, farm, count):
+    def __init__(self, farm, count, key=None):
         host, port = farm.address.rsplit(":", 1)
-        super().__init__("crowd", [CROWD, "workers", host, port, farm.key, str(count)],
+        super().__init__("crowd", [CROWD, "workers", host, port, key or farm.key, str(count)],
                          farm.path("crowd-%d.log" % len(farm.programs)), pipe_stdout=True,
                          pipe_stdin=True)
         farm.programs.append(self)

@@ -200,6 +200,42 @@ def test_files():
 
 
 @tests.add
+def test_reference():
+    """errors against a reference have two plots, columns and a figure of their own; without one there is none of it"""
+    with Farm() as farm:
+        study = study_maker.study(reference=NASTY)
+        for i, p in enumerate(study["points"]):
+            p.update(relmse=[0.1 / 4 ** i, 0.09 / 4 ** i, 0.11 / 4 ** i], flip=[0.2 / 2 ** i, 0.19 / 2 ** i, 0.21 / 2 ** i],
+                     seeds=[p["codes"][0], p["codes"][1], p["codes"][2]])
+        page = draw(farm, study)
+        check_self_contained(page)
+        check_plots(page)
+        expect("Against the reference " + " ".join(NASTY.split()) in page.text, page.text[-3000:])
+        expect("FLIP (seeds)" in page.text and "by each seed's samples" in page.text, "the table")
+        Page(read_bytes(farm.path("page-reference.svg")).decode())
+        rows = list(csv.DictReader(io.StringIO(read_bytes(farm.path("page.csv")).decode())))
+        expect(float(rows[1]["flip"]) == 0.1 and float(rows[0]["relmse_high"]) == 0.11, rows[0])
+        expect(float(rows[0]["seeds_low"]) == study["points"][0]["codes"][1], rows[0])
+        page = draw(farm, study_maker.study(), "without")
+        expect("Against the reference" not in page.text and "FLIP" not in page.text, "no reference")
+        expect(not os.path.exists(farm.path("without-reference.svg")), "no reference's figure")
+
+
+@tests.add
+def test_by_target():
+    """where adaptive sampling surely differs, its cost is the headline's, and has a mark of its own in the plot"""
+    with Farm() as farm:
+        study = study_maker.study()
+        choice = study["questions"][1]["choices"][1]
+        choice.update(by_target=True, unbiased=True, gain=study_maker.interval(1.6, 0.05), floor=[0, 0, 0])
+        page = draw(farm, study)
+        check_plots(page)
+        expect("3/255 costs 7.0 core-minutes with adaptive sampling, as --target-error renders (11 core-minutes with the "
+               "same samples everywhere)" in page.first("h1"), page.first("h1"))
+        expect(any(text == "adaptive: 7.0 core-minutes" for _, text in page.plots[0]["texts"]), page.plots[0]["texts"])
+
+
+@tests.add
 def test_escaping():
     """names with markup, quotes and emoji show as they are, and change nothing else"""
     with Farm() as farm:
@@ -270,7 +306,7 @@ def test_terminal():
         expect(lines[0].startswith("3/255 costs 11 core-minutes"), lines[0])
         expect([l.split()[0] for l in lines[2:7]] == ["%d/255" % n for n in (50, 20, 5, 2, 1)], lines)
         expect("WORKERS FOR 18:00" in lines[1] and "COST" in lines[1], lines[1])
-        expect(lines[6].split()[-1] == "3", "1/255 in half an hour: %s" % lines[6])
+        expect(lines[6].split()[-1] == "4", "1/255 in half an hour: %s" % lines[6])
         page = draw(farm, study_maker.study(scene="x\x1b[31m", price_core_hour=None, deadline_s=None))
         expect("\x1b" not in page.result.out and "COST" not in page.result.out, page.result.out)
 
@@ -284,6 +320,8 @@ def test_errors():
             expect(words in result.err, result)
         fails(2, "a scene, or --from FILE.json, is missing")
         fails(2, "must end in .html", "--from", SAMPLE, "-o", farm.path("a.png"))
+        fails(2, "leave out --from", "--from", SAMPLE, "--reference", "x.exr")
+        fails(3, "nowhere.exr", os.path.join(ROOT, "scenes", "features", "metal.gltf"), "--reference", "nowhere.exr")
         fails(3, "nowhere.json", "--from", farm.path("nowhere.json"))
         with open(farm.path("bad.json"), "w") as out:
             json.dump({"azulejo_study": 1, "points": [{"codes": 3}]}, out)

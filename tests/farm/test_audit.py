@@ -85,7 +85,10 @@ def more():
         lines = audit(farm)
         expect([(l["verb"], l["outcome"]) for l in lines] == [("develop", "done"), ("resume", "refused")], lines)
         expect(lines[0]["details"]["output"]["tonemap"] == "linear" and
-               lines[0]["details"]["output"]["exposure_ev"] == "2", lines[0])
+               lines[0]["details"]["output"]["exposure_ev"] == 2, lines[0])
+        farm.cli("extend", number, "--target-error", "20dB", expect=0)
+        # Numbers that stand for words are these words, as in the API.
+        expect(audit(farm)[2]["details"]["stop"]["measure"] == "psnr", audit(farm)[2])
         farm.cli("render", farm.scene(), "--size", "16x16", "--spp", "1", "-o", farm.path("a.png"), expect=0,
                  connect=False)  # a farm of its own keeps none, and says nothing
 

@@ -153,7 +153,7 @@ def backup_disturbed():
         expect(pictures(farm, number) and films(farm, number), "its files stay for the backup")
         holder.close()
         gc(farm)
-        expect(not pictures(farm, number) and not films(farm, number) and not blobs(farm), "and go after it")
+        wait_for(lambda: not pictures(farm, number) and not films(farm, number) and not blobs(farm), "them to go after it")
         number = farm.submit(scene, *LONG)
         farm.wait_for_job(number)
         expect(copy_store("backup", whole, farm.store).returncode == 0, "a whole one")

@@ -1,27 +1,26 @@
 """The command line client from the outside: words, exit statuses, files, and a render for real."""
-import contextlib
 import json
 import os
 import re
 import signal
 import socket
-import sqlite3
 import stat
 import struct
 import subprocess
 import sys
+import tempfile
 import threading
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
-from farm import BIN, ROOT, Farm, Failure, Tests, read_bytes, wait_for
+from farm import BIN, BUILD, ROOT, Farm, Failure, Tests, read_bytes, wait_for
 from odd import Proxy
 
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
             "develop", "cancel", "comment", "extend", "start", "pause", "resume", "finish",
-            "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "token", "webhook", "keygen", "tonemap", "compare", "debug-pixel",
-            "trace", "owners", "completion"]
+            "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "token", "webhook", "key", "keygen", "tonemap", "compare", "debug-pixel",
+            "trace", "owners", "verify", "distrust", "completion"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
 
@@ -52,6 +51,11 @@ def gone(pid):
     except OSError:
         return True
 
+def clamped_share(job):
+    """Of the light."""
+    lost, kept = job["work"]["clamped_luminance"], job["work"]["kept_luminance"]
+    return lost / (lost + kept)
+
 
 @tests.add
 def help_everywhere():
@@ -70,14 +74,73 @@ def help_everywhere():
         expect(sorted(listed) == sorted(COMMANDS), "a command is not tested: %s" % listed)
 
 
+def options_of(text):
+    return re.findall(r"^  (?:-., |    )--([a-z0-9-]+)", text, re.M)
+
+
+@tests.add
+def help_fits():
+    """help has no line over the terminal's width; --help of many options describes the usual ones and names the rest"""
+    with Farm() as farm:
+        for command in COMMANDS:
+            short, whole = ([farm.cli(*words, expect=0, connect=False, env={"COLUMNS": str(width)}).out
+                             for width in (50, 80, 132)] for words in ((command, "--help"), ("help", command)))
+            for width, text in zip((50, 80, 132) * 2, short + whole):
+                # Usages, and words that are longer themselves, stand on one line.
+                long = [l for l in text.splitlines() if len(l) > width and " " in l.strip() and not l.startswith("usage:")]
+                expect(not long, (command, width, long))
+            expect(len({re.sub(r"(?<=\|)\s+|\s+(?=\|)", "", " ".join(text.split())) for text in whole}) == 1, "another text in another width: " + command)
+            described, listed = options_of(short[1]), options_of(whole[1])
+            named = re.findall(r"--([a-z0-9-]+)", short[1].split("\nmore options")[1]) if "\nmore options" in short[1] else []
+            expect(set(described) | set(named) == set(listed) and len(set(listed)) == len(listed), command)
+            expect(not set(described) & set(named), (command, described, named))
+            if command in ("render", "submit"):
+                expect(described[0] in ("output", "name") and len(short[1].splitlines()) < 90, short[1])
+
+
+@tests.add
+def slips():
+    """a misspelt command or option is answered with the one that was meant; far ones with none"""
+    with Farm() as farm:
+        for words, meant in ((["rendr"], "render"), (["submti"], "submit"), (["lst"], "list"),
+                             (["list", "--jsn"], "--json"), (["render", "x", "--target-eror=3/255"], "--target-error"),
+                             (["help", "fetsh"], "fetch")):
+            result = farm.cli(*words, connect=False)
+            expect(result.code == 2 and "did you mean %s?" % meant in result.err, result)
+        for words in (["photograph"], ["list", "--photograph"], ["render", "x", "-Z"]):
+            result = farm.cli(*words, connect=False)
+            expect(result.code == 2 and "did you mean" not in result.err, result)
+
+
+@tests.add
+def jobs_by_name():
+    """every command that takes a job takes its name; a name of several jobs is refused with their numbers"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *SMALL, "--name", "walk-1")
+        farm.wait_for_job(number)
+        for words in (["show"], ["watch"], ["fetch", "-o", "got"], ["log"], ["owners"], ["trace"],
+                      ["develop", "-t", "aces", "-q"], ["extend", "--spp"]):
+            for name, spp in (("walk-1", "16"), ("walk-?", "32")):
+                farm.cli(words[0], name, *words[1:], *([spp] if words[0] == "extend" else []), expect=0)
+        expect(os.path.exists(farm.path("got", "walk-1.exr")), os.listdir(farm.path("got")))
+        result = farm.cli("show", "walk-2")
+        expect(result.code == 5 and "no job is named 'walk-2'" in result.err, result)
+        others = [farm.submit(farm.scene(), *SMALL, "--name", "walk-1") for _ in range(6)]
+        result = farm.cli("show", "walk-1")
+        expect(result.code == 2 and "7 jobs are named 'walk-1': give the number of one" in result.err and
+               ", ".join(map(str, others[1:])) in result.err, result)
+
+
 @tests.add
 def bad_usage():
     """unknown commands, options and values exit with 2 and one line that helps"""
     with Farm() as farm:
         scene = farm.scene()
         cases = [[], ["nonsense"], ["--nonsense"], ["list", "--nonsense"], ["list", "extra"],
-                 ["show"], ["show", "x"], ["show", "0"], ["cancel", "-1"], ["resume"], ["pause", "--state", "x"], ["retry", "1", "--frames", "5-3"], ["priority", "1"],
-                 ["log", "x"], ["extend", "x"], ["remove", "--frames", "1"], ["watch", "1", "2"],
+                 ["show"], ["show", ""], ["show", "0"], ["cancel", "-1"], ["resume"], ["pause", "--state", "x"], ["retry", "1", "--frames", "5-3"], ["priority", "1"],
+                 ["log", "0"], ["extend", "0"], ["remove", "--frames", "1"], ["watch", "1", "2"],
                  ["render"], ["render", scene, "--spp", "0"], ["render", scene, "--spp", "many"],
                  ["render", scene, "--spp"], ["render", scene, "--size", "32"],
                  ["render", scene, "--frames", "5-1"], ["render", scene, "--tonemap", "nonsense"],
@@ -281,9 +344,9 @@ def unknown_jobs():
                         "retry", "remove", "log"):
             result = farm.cli(command, "12345")
             expect(result.code == 5 and "12345" in result.err, result)
-        expect(farm.cli("list", "--json", expect=0).json() == {"jobs": [], "not_shown": 0},
+        expect(farm.cli("list", "--json", expect=0).json() == {"jobs": [], "older": 0, "states": []},
                "jobs")
-        expect(farm.cli("workers", "--json", expect=0).json() == {"workers": [], "blocked": []},
+        expect(farm.cli("workers", "--json", expect=0).json() == {"workers": [], "gone": [], "marks": []},
                "workers")
 
 
@@ -311,7 +374,7 @@ def render_for_real():
         json_result = farm.cli("render", farm.scene(), *SMALL, "--seed", "1", "-o", "other/",
                                "--json", env=env, expect=0).json()
         expect(json_result["job"]["state"] == "done", json_result)
-        expect(json_result["job"]["stats"]["samples"] == 32 * 32 * 4, json_result)
+        expect(json_result["job"]["work"]["samples"] == 32 * 32 * 4, json_result)
         expect(json_result["files"] == ["other/tiny.exr", "other/tiny.png"], json_result)
         # Other noise, but the same picture.
         result = farm.cli("compare", farm.path("other/tiny.exr"), farm.path("new/pic.exr"), "--json")
@@ -378,11 +441,11 @@ def settings_of_a_job():
         expect(not re.search("  (motion|lens|without|aovs) ", shown), shown)
         settings = farm.job(plain)["settings"]
         expect((settings["fps"], settings["shutter"]) == (24, 0), settings)
-        expect(settings["lens_radius"] is None and settings["focus_distance"] is None, settings)
+        expect(settings["lens_radius"] == settings["focus_distance"] == 0 and not settings["pinhole"], settings)
         expect(settings["without"] == [] and settings["aovs"] == [], settings)
         choices = {"env_sampling": "importance", "sampler": "sobol", "light_choice": "tree",
-                   "roulette": True, "texture_filter": "cone", "bvh_quality": "medium",
-                   "robust": True, "clamp": None}
+                   "no_roulette": False, "texture_filter": "cone", "bvh_quality": "medium",
+                   "not_robust": False, "clamp": 0, "exr_names": "plain"}
         expect({name: settings[name] for name in choices} == choices, settings)
         expect(" choices " not in shown, shown)
         number = farm.submit(scene, *SMALL, "--fps", "25", "--shutter", "0.5", "--lens", "0.125",
@@ -398,7 +461,7 @@ def settings_of_a_job():
         expect(settings["without"] == ["sheen", "microfacet-multiple-scattering", "caustics"],
                settings)
         pinhole = farm.submit(scene, *SMALL, "--lens", "0")
-        expect(farm.job(pinhole)["settings"]["lens_radius"] == 0, "pinhole")
+        expect(farm.job(pinhole)["settings"]["pinhole"], "pinhole")
         expect("pinhole" in farm.cli("show", pinhole, expect=0).out, "pinhole")
         for words in (["--without", "nonsense"], ["--aov", "nonsense"], ["--lens", "1"],
                       ["--focus", "0"], ["--shutter", "1.5"], ["--fps", "0"]):
@@ -440,10 +503,10 @@ def choices_of_a_job():
         expect("sampler independent, light choice power, roulette off, clamp 0.25, texture filter "
                "nearest, BVH quality high, robust off" in shown and told[0] in shown, shown)
         job = farm.job(number)
-        expect((job["settings"]["clamp"], job["settings"]["roulette"], job["settings"]["robust"]) ==
-               (0.25, False, False), job)
-        expect(job["stats"]["clamped_samples"] == int(told[1]), job)
-        expect(abs(100 * job["stats"]["clamped_share"] - float(told[2])) < 0.05, job)
+        expect((job["settings"]["clamp"], job["settings"]["no_roulette"], job["settings"]["not_robust"]) ==
+               (0.25, True, True), job)
+        expect(job["work"]["clamped_samples"] == int(told[1]), job)
+        expect(abs(100 * clamped_share(job) - float(told[2])) < 0.05, job)
         for words in (["--sampler", "x"], ["--light-choice", "x"], ["--roulette", "maybe"],
                       ["--clamp", "-1"], ["--texture-filter", "x"], ["--robust", "x"]):
             result = farm.cli("submit", scene, *words)
@@ -744,22 +807,22 @@ def lists_of_many_jobs():
         farm.cli("cancel", ended, expect=0)
         farm.coordinator.stop()
         # 10,000 more like the one that has ended, as years of use would leave them.
-        with contextlib.closing(sqlite3.connect(farm.path("store", "queue.sqlite"))) as db:
-            columns = ", ".join(row[1] for row in db.execute("PRAGMA table_info(jobs)")
-                                if row[1] not in ("id", "token"))
-            db.executemany("INSERT INTO jobs (%s) SELECT %s FROM jobs WHERE id=?" %
-                           (columns, columns), [(ended, )] * 10000)
-            db.commit()
+
+        def add_jobs(store):
+            columns = ", ".join(row[1] for row in store.execute("PRAGMA table_info(jobs)") if row[1] not in ("id", "token"))
+            store.executemany("INSERT INTO jobs (%s) SELECT %s FROM jobs WHERE id=?" % (columns, columns), [(ended, )] * 10000)
+
+        farm.edit_store(add_jobs)
         farm.restart_coordinator()
         shown = farm.cli("list", "--json", expect=0).json()
         expect([job["job"] for job in shown["jobs"]] == list(range(1, 10003)), len(shown["jobs"]))
-        expect(shown["not_shown"] == 0, shown["not_shown"])
+        expect(shown["older"] == 0, shown["older"])
         result = farm.cli("list", expect=0)
         expect(result.out.count("\n") == 10003 and result.err == "", result.err)
         shown = farm.cli("list", "--newest", "1500", "--json", expect=0).json()
         numbers = [job["job"] for job in shown["jobs"]]
         expect(numbers == [active] + list(range(8503, 10003)), (numbers[:3], len(numbers)))
-        expect(shown["not_shown"] == 8501, shown["not_shown"])
+        expect(shown["older"] == 8501, shown["older"])
         result = farm.cli("list", "-n", "2", expect=0)
         expect(result.out.count("\n") == 4 and "9999 older" in result.err, result)
         shown = farm.cli("list", "--state", "queued,running", "--mine", "--json", expect=0).json()
@@ -777,14 +840,14 @@ def shares_of_the_effects():
         shares = {row["effect"]: row.get("share") for row in manifest["ran"]}
         for effect in ("instancing", "back-face culling"):  # they have no time of their own
             expect(shares.pop(effect, None) is None, shares)
-        # A frame of a second or two, at a thousand looks a second.
+        # A frame of two seconds or more, at a hundred looks a second.
         expect(looks >= 100, (words, looks))
         expect(all(0 <= share <= 1 for share in shares.values()), (words, shares))
         expect(abs(sum(shares.values()) + none - 1) < 1e-3, (words, shares, none))
         expect(not any("share" in row for row in manifest["switched_off"]), words)
         return shares
 
-    options = ["--size", "320x240", "--spp", "16"]
+    options = ["--size", "192x144", "--spp", "64"]
     with Farm() as farm:
         fog = os.path.join(ROOT, "scenes/features/fog.pbrt")
         farm.start_coordinator()
@@ -933,24 +996,41 @@ def submitted_twice():
 
 @tests.add
 def manual_pages():
-    """every option of --help is in its manual page, and the other way round"""
-    folder = os.path.join(ROOT, "docs", "man")
+    """every option of --help is in its manual page, with its help, and the other way round"""
     with Farm() as farm:
-        helps = {"azulejo": "".join(farm.cli(c, "--help", expect=0, connect=False).out
-                                    for c in COMMANDS) + "--version"}
+        wide = {"COLUMNS": "9999"}
+        helps = {"azulejo-" + c: farm.cli("help", c, expect=0, connect=False, env=wide).out for c in COMMANDS}
+        helps["azulejo-accuracy"] = helps["azulejo-accuracy"].split("\nparameters of")[0]  # which stand in other pages
         for program in ("azulejo-coordinator", "azulejo-worker"):
-            helps[program] = subprocess.run([os.path.join(BIN, program), "--help"], check=True,
-                                            stdout=subprocess.PIPE).stdout.decode()
-        helps["azulejo-accuracy"] = farm.cli("accuracy", "--help", expect=0, connect=False).out
+            helps[program] = subprocess.run([os.path.join(BIN, program), "--help"], check=True, stdout=subprocess.PIPE,
+                                            env=dict(os.environ, **wide)).stdout.decode()
         for program, text in helps.items():
-            with open(os.path.join(folder, program + ".1")) as source:
+            with open(os.path.join(BUILD, "man", program + ".1")) as source:
                 page = source.read()
-            there = set(re.findall(r"\bFl -([a-z][a-z-]*)", page)) - {"name"}
-            wanted = set(re.findall(r"(?:^|[ (])--([a-z][a-z-]*)", text, re.M)) - {"name"}
+            pattern = r"\bFl -([a-z][a-z0-9-]*)" if program == "azulejo-accuracy" else r"^\.It (?:Fl . , )?Fl -([a-z][a-z0-9-]*)"
+            there = set(re.findall(pattern, page, re.M)) - {"name", "help", "version"}
+            wanted = set(re.findall(r"^  (?:-., |    )--([a-z][a-z0-9-]*)", text, re.M)) - {"name", "help", "version"}
             expect(there == wanted, "%s: %s" % (program, sorted(there ^ wanted)))
-            letters = set(re.findall(r"^  -([a-z]), --", text, re.M))
-            for letter in letters:
-                expect(re.search(r"\bFl %s\b" % letter, page), "%s -%s" % (program, letter))
+            for letter, name, words in re.findall(r"^  (?:-(.), |    )--([a-z][a-z-]*)(?: \S+)?\s+([a-z][a-z' ]{12,})", text, re.M):
+                expect(not letter or re.search(r"\bFl %s , Fl -%s\b" % (letter, name), page), "%s -%s" % (program, letter))
+                expect(program == "azulejo-accuracy" or words[1:].strip() in page, "%s --%s: %s" % (program, name, words))
+        with open(os.path.join(BUILD, "man", "azulejo.1")) as source:
+            expect(set(re.findall(r"Xr azulejo-([a-z-]+) 1", source.read())) >= set(COMMANDS), "each command has its line")
+
+
+@tests.add
+def manual_pages_refuse_what_is_not_there():
+    """prose of an option that no table has, or has twice, and a command without prose stop scripts/man.py"""
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "page")
+        for lines, words in (("@options list\n--mine\nMore.\n@end", ""), ("@options list\n--minr\nMore.\n@end", "minr"),
+                             ("@options list\n--mine\nOne.\n--mine\nTwo.\n@end", "twice"), ("@options list\nMore.\n@end", "before"),
+                             ("@shared list only minr\n@end", "minr"), ("@having json", "does not describe"), ("@optoins list", "unknown")):
+            with open(path, "w") as file:
+                file.write(lines + "\n")
+            made = subprocess.run([os.path.join(ROOT, "scripts", "man.py"), BIN, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                  text=True, check=False)
+            expect((made.returncode == 0) == (not words) and words in made.stderr and "Traceback" not in made.stderr, (lines, made))
 
 
 @tests.add
@@ -993,7 +1073,7 @@ def clamping_dispersed_light():
         scene = os.path.join(ROOT, "scenes", "features", "dispersion.gltf")
         result = farm.cli("render", scene, "--size", "128x96", "--spp", "64", "--clamp", "8", "--json", "-o",
                           farm.path("d.exr"), connect=False, expect=0)
-        share = json.loads(result.out)["job"]["stats"]["clamped_share"]
+        share = clamped_share(json.loads(result.out)["job"])
         expect(0 < share < 0.5, share)
 
 

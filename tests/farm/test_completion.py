@@ -11,7 +11,7 @@ from farm import BIN, PATIENCE, Farm, Skip, Tests
 from jobs import expect
 
 tests = Tests()
-PROGRAMS = ("azulejo", "azulejo-coordinator", "azulejo-worker")
+PROGRAMS = ("azulejo", "azulejo-coordinator", "azulejo-web", "azulejo-worker")
 ENDLESS = ("--size", "64x64", "--spp", "1000000")
 
 # Complete the line as readline would: split at COMP_WORDBREAKS, then print the offers.
@@ -141,7 +141,7 @@ def check(shell):
             if shell.name != "zsh" else offered("azulejo pause --m", ["--mine"])
         exactly("azulejo render --sampler ", ["sobol", "independent"])
         exactly("azulejo render --sampler=in", ["independent"])
-        exactly("azulejo keygen -r w", ["worker"])
+        exactly("azulejo keygen -r wo", ["worker"])
         exactly("azulejo completion z", ["zsh"])
         offered("azulejo tonemap -t mant", ["mantiuk06", "mantiuk08"], ["aces"])
         offered("azulejo pause --state pau", ["paused"], ["queued"])
@@ -228,7 +228,7 @@ def complete():
                 commands = re.findall(r"^  ([a-z-]+)  ", text, re.M)
                 expect(len(commands) > 20, commands)
             for command in commands:
-                words = [os.path.join(BIN, program)] + ([command] if command else []) + ["--help"]
+                words = [os.path.join(BIN, program)] + (["help", command] if command else ["--help"])
                 text = subprocess.run(words, capture_output=True, text=True).stdout
                 options = re.findall(r"^  (?:-., |    )--([a-z0-9-]+)", text, re.M)
                 expect(options, text)

@@ -54,6 +54,23 @@ def exr_file(width, height, value_at):
     return head + offsets + rows
 
 
+CUBE = """v 2 3 -1
+v 4 3 -1
+v 4 5 -1
+v 2 5 -1
+v 2 3 1
+v 4 3 1
+v 4 5 1
+v 2 5 1
+f 4 3 2 1
+f 5 6 7 8
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+"""
+
+
 def render(farm, scene, *options):
     out = os.path.splitext(scene)[0] + "-picture.exr"
     result = farm.cli("render", scene, "-o", out, "--spp", "16", "--json", *options, expect=0)
@@ -68,9 +85,32 @@ def no_power():
             picture, result = render(farm, write(farm.path(name + ".pbrt"), VIEW + light + FLOOR))
             expect(all(v == 0 for c in "RGB" for v in picture.values(c)), name)
             expect("no light" not in result.err and "any power" in result.err, result)
-        # A file that has none at all is lit as before.
-        picture, result = render(farm, write(farm.path("none.pbrt"), VIEW + FLOOR))
-        expect(max(picture.values("G")) > 0 and "the file has no light" in result.err, result)
+        # A file that has none at all gets a studio's light, which has a shape, or an even white one.
+        none = write(farm.path("none.pbrt"), VIEW + FLOOR)
+        picture, result = render(farm, none)
+        expect(min(picture.values("G")) > 0 and "soft studio light" in result.err, result)
+        picture, result = render(farm, none, "--studio", "off")
+        expect(max(picture.values("G")) > 0 and "an even white environment" in result.err, result)
+
+
+@tests.add
+def model_alone():
+    """a model that comes without camera and light has a picture that shows it: on a ground, neither white nor even"""
+    with Farm() as farm:
+        scene = write(farm.path("cube.obj"), CUBE)
+        studio, result = render(farm, scene, "--size", "96x72", "--aov", "normal")
+        expect("neither camera nor light" in result.err, result)
+        # The ground fills what the cube leaves.
+        expect(all(any(n) for n in zip(*(studio.values("N." + c) for c in "XYZ"))), "something is not covered")
+        even, _ = render(farm, scene, "--size", "96x72", "--studio", "off")
+        contrast = spread(sorted(studio.values("G")))
+        expect(contrast > 3, contrast)
+        expect(sorted(even.values("G"))[len(even.values("G")) // 2] == 1, "the sky is white")
+
+
+def spread(values):
+    """the ratio of the bright to the dark, without the noisiest"""
+    return values[len(values) * 99 // 100] / max(values[len(values) // 100], 1e-6)
 
 
 @tests.add
@@ -94,7 +134,7 @@ def brightest_map():
             sky = write(farm.path(name + ".exr"), exr_file(8, 4, value))
             for how in ("importance", "uniform", "bsdf"):
                 picture, result = render(farm, scene, "--env", sky, "--env-sampling", how)
-                expect(result.json()["job"]["stats"]["dropped_samples"] == 0, (name, how, result))
+                expect(result.json()["job"]["work"]["health"] == [], (name, how, result))
                 expect(picture.check() > 1e27, (name, how))
                 expect("above 1e+30" in result.err, result)
 

@@ -34,7 +34,7 @@ def map_coordinates():
             path = os.path.join(farm.folder, name + ".obj")
             write_obj(path, shift)
             out = os.path.join(farm.folder, name)
-            farm.cli("render", path, "--size", "48x32", "--spp", "8", "--aov", "position", "-q",
+            farm.cli("render", path, "--size", "48x32", "--spp", "8", "--aov", "position", "--studio", "off", "-q",
                      "-o", out, expect=0, connect=False)
             picture = read_exr(out + ".exr")
             origin = struct.unpack("<3d", picture.attributes["azulejo:origin"])

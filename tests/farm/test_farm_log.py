@@ -5,7 +5,7 @@ import sys
 import urllib.request
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import Farm, Tests, read_bytes
+from farm import Farm, Tests, read_bytes, wait_for
 from jobs import expect
 from page import Page
 from png import Png
@@ -24,6 +24,11 @@ def ask(page, path):
     return json.loads(answer.body)
 
 
+def with_worker(events):
+    """The events; None: the worker's line on the scene is not among them yet."""
+    return events if any(e["from_worker"] for e in events) else None
+
+
 @tests.add
 def one_log_of_all_jobs():
     """GET /log and log --all: every job's events in their order, after a number, the newest, and over a restart"""
@@ -33,7 +38,7 @@ def one_log_of_all_jobs():
         jobs = [farm.submit(farm.scene(), *SMALL, "--name", "n%d" % i) for i in range(3)]
         for job in jobs:
             farm.wait_for_job(job)
-        everything = lines(farm, "--all")
+        everything = wait_for(lambda: with_worker(lines(farm, "--all")), "the worker's line, which may come last")
         numbers = [e["seq"] for e in everything]
         expect(numbers == sorted(set(numbers)) and {e["job"] for e in everything} == set(jobs), everything)
         for job in jobs:

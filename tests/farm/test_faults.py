@@ -52,7 +52,7 @@ def text_of(farm, number):
 @tests.add
 def only_worker_killed():
     """the only worker dies: the job waits and says why, nothing is blackened, a new one ends it"""
-    long_job = LongJob(2.0 if not SLOW else 6.0, "129x97")
+    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker(threads=2)
@@ -137,7 +137,7 @@ def broken_job():
         peer.say("request 2")
         number = farm.submit(farm.scene(), *SMALL)
         peer.grant()
-        peer.say("broken")
+        peer.say("broken code=4")  # ERR_INPUT: the scene's fault
         job = farm.wait_for_job(number, "failed")
         expect("the odd peer cannot" in job["state_text"], job)
         result = farm.cli("watch", number)
@@ -151,7 +151,7 @@ def broken_job():
         peer.say("request 1")
         number = farm.submit(farm.scene(), "--size", "256x256", "--spp", "64")
         expect(peer.grant()["job"] == number, "another job")
-        peer.say("broken")
+        peer.say("broken code=4")
         farm.wait_for_job(number)
         Normal.check(farm, "after a broken job")
 
@@ -301,8 +301,8 @@ def results_that_break_the_rules():
                       "floats=1535", "floats=1537", "floats=500000", "fill=nan", "fill=inf",
                       "fill=-inf", "epoch=0", "epoch=18446744073709551615", "tile=16 floats=0"]
         unwanted = ["job=4242", "job=0", "frame=77", "frame=4294967295", "epoch=1", "job=4242 tile=99"]
-        for changes in violations:
-            peer = OddPeer(farm)
+        for place, changes in enumerate(violations):
+            peer = OddPeer(farm, hello="host=machine-%d" % place)  # each is blocked by name
             peer.say("request 1")
             peer.grant()
             peer.say("result " + changes)
@@ -327,7 +327,7 @@ def results_that_break_the_rules():
 @tests.add
 def result_that_differs():
     """a result that differs from the one merged before is counted and logged, and the first is kept"""
-    long_job = LongJob(2.0 if not SLOW else 6.0, "129x97")
+    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
     with Farm() as farm:
         farm.start_coordinator()
         worker = farm.start_worker()
@@ -568,7 +568,7 @@ def full_disk_of_the_coordinator():
 @tests.add
 def disk_full_at_the_end():
     """a disk that fills up in mid-frame costs no work: the picture is written when there is room again"""
-    options = ["--size", "128x128", "--spp", "300"]
+    options = ["--size", "128x128", "--spp", "120"]
     with Farm() as farm, SmallDisk(farm, 32 << 20) as disk:  # films of finished frames stay
         if disk is None:
             raise Skip("mounting is not permitted: no full disk here")

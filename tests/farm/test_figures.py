@@ -1,5 +1,6 @@
 """How wrong a picture is: the same figures wherever they are reported, kept over restarts, and a word where
 they cannot be trusted."""
+import json
 import math
 import os
 import sys
@@ -17,11 +18,17 @@ FEATURES = os.path.join(ROOT, "scenes", "features")
 KEYS = {"azulejo:errorDisplay": "display", "azulejo:errorDisplayLow": "display_low",
         "azulejo:errorDisplayHigh": "display_high", "azulejo:errorPsnr": "psnr_db",
         "azulejo:errorRmsePercent": "rmse_percent", "azulejo:errorRmsePercentLow": "rmse_low",
-        "azulejo:errorRmsePercentHigh": "rmse_high", "azulejo:errorTopShare": "top_share"}
+        "azulejo:errorRmsePercentHigh": "rmse_high", "azulejo:errorTopShare": "top_share",
+        "azulejo:errorDisplayAll": "display_all", "azulejo:errorWorstPart": "worst_part",
+        "azulejo:errorFireflies": "fireflies", "azulejo:errorSubject": "subject"}
 
 
 def listed(farm, number):
     return next(j for j in farm.cli("list", "--json", expect=0).json()["jobs"] if j["job"] == number)
+
+
+def history_of(farm, number, *options):
+    return farm.cli("show", number, "--history", "--json", *options, expect=0).json()["points"]
 
 
 def header_text(picture, name):
@@ -37,7 +44,7 @@ def tile_errors_are_a_layer():
         farm.start_worker(threads=2)
         number = farm.submit(AREA, "--size", "%dx%d" % (width, height), "--spp", "16", "--aov", "error")
         farm.wait_for_job(number)
-        psnr = farm.job(number)["error"]["psnr_db"]
+        psnr = farm.job(number)["now"]["figures"]["psnr_db"]
         picture = read_exr(next(f for f in farm.fetch(number) if f.endswith(".exr")))
         errors = picture.values("tileError.Y")
         tiles = {}
@@ -59,14 +66,13 @@ def the_figures_are_the_same_everywhere():
                              "--exposure", "1")
         farm.wait_for_job(number)
         shown = farm.job(number)
-        error = shown["error"]
-        expect(error["frame"] == shown["first_frame"] and error["word"] == "reliable", error)
+        now, error = shown["now"], shown["now"]["figures"]
+        expect(shown["now_frame"] == shown["first_frame"] and error["reliable"] and error["reasons"] == [], error)
         expect(0 < error["display_low"] < error["display"] < error["display_high"] < 255, error)
-        expect(error["samples"] == 60 * 44 * 64, error)
-        expect(listed(farm, number)["error"] == error, "list --json: %s" % listed(farm, number)["error"])
-        history = farm.cli("show", number, "--json", expect=0).json()["history"]
-        last = history[-1]
-        expect(all(error[key] == value for key, value in last.items()), "%s is not %s" % (last, error))
+        expect(now["samples"] == 60 * 44 * 64, now)
+        expect(listed(farm, number)["now"] == now, "list --json: %s" % listed(farm, number)["now"])
+        history = history_of(farm, number)
+        expect(history[-1] == now, "%s is not %s" % (history[-1], now))
         picture = read_exr(next(f for f in farm.fetch(number) if f.endswith(".exr")))
         for name, key in KEYS.items():
             expect(picture.number(name) == error[key],
@@ -75,14 +81,81 @@ def the_figures_are_the_same_everywhere():
         expect("reinhard" in header_text(picture, "azulejo:errorTransform") and
                "+1 EV" in header_text(picture, "azulejo:errorTransform"),
                picture.attributes["azulejo:errorTransform"])
-        expect(error["transform"] == header_text(picture, "azulejo:errorTransform"), error)
+        expect(shown["error_transform"] == header_text(picture, "azulejo:errorTransform"), error)
         # 1 / (codes^2 * core-seconds) of the only frame.
-        expect(math.isclose(shown["efficiency"], 1 / (error["display"] ** 2 * error["core_seconds"]),
+        expect(math.isclose(shown["efficiency"], 1 / (error["display"] ** 2 * now["core_seconds"]),
                             rel_tol=1e-5), shown["efficiency"])
         table = farm.cli("show", number, "--history", expect=0).out
         expect(len(table.splitlines()) == len(history) + 1, table)
         words = farm.cli("show", number, expect=0).out
-        expect("in 95 % of the pixels" in words and "reliable" in words and "efficiency" in words, words)
+        folder = farm.path("manifests")
+        farm.cli("fetch", number, "-o", folder, "--manifest", expect=0)
+        name = next(f for f in os.listdir(folder) if f.endswith(".effects.json"))
+        with open(os.path.join(folder, name), encoding="utf-8") as file:
+            written = json.load(file)["error"]
+        expect(all(math.isclose(written[key], error[key], rel_tol=1e-8)
+                   for key in ("display", "display_all", "worst_part", "fireflies", "subject")), written)
+        expect("worst part" in words and "in 95 % of the pixels" in words and "reliable" in words and "efficiency" in words, words)
+
+
+@tests.add
+def figures_of_large_frames_are_of_a_sample():
+    """while a large frame renders its figures are of some of its tiles, and come again and again; its last are of all"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        number = farm.submit(AREA, "--size", "800x450", "--spp", "4096")
+        seen = {}
+
+        def three_points():
+            now = farm.job(number).get("now")
+            if now:
+                seen[now["samples"]] = now
+            return len(seen) >= 3
+
+        wait_for(three_points, "figures three times", 240)
+        last = seen[max(seen)]
+        farm.cli("cancel", number, expect=0)
+        whole = farm.wait_for_job(number, "cancelled")["now"]
+        growth = math.sqrt(whole["samples"] / last["samples"])
+        sample, figures = last["figures"], whole["figures"]
+        expect(sample["display_high"] / sample["display_low"] > 1.05 * figures["display_high"] / figures["display_low"],
+               (sample, figures))
+        expect(sample["display_low"] / 1.3 < growth * figures["display"] < 1.3 * sample["display_high"], (sample, figures, growth))
+        expect(abs(sample["subject"] - figures["subject"]) < 0.1, (sample, figures))
+
+
+BACKDROP = """LookAt 0 1 5  0 1 0  0 1 0
+Camera "perspective" "float fov" 40
+Sampler "independent" "integer pixelsamples" 16
+Film "rgb" "integer xresolution" 96 "integer yresolution" 64
+WorldBegin
+LightSource "infinite" "rgb L" [%s]
+LightSource "distant" "point3 from" [2 5 3] "point3 to" [0 0 0] "rgb L" [3 3 3]
+Material "diffuse" "rgb reflectance" [.6 .5 .4]
+Translate 0 1 0
+Shape "sphere" "float radius" .8
+"""
+
+
+@tests.add
+def a_model_is_rated_without_its_backdrop():
+    """a small model in front of a sky: its error is that of a picture that it fills; all pixels together have much less"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        path = farm.path("backdrop.pbrt")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(BACKDROP % ".3 .35 .4")
+        errors = {}
+        for name, options in (("whole", []), ("cut", ["--region", "36,20,24,24"])):
+            number = farm.submit(path, "--size", "96x64", "--spp", "16", "--tonemap", "linear", *options)
+            farm.wait_for_job(number)
+            errors[name] = farm.job(number)["now"]["figures"]
+        whole, cut = errors["whole"], errors["cut"]
+        expect(whole["subject"] < 0.3 and cut["subject"] > 0.9, errors)
+        expect(whole["display_all"] < 0.8 * whole["display"], whole)
+        expect(math.isclose(whole["display"], cut["display"], rel_tol=0.25), errors)
 
 
 @tests.add
@@ -93,7 +166,7 @@ def a_history_survives_the_coordinator():
         number = farm.submit(os.path.join(FEATURES, "glass.gltf"), "--size", "160x120", "--spp", "4096")
 
         def points():
-            return farm.cli("show", number, "--json", expect=0).json()["history"]
+            return history_of(farm, number)
 
         wait_for(lambda: len(points()) >= 3, "three points of the history", 120)
         job = farm.job(number)
@@ -104,7 +177,7 @@ def a_history_survives_the_coordinator():
         farm.wait_for_workers(1)
         wait_for(lambda: len(points()) >= 3, "the history of before", 60)
         before = points()
-        expect(before[0]["core_seconds"] > 0 and before[0]["display"] > before[-1]["display"], before)
+        expect(before[0]["core_seconds"] > 0 and before[0]["figures"]["display"] > before[-1]["figures"]["display"], before)
         wait_for(lambda: points()[-1]["samples"] > before[-1]["samples"], "a point after the restart", 120)
         after = points()
         expect(after[:len(before) - 1] == before[:-1], "%s, not %s" % (after, before))
@@ -112,7 +185,7 @@ def a_history_survives_the_coordinator():
                    for a, b in zip(after, after[1:])), after)
         farm.cli("cancel", number, expect=0)
         job = farm.wait_for_job(number, "cancelled")
-        expect(job["error"]["samples"] >= after[-1]["samples"], job["error"])
+        expect(job["now"]["samples"] >= after[-1]["samples"], job["now"])
 
 
 @tests.add
@@ -121,11 +194,16 @@ def what_may_be_understated_says_so():
         farm.start_coordinator()
         farm.start_worker(threads=2)
         number = farm.submit(os.path.join(SCENES, "glass-sun.pbrt"), "--size", "48x48", "--spp", "16")
-        error = farm.wait_for_job(number)["error"]
-        expect(error["word"] == "may be understated" and not error["reliable"], error)
-        expect("caustics" in error["reason"], error)
+        job = farm.wait_for_job(number)
+        error = job["now"]["figures"]
+        expect(error["reliable"] and "unseen" in error["reasons"] and "caustics" in job["error_effects"], error)
         words = farm.cli("show", number, expect=0).out
-        expect("may be understated: " in words and "caustics" in words, words)
+        expect("reliable; the RMSE may be understated: " in words and "caustics" in words, words)
+        number = farm.submit(os.path.join(SCENES, "lamps-in-glass.pbrt"), "--size", "48x48", "--spp", "8")
+        error = farm.wait_for_job(number)["now"]["figures"]
+        expect(not error["reliable"] and "sparse" in error["reasons"], error)
+        words = farm.cli("show", number, expect=0).out
+        expect("may be understated: " in words and "have not been lit yet" in words, words)
         table = farm.cli("list", expect=0).out
         expect("/255?" in table, table)
 
@@ -140,7 +218,7 @@ def the_level_of_light_does_not_change_relative_figures():
             number = farm.submit(os.path.join(SCENES, "soft-sky.pbrt"), "--size", "48x40", "--spp", "16",
                                  "--env-strength", strength, "--tonemap", "linear",
                                  "--exposure", "%.17g" % exposure)
-            figures.append(farm.wait_for_job(number)["error"])
+            figures.append(farm.wait_for_job(number)["now"]["figures"])
         for key in ("display", "psnr_db", "rmse_percent", "rmse_low", "rmse_high"):
             expect(math.isclose(figures[0][key], figures[1][key], rel_tol=0.002),
                    "%s: %s and %s" % (key, figures[0][key], figures[1][key]))
@@ -157,15 +235,14 @@ def animations_tell_each_frame_the_worst_and_the_change():
         farm.coordinator.kill()
         farm.restart_coordinator()
         job = farm.job(number)
-        each = {frame: farm.cli("show", number, "--json", "--frame", frame,
-                                expect=0).json()["history"][-1]["display"] for frame in (2, 3, 4)}
+        each = {frame: history_of(farm, number, "--frame", frame)[-1]["figures"]["display"] for frame in (2, 3, 4)}
         worst = max(each, key=each.get)
-        expect(job["worst_error"]["frame"] == worst, (job["worst_error"], each))
-        expect(math.isclose(job["worst_error"]["display"], each[worst], rel_tol=1e-6), each)
+        expect(job["worst_frame"] == worst, (job["worst"], each))
+        expect(math.isclose(job["worst"], each[worst], rel_tol=1e-6), each)
         changes = {frame: math.hypot(each[frame], each[frame + 1]) for frame in (2, 3)}
-        expect(math.isclose(job["flicker"]["display"], max(changes.values()), rel_tol=1e-6),
+        expect(math.isclose(job["flicker"], max(changes.values()), rel_tol=1e-6),
                (job["flicker"], changes))
-        expect(job["flicker"]["frame"] == max(changes, key=changes.get), (job["flicker"], changes))
+        expect(job["flicker_frame"] == max(changes, key=changes.get), (job["flicker"], changes))
 
 
 @tests.add
@@ -184,13 +261,15 @@ def flicker_is_what_neighbouring_frames_differ_by():
             number = farm.submit(scene, "--size", "160x120", "--spp", spp, "--frames", "1-2", "--png-bits", "16",
                                  "--no-dither")
             job = farm.wait_for_job(number)
-            told = job["flicker"]["display"]
+            told = job["flicker"]
             first, second = (Png(read_bytes(f)).codes for f in farm.fetch(number, str(number)) if f.endswith(".png"))
             changes = sorted(max(abs(a[3 * x + c] - b[3 * x + c]) for c in range(3)) / 257
                              for a, b in zip(first, second) for x in range(160))
+            # Of the pixels that see the subject: the background does not change.
+            changes = changes[int((1 - job["now"]["figures"]["subject"]) * len(changes)):]
             measured = changes[int(0.95 * len(changes))]
             print("# %s, %d spp: told %.3g, measured %.3g, ratio %.3f, %s" % (
-                os.path.basename(scene), spp, told, measured, told / measured, job["error"]["word"]))
+                os.path.basename(scene), spp, told, measured, told / measured, "reliable" if job["now"]["figures"]["reliable"] else "may be understated"))
             expect(0.93 < told / measured < 1.07 or len(cases) > 2, "%s: told %g, measured %g" % (scene, told, measured))
 
 
@@ -202,15 +281,15 @@ def an_estimate_says_what_accuracy_costs():
                         "1-6", "--price", "3600/core-hour", "--by", "12:00", "--json", connect=False,
                         expect=0).json()
         expect(made["pilot"]["settings"]["spp"] == 32 and made["frames"] == 6, made["pilot"])
-        lasts = [pilot["history"][-1] for pilot in made["pilots"]]
+        lasts = [pilot["points"][-1] for pilot in made["pilots"]]
         expect([pilot["frame"] for pilot in made["pilots"]] == [1, 3, 6], made["pilots"])
-        last = max(lasts, key=lambda point: point["display"])
-        # Eight times the samples, six frames of which three were rendered; a core-second costs 1.
+        last = max(lasts, key=lambda point: point["figures"]["display"])
+        # Eight times the samples, six frames of which three were rendered; a core-second costs 1. The start counts once.
         expect(math.isclose(made["cap"]["core_seconds"], 6 / 3 * 8 * sum(p["core_seconds"] for p in lasts),
-                            rel_tol=1e-9), made)
+                            rel_tol=0.3), made["cap"])
         expect(made["job"] is None and made["command"] is None, "a job of a farm that is gone")
         expect(math.isclose(made["cap"]["price"], made["cap"]["core_seconds"], rel_tol=1e-9), made["cap"])
-        expect(made["cap"]["display"] < last["display"] and 0.25 <= made["exponent"] <= 1, made)
+        expect(made["cap"]["display"] < last["figures"]["display"] and 0.25 <= made["exponent"] <= 1, made)
         costs = [row["core_seconds"] for row in made["curve"]]
         expect(costs == sorted(costs) and costs[0] > 0, costs)
         text = farm.cli("estimate", scene, "--size", "48x40", "--target-error", "40dB", "-q", connect=False,

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import struct
+import time
 
 from exr import read_exr
 from farm import Farm, Skip, Tests, read_bytes, wait_for
@@ -45,6 +46,41 @@ def frames_as_they_finish():
         expect(out.count("walk-0003.exr") == 1, out)
         for path in farm.fetch(number, "again"):
             expect(read_bytes(path) == read_bytes(farm.path("all", os.path.basename(path))), path)
+
+
+@tests.add
+def a_frozen_coordinator():
+    """a coordinator that listens but does not answer is waited for, and said to be silent, also at the start"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *SMALL, "--name", "walk")
+        commands = {"watch": ("watch", number), "log": ("log", number, "--follow"),
+                    "fetch": ("fetch", number, "-o", "new/", "--follow"), "top": ("top", )}
+        early = {k: farm.start_cli(*v) for k, v in commands.items()}
+        early["fetch"].kill()
+        early["fetch"].communicate()
+        early["fetch"] = farm.start_cli("fetch", number, "-o", "old/", "--follow")
+        wait_for(lambda: farm.job(number)["state"] == "queued", "the job")
+        farm.coordinator.signal(signal.SIGSTOP)
+        late = {k: farm.start_cli(*v, "--timeout", "2") for k, v in commands.items()}
+        once = farm.cli("list", "--timeout", "2")
+        expect(once.code == 7 and "within 2 seconds" in once.err, once)
+        time.sleep(8)  # longer than --timeout, and than silence goes without a word
+        for name, client in list(early.items()) + list(late.items()):
+            expect(client.poll() is None, "%s ended with %s: %s" % (name, client.returncode, client.poll() is not None
+                                                                    and client.communicate()))
+        farm.coordinator.signal(signal.SIGCONT)
+        farm.start_worker()
+        for when, clients in (("before", early), ("after", late)):
+            for name, client in clients.items():
+                if name == "top":
+                    client.send_signal(signal.SIGINT)
+                code, out, err = ends(client)
+                expect(code == (130 if name == "top" else 0), (when, name, code, out, err))
+                if when == "before" and name == "watch":
+                    expect("does not answer" in err and "answers again" in err, err)
+                if when == "after" and name != "top":
+                    expect("waiting up to" in err and "is back" in err, (name, err))
 
 
 @tests.add

@@ -36,10 +36,7 @@ def pictures(farm, number, name):
 def edit_store(farm, statement):
     """Change a row of the stopped coordinator's database."""
     farm.coordinator.stop()
-    store = sqlite3.connect(os.path.join(farm.store, "queue.sqlite"))
-    store.execute(statement)
-    store.commit()
-    store.close()
+    farm.edit_store(lambda store: store.execute(statement))
     farm.restart_coordinator()
 
 
@@ -101,7 +98,7 @@ def some_frames_go_on():
         def counts():
             job = farm.job(few)
             expect(job["samples_done"] == 33 * 20 * 2 * (8 + 24), job["samples_done"])
-            expect(job["stats"]["samples"] == job["samples_done"], job["stats"])
+            expect(job["work"]["samples"] == job["samples_done"], job["work"])
             expect([c["frame"] for c in job["cut_frames"]] == [2, 4], job["cut_frames"])
             expect(job["frames_done"] == 4, job)
         counts()
@@ -140,7 +137,7 @@ def an_estimate_is_gone_on_from():
             job = farm.job(number)
             expect(job["state"] == "done" and job["estimate"] and job["frames_done"] == rendered, job)
             expect(rendered == 1 or "frames " + frames in told.out, told.out)
-            spent = job["stats"]["samples"]
+            spent = job["work"]["samples"]
             if rendered == 3:
                 farm.coordinator.kill()
                 farm.restart_coordinator()
@@ -148,7 +145,7 @@ def an_estimate_is_gone_on_from():
             sent = farm.cli("submit", *options, *own, "--json", expect=0)
             expect(sent.json()["job"] == number and sent.json()["estimate_spp"] == 16, sent)
             done = farm.wait_for_job(number)
-            expect(not done["estimate"] and done["stats"]["samples"] != spent or "16" in options, done)
+            expect(not done["estimate"] and done["work"]["samples"] != spent or "16" in options, done)
             a, b = pictures(farm, fresh, "fresh"), pictures(farm, number, "went-on")
             expect(a == b, "%s: not as if it were never estimated: %s" % (
                 options, [(n, k) for n in a for k in a[n][1] if a[n][1][k] != b[n][1].get(k)]))
@@ -193,24 +190,25 @@ def limits_and_history_count_by_one_clock():
         farm.wait_for_workers(1)
         number = farm.submit(AREA, "--size", "160x120", "--core-limit", "3s")
         farm.wait_for_job(number)
-        first = farm.job(number)["error"]["core_seconds"]
+        first = farm.job(number)["now"]["core_seconds"]
         expect(3 <= first < 5, first)
         farm.cli("extend", number, "--core-limit", "3s", expect=0)
 
         def going():
             job = farm.job(number)
             expect(job["state"] != "done", "it ended at once")
-            known = job["state"] == "running" and job["error"] and job["seconds_left"] is not None
-            return job if known and job["error"]["core_seconds"] > first else None
+            known = job["state"] == "running" and job.get("now") and job["seconds_left"] >= 0
+            return job if known and job["now"]["core_seconds"] > first else None
         job = wait_for(going, "figures of the extension")
-        expect(job["seconds_left"] > 0.3, (job["seconds_left"], job["error"]["core_seconds"]))
-        spent = job["error"]["core_seconds"]
+        expect(job["seconds_left"] > 0.3, (job["seconds_left"], job["now"]["core_seconds"]))
+        spent = job["now"]["core_seconds"]
         farm.coordinator.kill()
         farm.restart_coordinator()
         farm.wait_for_job(number)
         after = farm.cli("show", number, "--json", expect=0).json()
-        expect(first + 3 - 2.5 <= after["error"]["core_seconds"] < first + 3 + 2, after["error"])
-        points = [p["core_seconds"] for p in after["history"]]
+        expect(first + 3 - 2.5 <= after["now"]["core_seconds"] < first + 3 + 2, after["now"])
+        history = farm.cli("show", number, "--history", "--json", expect=0).json()
+        points = [p["core_seconds"] for p in history["points"]]
         expect(points == sorted(points) and any(spent <= p for p in points), points)
         # The clock that limits count by is the history's.
         farm.coordinator.stop()

@@ -1,6 +1,6 @@
 """make new-lobe and make new-tonemap, in a copy of the tree: bad names change nothing, good ones change what the manual says.
 
-With --build (make test-new) the copy is built and the tests that concern what was made are run."""
+With --build (make test-new) the copy is built, with DOUBLE=1 too, and the tests that concern what was made are run."""
 import hashlib
 import os
 import shutil
@@ -66,7 +66,7 @@ def refuse_all(copy):
 
 @tests.add
 def lobe():
-    """a lobe changes five product files and makes one"""
+    """a lobe changes five product files and makes one, which compiles with float and with double"""
     with tempfile.TemporaryDirectory() as folder:
         make_lobes(copy_tree(folder))
 
@@ -84,11 +84,15 @@ def make_lobes(copy):
     for check in ("layers", "words"):
         run = make(copy, check)
         expect(run.returncode == 0, run.stdout)
+    for variant, words in (("release", ()), ("double", ("DOUBLE=1",))):
+        run = make(copy, *words, "build/%s/obj/worker/render/bsdf/bsdf.o" % variant)
+        expect(run.returncode == 0, run.stdout[-4000:])
 
 
 def build(copy):
     for words in (("new-lobe", "NAME=velvet"), ("new-lobe", "NAME=retro_b"), ("new-tonemap", "NAME=soft_knee"),
-                  ("-j%d" % (os.cpu_count() or 1), "all", "tests"), ("layers", "circles", "words")):
+                  ("-j%d" % (os.cpu_count() or 1), "all", "tests"), ("DOUBLE=1", "-j%d" % (os.cpu_count() or 1), "all"),
+                  ("layers", "circles", "words")):
         run = make(copy, *words)
         expect(run.returncode == 0 and "warning" not in run.stdout, run.stdout[-4000:])
     environment = dict(os.environ, BUILD="build/release")

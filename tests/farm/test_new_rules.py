@@ -84,6 +84,12 @@ def the_bits_are_those_of_the_new_rules():
         farm.cli("extend", number, *STRICT, expect=0)
         farm.wait_for_job(number)
         expect_equal(picture(farm, number, "target")[0], strict, "a target instead of a cap")
+        # Without rounds the statistics of these levels were left out: they come from the results in the film's file.
+        number = farm.submit(AREA, *SIZE, "--spp", "20000")
+        begun(farm, number, 9)
+        farm.cli("extend", number, *STRICT, expect=0)
+        farm.wait_for_job(number)
+        expect_equal(picture(farm, number, "levels")[0], strict, "a target instead of a cap, later")
 
 
 @tests.add

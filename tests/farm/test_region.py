@@ -81,11 +81,11 @@ def on_a_farm():
         whole = farm.submit(scene, *SIZE, "--spp", "32")
         number = farm.submit(scene, *SIZE, *REGION, "--spp", "8", "--name", "part")
         job = farm.wait_for_job(number)
-        expect(job["samples_done"] == job["samples_total"] == W * H * 8 == job["stats"]["samples"], job)
+        expect(job["samples_done"] == job["samples_total"] == W * H * 8 == job["work"]["samples"], job)
         settings = job["settings"]
-        expect((settings["width"], settings["height"], settings["region"]) == (WIDTH, HEIGHT, [X, Y, W, H]), settings)
+        expect([settings[k] for k in ("whole_width", "whole_height", "region_x", "region_y", "width", "height")] == [WIDTH, HEIGHT, X, Y, W, H], settings)
         expect("37 x 22 pixels, at 13,9 of 70 x 50" in farm.cli("show", number, expect=0).out, "show")
-        expect(job["error"]["display"] is not None, job["error"])
+        expect(job["now"]["figures"]["display"] is not None, job["now"])
         farm.cli("extend", number, "--spp", "32", "--watch", expect=0)
         farm.coordinator.kill()
         farm.restart_coordinator()
@@ -133,6 +133,27 @@ def wrong_regions():
                      "0,0,71,1", "0,0,99999999999,1"):
             result = farm.cli("render", farm.scene(), *SIZE, "--region", text, "-o", "x.exr", connect=False, expect=2)
             expect("--region" in result.err and "unknown" not in result.err and not os.path.exists(farm.path("x.exr")), result)
+
+
+@tests.add
+def crop_window_of_pbrt():
+    """a pbrt film's cropwindow and pixelbounds are regions; an option on the command line is stronger"""
+    with Farm() as farm:
+        text = ('LookAt 0 1 4  0 0 0  0 1 0\nCamera "perspective"\nFilm "rgb" "integer xresolution" 60 "integer yresolution" 40 %s\n'
+                'Sampler "independent" "integer pixelsamples" 4\nWorldBegin\nLightSource "infinite" "rgb L" [1 2 3]\n'
+                'Shape "sphere" "float radius" 1\n')
+        pictures = {}
+        for name, words in (("whole", ""), ("window", '"float cropwindow" [0.24 0.5 0.1 0.8]'),
+                            ("bounds", '"integer pixelbounds" [15 30 4 32]')):
+            with open(farm.path(name + ".pbrt"), "w") as scene:
+                scene.write(text % words)
+            result = farm.cli("render", farm.path(name + ".pbrt"), "-o", farm.path(name + ".exr"), connect=False, expect=0)
+            expect(("crop window" in result.err) == (name != "whole"), result)
+            pictures[name] = read_exr(farm.path(name + ".exr"))
+        check(pictures["window"], pictures["whole"], 15, 4, 15, 28)
+        check(pictures["bounds"], pictures["whole"], 15, 4, 15, 28)
+        farm.cli("render", farm.path("window.pbrt"), "--region", "1,2,3,4", "-o", farm.path("own.exr"), connect=False, expect=0)
+        check(read_exr(farm.path("own.exr")), pictures["whole"], 1, 2, 3, 4)
 
 
 tests.run()

@@ -51,6 +51,7 @@ def a_paused_job_keeps_its_progress():
         farm.start_worker()
         job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "100000")
         wait_for(lambda: farm.job(job)["samples_done"] > 64 * 48 * 64, "samples")
+        wait_for(lambda: farm.cli("show", job, "--history", "--json", expect=0).json()["points"], "stored figures")
         farm.cli("pause", job, expect=0)
         closed = wait_for(lambda: (lambda i: i if i["preview_covered"] == 0 else None)(farm.job(job)), "the film to be closed")
         expect(closed["samples_done"] > 64 * 48 * 64, closed)

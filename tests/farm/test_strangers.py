@@ -1,13 +1,17 @@
 #!/usr/bin/env python3
 """Those without a key: what they cost, and that they keep nobody out who has one."""
 import re
+import signal
 import socket
 import ssl
+import subprocess
 import sys
+import time
 
-from farm import PATIENCE, Farm, Tests, wait_for
+from farm import SANITIZED, Farm, Tests, wait_for
 from jobs import expect
 from odd import OddPeer, talk_raw
+from page import need_page
 from strangers import (Strangers, Workers, descriptors_of, first_record, need_descriptors,
                        resident_bytes)
 
@@ -31,7 +35,7 @@ def measure(farm, what, count, limit):
     """Print and check what each of count connections added to resident memory since farm.base."""
     each = (resident_bytes(farm.coordinator) - farm.base) / count
     print("# %s: %.1f KB each" % (what, each / 1024), flush=True)
-    if PATIENCE == 1:  # sanitizers add to every allocation
+    if not SANITIZED:  # they add to every allocation
         expect(each <= limit, "%s: %.0f bytes each, more than %d" % (what, each, limit))
 
 
@@ -43,7 +47,7 @@ def memory():
         with Farm() as farm:
             farm.start_coordinator()
             farm.cli("list", expect=0)  # what is made once is there
-            before = descriptors_of(farm.coordinator)
+            before = descriptors_of(farm.coordinator) - 1  # that of the command may not be closed yet
             farm.base = resident_bytes(farm.coordinator)
             if idle:
                 with Strangers(farm, 2000) as crowd:
@@ -84,6 +88,21 @@ def descriptors():
 
 
 @tests.add
+def a_full_farm_has_room_for_its_page():
+    """killed while workers have all sessions, the page's program comes back"""
+    with Farm() as farm:
+        need_page()
+        farm.start_coordinator("--connections-per-address", "1000", "--web", "127.0.0.1:0", prefix=limited(160))
+        sessions = int(re.search(r"of these (\d+) sessions", farm.coordinator.log_text()).group(1))
+        wait_for(lambda: "the page is at" in farm.coordinator.log_text(), "the page")
+        crowd = Workers(farm, sessions)
+        expect(crowd.settled() == (sessions, 0), "not all were welcomed")
+        subprocess.run(["pkill", "-KILL", "-P", str(farm.coordinator.pid), "azulejo-web"], check=True)
+        wait_for(lambda: farm.coordinator.log_text().count("info azulejo-coordinator: the page is at") == 2, "the page again")
+        crowd.end()
+
+
+@tests.add
 def sessions_over_the_limit():
     """more key holders than there are descriptors are refused in words, and workers try again"""
     with Farm() as farm:
@@ -99,6 +118,24 @@ def sessions_over_the_limit():
         crowd.end()
         wait_for(lambda: farm.cli("list").code == 0, "room for a client")
         farm.wait_for_job(farm.submit(farm.scene(), *SMALL))
+
+
+@tests.add
+def one_workers_key():
+    """connections of one worker's key are at most half of all: another's worker, and people, get in"""
+    with Farm() as farm:
+        farm.start_coordinator("--no-web", "--connections-per-address", "1000", prefix=limited(160))
+        sessions = int(re.search(r"of these (\d+) sessions", farm.coordinator.log_text()).group(1))
+        keys = {}
+        for name in ("greedy", "honest"):
+            keys[name] = farm.path(name + ".key")
+            farm.cli("key", "new", name, "--role", "worker", "--key", farm.key, "-o", keys[name], expect=0, connect=False)
+        crowd = Workers(farm, sessions, key=keys["greedy"])
+        expect(crowd.settled() == (sessions // 2, sessions - sessions // 2), "not half were welcomed")
+        expect("the key of greedy has %d connections" % (sessions // 2) in farm.coordinator.log_text(), warnings(farm))
+        farm.start_worker(key=keys["honest"])
+        farm.wait_for_job(farm.submit(farm.scene(), *SMALL))
+        crowd.end()
 
 
 @tests.add
@@ -138,6 +175,24 @@ def worker_among_strangers():
         farm.start_worker()
         farm.wait_for_job(farm.submit(farm.scene(), *SMALL))
         expect(len(warnings(farm)) < 30, "%d warnings" % len(warnings(farm)))
+
+
+@tests.add
+def a_stopped_coordinator_counts_no_time():
+    """a handshake that the coordinator itself could not go on with is not cut off when it goes on"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        with socket.create_connection(("127.0.0.1", int(farm.address.rsplit(":", 1)[1]))) as stranger:
+            stranger.sendall(b"\x16")
+            time.sleep(0.5)  # until its byte was read
+            farm.coordinator.signal(signal.SIGSTOP)
+            time.sleep(7)    # longer than a handshake may take
+            farm.coordinator.signal(signal.SIGCONT)
+            stranger.settimeout(1)
+            try:
+                expect(False, "the connection was ended: %r" % stranger.recv(1))
+            except socket.timeout:
+                pass
 
 
 @tests.add

@@ -1,6 +1,7 @@
 """Workers that are stuck, cannot, or die, and jobs that kill them: neither may stop anything else."""
 import os
 import re
+import signal
 import sys
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
@@ -50,7 +51,7 @@ def one_machine_says_broken():
         peer.say("request 1")
         expect(peer.grant()["job"] == number, "another job")
         for restart in range(4):
-            peer.say("broken")
+            peer.say("broken code=4")  # ERR_INPUT
             peer.say("request 1")  # in vain
             wait_for(lambda: any("cannot render job %d" % number in w["note"]
                                  for w in farm.list_workers()), "the note")
@@ -80,11 +81,13 @@ def a_poisonous_job():
         farm.start_worker()
         farm.wait_for_job(after)
         expect(farm.job(poison)["samples_done"] == 0, farm.job(poison))
+        farm.workers[0].signal(signal.SIGSTOP)  # it would have the job before the answer
         farm.coordinator.kill()
         farm.restart_coordinator()
         expect(farm.job(poison)["state"] == "parked", farm.job(poison))
         expect(farm.cli("resume", after).code == 5, "a job that is done was resumed")
         expect("queued" in farm.cli("resume", poison, expect=0).out, "resume")
+        farm.workers[0].signal(signal.SIGCONT)
         farm.wait_for_job(poison)
         expect(Outcome(farm, poison, "poison").bits == Outcome(farm, after, "after").bits, "bits")
         # A parked job can be cancelled.

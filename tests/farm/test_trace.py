@@ -144,7 +144,7 @@ def states():
         expect(len(trace.workers) == 1 and "process %d" % worker.pid in str(trace.processes), trace.processes)
         farm.cli("remove", number, expect=0)
         expect(farm.cli("trace", number).code == 5, "it is gone")
-        expect(farm.cli("trace").code == 2 and farm.cli("trace", "x").code == 2, "usage")
+        expect(farm.cli("trace").code == 2 and farm.cli("trace", "0").code == 2, "usage")
         expect(farm.cli("trace", 99).code == 5, "no such job")
         number = farm.submit(farm.scene(), *JOB)
         farm.wait_for_job(number)

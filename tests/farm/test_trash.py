@@ -6,12 +6,13 @@ import time
 from disk import OddDisk, SmallDisk
 from farm import PATIENCE, Farm, Skip, Tests, wait_for
 from jobs import Outcome, expect, expect_same
-from keeping import begun, exists, films, gc, trash
+from keeping import begun, exists, films, gc, total, trash
 
 tests = Tests()
 
-# A film of some 8 MiB a frame, soon rendered.
-LARGE = ("--size", "320x200", "--spp", "4")
+# A film of more than 2 MiB a frame, soon rendered; and one for a small disk.
+LARGE = ("--size", "640x400", "--spp", "4")
+MIDDLE = ("--size", "320x200", "--spp", "4")
 ENDLESS = ("--size", "320x200", "--spp", "1000000")
 SLOW_S = 6 * PATIENCE
 ANSWER_S = SLOW_S / 2  # far more than an answer takes, far less than one removal
@@ -36,6 +37,7 @@ class Watch:
             self.worst = max(self.worst, time.monotonic() - begin)
             self.failed = None if result.code == 0 else result
             self.asked += 1
+            time.sleep(0.05)  # a removal takes a hundred times as long
 
     def __exit__(self, kind, *_):
         asked = self.asked
@@ -58,7 +60,8 @@ def large_film(farm, number):
 def every_way_to_remove():
     """cancel --discard, the end of a frame, prune --films, remove and a limit: the coordinator answers meanwhile"""
     with Farm() as farm:
-        farm.start_coordinator(env=OddDisk(farm, SLOW_S).env)
+        disk = OddDisk(farm, SLOW_S)
+        farm.start_coordinator(env=disk.env)
         scene = farm.scene()
         farm.start_worker()
         number = farm.submit(scene, *ENDLESS)
@@ -79,12 +82,15 @@ def every_way_to_remove():
         with Watch(farm):
             farm.cli("remove", kept[1], expect=0)
             expect(not exists(farm, kept[1]) and not films(farm, kept[1]), "removed")
-        farm.coordinator.stop()
-        farm.restart_coordinator("--store-limit", "1M", env=OddDisk(farm, SLOW_S).env)
+        with disk.fast():
+            farm.coordinator.stop()
+        farm.restart_coordinator("--store-limit", "1M", env=disk.env)
         wait_for(lambda: farm.list_workers(), "the worker to be back")
         with Watch(farm):
             limited = farm.submit(scene, *LARGE, "--force")
-            farm.wait_for_job(limited)
+            # The limit may take it before anybody sees that it is done.
+            wait_for(lambda: {job["job"]: job["state"] for job in farm.cli("list", "--json", expect=0).json()["jobs"]}.get(
+                limited, "done") == "done", "job %d to be done" % limited)
             gc(farm)
             wait_for(lambda: not films(farm, limited), "the limit to be kept")
         farm.coordinator.kill()  # an orderly end waits for the file that is being removed
@@ -116,21 +122,78 @@ def again_at_once():
 def killed_while_emptying():
     """What a kill left in the trash goes after the next start, and the removed job stays removed"""
     with Farm() as farm:
-        env = OddDisk(farm, SLOW_S).env
-        farm.start_coordinator(env=env)
+        disk = OddDisk(farm, SLOW_S)
+        farm.start_coordinator(env=disk.env)
         farm.start_worker()
         number = farm.submit(farm.scene(), *LARGE)
         farm.wait_for_job(number)
-        wait_for(lambda: not trash(farm), "the film in work to go", 300.0)
+        with disk.fast():
+            wait_for(lambda: not trash(farm), "the film in work to go", 300.0)
         farm.cli("remove", number, expect=0)
         farm.coordinator.kill()
         expect(trash(farm), "something is left")
         begin = time.monotonic()
-        farm.restart_coordinator(env=env)
+        farm.restart_coordinator(env=disk.env)
         expect(time.monotonic() - begin < ANSWER_S, "the start does not wait for it")
         expect(not exists(farm, number), "removed")
-        with Watch(farm):
-            wait_for(lambda: not trash(farm), "the trash to be emptied", 300.0)
+        with Watch(farm) as watch:
+            wait_for(lambda: watch.asked > 10, "answers while it is emptied")
+            expect(trash(farm), "it is emptied at once")
+            with disk.fast():
+                wait_for(lambda: not trash(farm), "the trash to be emptied", 300.0)
+
+
+@tests.add
+def ends_at_once():
+    """neither a coordinator nor a local render waits at its end until the room of its films is free"""
+    with Farm() as farm:
+        disk = OddDisk(farm, SLOW_S)
+        farm.start_coordinator(env=disk.env)
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *LARGE)
+        farm.wait_for_job(number)
+        farm.cli("remove", number, expect=0)
+        expect(trash(farm), "its films are being removed")
+        begin = time.monotonic()
+        farm.coordinator.stop()
+        expect(time.monotonic() - begin < ANSWER_S, "the end took %.1f s" % (time.monotonic() - begin))
+        farm.restart_coordinator(env=disk.env)
+        with disk.fast():
+            wait_for(lambda: not trash(farm), "the next start to go on", 300.0)
+    with Farm() as farm:
+        scratch = farm.path("scratch")
+        os.mkdir(scratch)
+        disk = OddDisk(farm, SLOW_S)
+        env = dict(os.environ, TMPDIR=scratch, **disk.env)
+        begin = time.monotonic()
+        farm.cli("render", farm.scene(), *LARGE, "-o", "picture", expect=0, env=env)
+        took = time.monotonic() - begin
+        expect(took < ANSWER_S, "a render took %.1f s" % took)
+        expect(os.listdir(scratch), "its store went at once")
+        with disk.fast():
+            wait_for(lambda: not os.listdir(scratch), "its store to go", 300.0)
+
+
+@tests.add
+def without_syncs():
+    """a local render asks its disk for nothing but room: its folder is removed when it ends, whatever happens"""
+    with Farm() as farm:
+        disk, where = OddDisk(farm), farm.path("tmp")
+        os.makedirs(where)
+        disk.fail(5, "/azulejo-render-", "sync")
+        farm.cli("render", farm.scene(), *MIDDLE, "-o", "out.exr", env=dict(disk.env, TMPDIR=where), expect=0)
+        expect(os.listdir(where) == [], os.listdir(where))
+        disk.work()
+        # A farm's coordinator does sync.
+        farm.start_coordinator(env=disk.env)
+        farm.start_worker()
+        disk.fail(5, "/store/films/", "sync")
+        number = farm.submit(farm.scene(), *MIDDLE)
+        wait_for(lambda: "cannot be written" in farm.job(number)["state_text"], "trouble")
+        disk.work()
+        farm.wait_for_job(number)
+        expect_same(farm, Outcome(farm, number, "farm"), Outcome(farm, number, "again"), "farm")
+        expect(farm.cli("compare", "out.exr", farm.fetch(number, "third")[0]).code == 0, "the pictures differ")
 
 
 @tests.add
@@ -144,10 +207,14 @@ def room_being_freed():
         farm.cli("remove", number, expect=0)
         store = farm.cli("show", "--farm", "--json", expect=0).json()
         expect(store["trash"] > 1 << 20, store)
-        expect(store["kinds"]["films"] == 0 and store["total"] == sum(store["kinds"].values()), store)
-        expect(store["total"] < store["trash"], store)
+        expect(store["films"] == 0 and total(store) < store["trash"], store)
         expect("being freed" in farm.cli("show", "--farm", expect=0).out, "in words")
         farm.coordinator.kill()  # an orderly end waits for the file that is being removed
+
+
+def free_bytes(folder):
+    free = os.statvfs(folder)
+    return free.f_bavail * free.f_frsize
 
 
 @tests.add
@@ -157,19 +224,21 @@ def room_for_the_next():
         if disk is None:
             raise Skip("mounting is not permitted: no full disk here")
         farm.store = os.path.join(disk, "store")
-        farm.start_coordinator(env=OddDisk(farm, SLOW_S).env)
+        odd = OddDisk(farm, SLOW_S)
+        farm.start_coordinator(env=odd.env)
         farm.start_worker()
         scene = farm.scene()
-        large = farm.submit(scene, "--size", "640x360", "--spp", "1")
+        large = farm.submit(scene, "--size", "640x360", "--spp", "8")
         farm.wait_for_job(large)
-        wait_for(lambda: not trash(farm), "the film in work to go", 300.0)
-        free = os.statvfs(disk)
+        with odd.fast():
+            wait_for(lambda: not trash(farm), "the film in work to go", 300.0)
+        wait_for(lambda: free_bytes(disk) == (time.sleep(0.3), free_bytes(disk))[1], "its room")
         with open(os.path.join(disk, "filler"), "wb") as filler:
-            filler.write(bytes(free.f_bavail * free.f_frsize - (6 << 20)))
-        refused = farm.cli("submit", scene, *LARGE)
+            filler.write(bytes(free_bytes(disk) - (8 << 20)))
+        refused = farm.cli("submit", scene, *MIDDLE)
         expect(refused.code == 3 and "on the coordinator's disk" in refused.err, refused)
         farm.cli("remove", large, expect=0)
-        number = farm.submit(scene, *LARGE)
+        number = farm.submit(scene, *MIDDLE)
         expect(trash(farm), "what was removed is still being freed")
         farm.wait_for_job(number)
         farm.coordinator.kill()

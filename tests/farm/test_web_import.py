@@ -90,7 +90,7 @@ class Api:
 def folders(farm):
     """The uploads that take room."""
     try:
-        return os.listdir(os.path.join(farm.store, "imports"))
+        return [f for f in os.listdir(os.path.join(farm.store, "imports")) if f != "trash"]
     except FileNotFoundError:
         return []
 
@@ -371,8 +371,8 @@ def roles_and_strangers():
         expect(any(l["verb"] == "import" and l["who"] == "maria@studio" and l["job"] == job["job"] for l in lines), lines[-3:])
 
 
-def slow_scene(spheres=1500):
-    """Takes the importer a while to read."""
+def slow_scene(spheres=300):
+    """Takes the importer a second to read, or two."""
     return b'Camera "perspective"\nWorldBegin\nLightSource "infinite" "rgb L" [1 1 1]\n' + b"".join(
         b'AttributeBegin\nTranslate %d 0 0\nShape "sphere" "float radius" 1\nAttributeEnd\n' % i for i in range(spheres))
 
@@ -427,6 +427,39 @@ def vanished_clients():
 
 
 @tests.add
+def holds_no_key():
+    """the program that reads an upload has a key that opens nothing but its way through the page"""
+    with Farm() as farm:
+        start(farm)
+        api = Api(farm)
+        number = api.begin()
+        api.put(number, "slow.pbrt", slow_scene(600))
+        answers = []
+        asking = threading.Thread(target=lambda: answers.append(
+            api.ask("POST", "imports/%d" % number, {"scene": "slow.pbrt", "options": SMALL})))
+        asking.start()
+        pid = wait_for(lambda: importers_of(farm), "the importer")[0]
+        os.kill(pid, signal.SIGSTOP)
+        try:
+            words = read_bytes("/proc/%d/cmdline" % pid).decode()
+            expect(farm.address not in words and "127.0.0.1:" in words, words)
+            key = read_bytes("/proc/%d/fd/3" % pid)
+            farm.cli("keygen", "--role", "web", "--from", farm.key, "-o", farm.path("web.key"), expect=0)
+            known = [line for path in (farm.key, farm.path("web.key")) for line in read_bytes(path).splitlines() if len(line) > 20]
+            held = read_bytes("/proc/%d/environ" % pid) + words.encode() + key
+            expect(known and not [line for line in known if line in held], "it holds a key of the farm")
+            with open(farm.path("stolen.key"), "wb") as stolen:
+                stolen.write(key)
+            os.chmod(farm.path("stolen.key"), 0o600)
+            refused = farm.cli("list", key=farm.path("stolen.key"))
+            expect(refused.code == 5, refused)
+        finally:
+            os.kill(pid, signal.SIGCONT)
+        asking.join()
+        expect(answers[0].status == 201, answers[0])
+
+
+@tests.add
 def killed_coordinator():
     """a coordinator that is killed takes its importers with it, and its successor removes the uploads; SIGTERM ends it quickly"""
     with Farm() as farm:
@@ -474,6 +507,7 @@ def three_at_once():
             began = time.monotonic()
             expect(farm.cli("list", "--json").code == 0, "the farm does not answer")
             slowest = max(slowest, time.monotonic() - began)
+            time.sleep(0.05)  # how often we ask
             if removed is None:
                 removed = numbers[3]
                 api.ask("DELETE", "imports/%d" % removed, None, 204)

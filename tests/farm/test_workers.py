@@ -8,9 +8,9 @@ import sys
 import time
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import Failure, Farm, Skip, Tests, wait_for
+from farm import ROOT, Failure, Farm, Skip, Tests, wait_for
 from jobs import LongJob, Outcome, expect, expect_same, wait_mid_frame
-from odd import OddPeer
+from odd import FarAway, OddPeer
 
 tests = Tests()
 SMALL = ["--size", "64x64", "--spp", "4"]  # 16 units
@@ -111,7 +111,10 @@ def drain_and_resume():
         farm.coordinator.kill()
         farm.restart_coordinator()
         wait_state(farm, "b", "working")
-        expect(wait_state(farm, "a", "drained")["units_done"] == 0, "it worked")
+        # It may send again what was not on disk when the coordinator was killed, and no more.
+        worker = wait_state(farm, "a", "drained")
+        again = int(re.findall(r"(\d+) results? to send again", farm.workers[0].log_text())[-1])
+        expect(worker["units_done"] <= again, "it worked: %s, %d sent again" % (worker, again))
         out = farm.cli("workers", "resume", "a", expect=0).out
         expect(out.startswith("worker a: "), out)
         wait_state(farm, "a", "working")
@@ -124,12 +127,13 @@ def drain_and_resume():
         wait_for(lambda: "no worker takes work" in farm.job(number)["state_text"], "the reason")
         result = farm.cli("workers", "drain", "*", "--yes")
         expect(result.code == 5 and "can be drained" in result.err, result)
-        # A new process of that name works.
+        # A new process of that name works. The old one ends when its results are on disk; those of later passes wait for
+        # earlier ones, which only the other worker renders now.
+        farm.cli("workers", "resume", "b", expect=0)
+        wait_state(farm, "b", "working")
         farm.workers[0].stop()
         farm.start_worker("--name", "a")
         wait_state(farm, "a", "working")
-        farm.cli("workers", "resume", "b", expect=0)
-        wait_state(farm, "b", "working")
 
 
 @tests.add
@@ -139,7 +143,7 @@ def block_and_unblock():
         farm.start_coordinator()
         farm.start_worker("--name", "a")
         farm.wait_for_workers(1)
-        long = LongJob(2)
+        long = LongJob(1)
         long.measure(farm)
         reference = long.submit(farm)
         farm.wait_for_job(reference)
@@ -163,7 +167,7 @@ def block_and_unblock():
         farm.cli("workers", "unblock", "*", "--yes", expect=0)
         farm.wait_for_job(number)
         expect_same(farm, Outcome(farm, number, "blocked"), Outcome(farm, reference, "reference"), "blocked")
-        expect(farm.cli("workers", "--json", expect=0).json()["blocked"] == [], "still blocked")
+        expect(farm.cli("workers", "--json", expect=0).json()["marks"] == [], "still blocked")
         result = farm.cli("workers", "unblock", "nobody")
         expect(result.code == 5 and "nobody" in result.err, result)
         for words in (["drain"], ["hold", "a"], ["show", "a", "b"], ["show", "a", "--gone"]):
@@ -225,12 +229,13 @@ def what_is_told():
 
         def look():
             worker = named(farm, "a")
-            return worker if worker["state"] == "working" and worker.get("cpus", 0) > 0 and \
-                worker["threads_busy"] > 0 else None
+            status = worker.get("status", {"cpus": 0})
+            return worker if worker["state"] == "working" and status["cpus"] > 0 and status["threads_busy"] > 0 else None
         worker = wait_for(look, "a measurement")
-        expect(worker["job"] == number and worker["threads_busy"] <= 2, worker)
-        expect(worker["memory_bytes"] > 1 << 20 and worker["machine_memory_bytes"] > worker["memory_bytes"], worker)
-        expect(worker["cache_bytes"] > 0 and worker["cache_limit_bytes"] == 10 << 30, worker)
+        status = worker["status"]
+        expect(worker["job"] == number and status["threads_busy"] <= 2, worker)
+        expect(status["memory_bytes"] > 1 << 20 and status["machine_memory_bytes"] > status["memory_bytes"], worker)
+        expect(status["cache_bytes"] > 0 and status["cache_limit_bytes"] == 10 << 30, worker)
         expect(worker["core_seconds"] > 0 and worker["samples_per_second"] > 0, worker)
         text = farm.cli("workers", expect=0).out
         expect(re.search(r"^a +working +%d +\d/2 " % number, text, re.M), text)
@@ -257,7 +262,11 @@ def paused_by_a_signal():
         # It stays paused over a lost connection.
         farm.coordinator.kill()
         farm.restart_coordinator()
-        expect(wait_state(farm, "a", "paused")["units_done"] == 0, "it worked")
+        wait_state(farm, "a", "paused")
+        resent = int(re.findall(r"(\d+) results to send again", farm.workers[0].log_text())[-1])
+        time.sleep(0.5)  # as long as a hundred units of this scene take
+        worker = wait_state(farm, "a", "paused")
+        expect(worker["units_done"] <= resent and worker["units_leased"] == 0, (resent, worker))
         farm.workers[0].signal(signal.SIGUSR2)
         wait_state(farm, "a", "working")
         farm.workers[0].signal(signal.SIGUSR1)
@@ -280,8 +289,9 @@ def hours_and_idleness():
         worker = wait_state(farm, "night", "paused")
         expect("until 20:00" in worker["note"] and worker["units_done"] == 0, worker)
         wait_state(farm, "day", "working")
+        wait_state(farm, "shy", "paused")
         wait_for(lambda: "in use" in named(farm, "shy")["note"], "a measurement")
-        expect(named(farm, "shy")["state"] == "paused" and named(farm, "shy")["other_cpus"] > 0, "shy")
+        expect(named(farm, "shy")["state"] == "paused" and named(farm, "shy")["status"]["other_cpus"] > 0, "shy")
         with open("/proc/%d/stat" % farm.workers[2].pid) as stat:
             expect(stat.read().rsplit(")")[1].split()[16] == "5", "--nice")
         farm.start_worker("--name", "calm", "--when-idle", "--idle-load", "100", "--idle-for", "0")
@@ -304,6 +314,31 @@ def an_exit_status_for_schedulers():
         farm.wait_for_workers(1)
         farm.coordinator.kill()
         expect(worker.wait() == 4, "status")
+
+
+@tests.add
+def ended_while_others_hold_back():
+    """a worker that is ended does not wait for results of earlier passes that nobody renders; its own are not lost"""
+    with Farm() as farm:
+        farm.start_coordinator("--lease-seconds", "3600")
+        idle = OddPeer(farm, hello="host=idle")
+        number = farm.submit(farm.scene(), "--size", "64x64", "--spp", "2048")
+        idle.say("request 4")
+        idle.grant()  # nothing beyond the first pass is merged without these units
+        farm.start_worker("--name", "a")
+        wait_for(lambda: (named(farm, "a") or {"units_done": 0})["units_done"] >= 48, "results that wait")
+        expect(farm.workers[0].stop(limit_s=15) == 0, "status")
+        found = re.findall(r"(\d+) results? .*rendered again only if", farm.workers[0].log_text())
+        expect(len(found) == 1 and int(found[0]) > 0, farm.workers[0].log_text())
+        idle.kill()
+        farm.start_worker("--name", "b")
+        farm.wait_for_job(number)
+        units = named(farm, "b")["units_done"]
+        reference = farm.submit(farm.scene(), "--size", "64x64", "--spp", "2048")
+        farm.wait_for_job(reference)
+        whole = named(farm, "b")["units_done"] - units
+        expect(units + gone(farm, "a")[0]["units_done"] == whole, "units were rendered again: %d, %d" % (units, whole))
+        expect_same(farm, Outcome(farm, number, "left"), Outcome(farm, reference, "reference"), "left")
 
 
 @tests.add
@@ -377,7 +412,7 @@ def a_thread_that_hangs():
         farm.start_coordinator("--unit-seconds", "1", "--lease-seconds", "3600")
         farm.start_worker("--name", "a")
         farm.wait_for_workers(1)
-        long = LongJob(3)
+        long = LongJob(1)
         long.measure(farm)
         reference = long.submit(farm)
         farm.wait_for_job(reference)
@@ -391,6 +426,40 @@ def a_thread_that_hangs():
             farm.wait_for_job(number)
         expect_same(farm, Outcome(farm, number, "hung"), Outcome(farm, reference, "reference"), "hung")
         expect("another worker gets it" in farm.cli("log", number, expect=0).out, "the job's log")
+
+
+def busy_ns(pid):
+    """Of the thread that computed most: what it computed, and what it waited for a processor beside."""
+    threads = []
+    for thread in os.listdir("/proc/%d/task" % pid):
+        with open("/proc/%d/task/%s/schedstat" % (pid, thread)) as source:
+            ran, waited, _ = map(int, source.read().split())
+        threads.append((ran, ran + waited))
+    return max(threads)
+
+
+@tests.add
+def a_far_coordinator():
+    """a worker 50 ms away from its coordinator has work while its results and requests are under way"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        with FarAway(farm, 0.05) as proxy:
+            farm.address, near = proxy.address, farm.address
+            farm.start_worker()
+            farm.address = near
+            farm.wait_for_workers(1)
+            pid = farm.workers[0].pid
+            number = farm.submit(os.path.join(ROOT, "scenes/cornell/cornell-area.gltf"), "--size", "960x540",
+                                 "--spp", "8")
+            seen = []  # (when, computed, computed or waited), each time that it has computed more
+            while not seen or farm.job(number)["state"] != "done":
+                ran, busy = busy_ns(pid)
+                if not seen or ran > seen[-1][1]:
+                    seen.append((time.monotonic_ns(), ran, busy))
+            # Its first units tell how long one takes.
+            first = next(i for i in range(len(seen)) if seen[i][1] - seen[0][1] > 0.3e9)
+            time_ns, busy = (seen[-1][k] - seen[first][k] for k in (0, 2))
+            expect(busy > 0.85 * time_ns, "busy for %.2f of %.2f s" % (busy / 1e9, time_ns / 1e9))
 
 
 if __name__ == "__main__":

@@ -62,26 +62,15 @@ static void use_message(const Azulejo__Wire__Envelope *e)
         (void)!hello_check(e->hello, FARM_ROLE_WORKER, &err);
         (void)message_text(text, sizeof text, e->hello->host);
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_WELCOME:
-        (void)!welcome_check(e->welcome, &err);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE:
-        (void)!message_failure_get(e->failure, &err);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_PUT:
-        use_piece(blob_piece_of_put(&piece, e->blob_put, &err), &piece);
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_WELCOME: (void)!welcome_check(e->welcome, &err); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_FAILURE: (void)!message_failure_get(e->failure, &err); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_PUT: use_piece(blob_piece_of_put(&piece, e->blob_put, &err), &piece); break;
     case AZULEJO__WIRE__ENVELOPE__BODY_BLOB_DATA:
         use_piece(blob_piece_of_data(&piece, e->blob_data, &err), &piece);
         break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT:
-        use_grant(e->lease_grant);
-        break;
-    case AZULEJO__WIRE__ENVELOPE__BODY_TILE_RESULT:
-        use_result(e->tile_result);
-        break;
-    default:
-        break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_LEASE_GRANT: use_grant(e->lease_grant); break;
+    case AZULEJO__WIRE__ENVELOPE__BODY_TILE_RESULT: use_result(e->tile_result); break;
+    default: break;
     }
 }
 

@@ -15,8 +15,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     /* A file says "mtllib m.mtl" to have itself read as one. */
     fuzz_folder_put("m.mtl", data, size);
-    if (import_scene_memory(data, size, "fuzz.obj", fuzz_folder(), &options, &result, &err) ==
-        STATUS_OK) {
+    if (import_scene_memory(data, size, "fuzz.obj", fuzz_folder(), &options, &result, &err) == STATUS_OK) {
         fuzz_folder_check(&result.files, "fuzz.obj");
         if (scene_validate(&result.scene, NULL) != STATUS_OK)
             abort();

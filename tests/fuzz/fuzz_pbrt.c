@@ -11,10 +11,7 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 
-static void put_text(const char *name, const char *text)
-{
-    fuzz_folder_put(name, text, strlen(text));
-}
+static void put_text(const char *name, const char *text) { fuzz_folder_put(name, text, strlen(text)); }
 
 /* A square picture, as an environment's maps are. */
 static void put_pictures(void)
@@ -61,8 +58,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     struct import_result result;
     struct error err = {0};
 
-    if (import_scene_memory(data, size, "fuzz.pbrt", fuzz_folder(), &options, &result, &err) ==
-        STATUS_OK) {
+    if (import_scene_memory(data, size, "fuzz.pbrt", fuzz_folder(), &options, &result, &err) == STATUS_OK) {
         json_t *report = import_report_json(&result);
         fuzz_folder_check(&result.files, "fuzz.pbrt");
         if (scene_validate(&result.scene, NULL) != STATUS_OK || !report)

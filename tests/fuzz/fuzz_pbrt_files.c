@@ -1,5 +1,5 @@
-/* The files that a pbrt scene names, a picture (TGA and PFM are read by the importer itself) and a
- * spectrum, from any bytes: no crash, and what is accepted is a valid scene. */
+/* The files that a pbrt scene names, a picture and a spectrum, from any bytes: no crash, and what is
+ * accepted is a valid scene. */
 #include <stdlib.h>
 #include <string.h>
 

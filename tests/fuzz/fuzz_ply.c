@@ -16,8 +16,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             if (mesh.indices[i] >= mesh.vertex_count)
                 abort();
         for (size_t i = 0; i < 3 * mesh.vertex_count; i++)
-            if (!(fabsf(mesh.positions[i]) <= SCENE_COORDINATE_MAX) ||
-                (mesh.normals && !isfinite(mesh.normals[i])))
+            if (!(fabsf(mesh.positions[i]) <= SCENE_COORDINATE_MAX) || (mesh.normals && !isfinite(mesh.normals[i])))
                 abort();
     } else if (!err.text[0] || mesh.positions) {
         abort(); /* every refusal says why, and leaves nothing */

@@ -6,7 +6,7 @@
 
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
-#include "common/scene/effects.h"
+#include "common/scene/scene_effects.h"
 #include "common/scene/pose.h"
 #include "common/scene/scene.h"
 

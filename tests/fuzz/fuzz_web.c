@@ -6,9 +6,9 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "coordinator/web/json_wire.h"
-#include "coordinator/web/routes.h"
+#include "web/api/routes.h"
 #include "protocol/azulejo.pb-c.h"
+#include "protocol/json/json_wire.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

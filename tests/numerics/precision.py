@@ -4,7 +4,7 @@
     precision.py FLOAT DOUBLE [--quick] [--only NAME] [--runs N] [--spp N] [--markdown FILE]
 
 FLOAT and DOUBLE are build folders (build/release, and build/double of `make DOUBLE=1`). Both render every scene with the same random
-numbers, so each pair of replicates differs only where rounding changed a value or a decision. Prints TAP, a line for each scene, and the
+numbers, so each pair of groups differs only where rounding changed a value or a decision. Prints TAP, a line for each scene, and the
 table of docs/NUMERICS.md.
 
 The test: in each block of 8x8 pixels, and in the picture as a whole, the differences of the pairs are independent and have the mean that
@@ -27,7 +27,7 @@ import hard_scenes  # noqa: E402
 
 SIGNIFICANCE = 1e-4
 TOLERANCE = 2e-4
-BLOCK, WIDTH, HEIGHT, REPLICATES = 8, 64, 48, 4
+BLOCK, WIDTH, HEIGHT, GROUPS = 8, 64, 48, 2
 BLOCKS = WIDTH // BLOCK * (HEIGHT // BLOCK)
 OTHER_PATH = 1e-4  # of a value; rounding alone changes most by less
 SHOWN_CODES = 0.005  # a scene with less has no line of its own in the table
@@ -47,7 +47,7 @@ def scenes(folder):
 
 def render(build, path, sky, spp, seed, out):
     command = [os.path.join(build, "tests", "bench", "bench_render"), path, "--size", "%dx%d" % (WIDTH, HEIGHT), "--spp", str(spp),
-               "--seed", str(seed), "--replicates", out, "--json"] + (["--env", sky] if sky else [])
+               "--seed", str(seed), "--groups", out, "--json"] + (["--env", sky] if sky else [])
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         sys.exit("precision.py: %s: %s" % (path, done.stderr.strip()))
@@ -57,9 +57,9 @@ def render(build, path, sky, spp, seed, out):
 
 
 def block_means(luminance):
-    """[replicate][block]"""
+    """[group][block]"""
     out = []
-    for r in range(REPLICATES):
+    for r in range(GROUPS):
         means = [0.0] * BLOCKS
         for y in range(HEIGHT):
             row = luminance[(r * HEIGHT + y) * WIDTH:][:WIDTH]
@@ -160,7 +160,7 @@ def main():
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         chosen = [s for s in scenes(folder) if options.only in s[0] and (not options.quick or s[0] in QUICK)]
-        limit = t_limit(REPLICATES * options.runs - 1, SIGNIFICANCE / ((BLOCKS + 1) * max(len(chosen), 1)))
+        limit = t_limit(GROUPS * options.runs - 1, SIGNIFICANCE / ((BLOCKS + 1) * max(len(chosen), 1)))
         rows, failed = [], 0
         print("1..%d" % len(chosen))
         for at, (name, path, sky) in enumerate(chosen, 1):

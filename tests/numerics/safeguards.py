@@ -20,7 +20,10 @@ HEAD = """# Safeguards
 
 **%d safeguards and settings, and each safeguard has a test that notices its loss.** The table is the output of
 
-    make numerics NUMERICS_ARGS="--markdown docs/SAFEGUARDS.md"
+<!-- not run: takes 20 minutes -->
+```sh
+make numerics NUMERICS_ARGS="--markdown docs/SAFEGUARDS.md"
+```
 
 which builds the tests with switches, runs those that [tests/numerics/safeguards.txt](../tests/numerics/safeguards.txt) names with and
 without each safeguard, and fails where all of them pass without it. A figure is what the test measured without the safeguard, then with it,

@@ -1,5 +1,5 @@
 /* The table behind albedo.h against its definition, and what it promises. With --print it
- * writes worker/render/bsdf/albedo_table.c to standard output instead. */
+ * writes worker/render/bsdf/albedo_table.bin to standard output instead. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,6 +9,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "worker/render/bsdf/albedo.h"
@@ -105,10 +106,7 @@ static double row_average(const float *row)
 /* ---- loss of GGX with unit Fresnel ----------------------------------------------------------- */
 
 /* mu of column x = 0..1 of the loss tables; the inverse of albedo_loss_column. */
-static double column_mu(double x, double alpha)
-{
-    return alpha * x * x / (1 + alpha - x * x);
-}
+static double column_mu(double x, double alpha) { return alpha * x * x / (1 + alpha - x * x); }
 
 static double column_scale(int column, int columns, double alpha)
 {
@@ -121,8 +119,8 @@ static double loss_entry(int row, int column)
 
     if (column == 0)
         return 0; /* the limit */
-    return ggx_loss(fmin(1, column_mu((double)column / (ALBEDO_COLUMNS - 1), alpha)), alpha,
-                    POINTS) / column_scale(column, ALBEDO_COLUMNS, alpha);
+    return ggx_loss(fmin(1, column_mu((double)column / (ALBEDO_COLUMNS - 1), alpha)), alpha, POINTS) /
+           column_scale(column, ALBEDO_COLUMNS, alpha);
 }
 
 /* Hemispherical means, as interpolated: of the loss, and of E blend. By Simpson's rule in
@@ -192,9 +190,8 @@ static double stretched_entry(int row, int ratio, int azimuth, int column)
 
     if (column == 0)
         return 0;
-    return stretched_loss(
-               fmin(1, column_mu((double)column / (ALBEDO_STRETCHED_COLUMNS - 1), across)),
-               fmin(1, fmax(0, cos2)), ax, ay, &schlick) /
+    return stretched_loss(fmin(1, column_mu((double)column / (ALBEDO_STRETCHED_COLUMNS - 1), across)),
+                          fmin(1, fmax(0, cos2)), ax, ay, &schlick) /
            column_scale(column, ALBEDO_STRETCHED_COLUMNS, ax);
 }
 
@@ -213,8 +210,7 @@ static double stretched_mean(double row, double ratio)
             double turn = (j + 0.5) / TURNS, phi = M_PI / 2 * turn * turn * turn;
             double sine = sqrt(1 - mu * mu);
             w *= turn * turn;
-            sum += w * albedo_stretched_loss_at(&s, (float)(sine * sin(phi)),
-                                                (float)(sine * cos(phi)), (float)mu);
+            sum += w * albedo_stretched_loss_at(&s, (float)(sine * sin(phi)), (float)(sine * cos(phi)), (float)mu);
             weight += w;
         }
     return sum / weight / (ax * ax);
@@ -267,10 +263,7 @@ static double interface_lost(double mu, double alpha, double eta, double u, doub
 }
 
 /* Of index (1 + r) / (1 - r), seen from the thinner (side 0) or denser side. */
-static double interface_eta(double r, int side)
-{
-    return r < 1 ? side ? (1 - r) / (1 + r) : (1 + r) / (1 - r) : 0;
-}
+static double interface_eta(double r, int side) { return r < 1 ? side ? (1 - r) / (1 + r) : (1 + r) / (1 - r) : 0; }
 
 /* What a rough interface does not send out, reflection and refraction together, seen along mu. */
 static double interface_loss(double mu, double alpha, double r, int side)
@@ -298,8 +291,8 @@ static double interface_entry(int side, int row, int index, int column)
     double alpha = interface_row_alpha(row), x = (double)column / (ALBEDO_INTERFACE_COLUMNS - 1);
     double c = 0.5 * (sqrt(1 + 8 * x) - 1), mu = alpha * c / (1 + alpha - c);
 
-    return interface_loss(fmax(1e-6, fmin(1, mu)), alpha,
-                          interface_r((double)index / (ALBEDO_INTERFACE_INDICES - 1)), side) /
+    return interface_loss(fmax(1e-6, fmin(1, mu)), alpha, interface_r((double)index / (ALBEDO_INTERFACE_INDICES - 1)),
+                          side) /
            ((1 - c) * (1 - c + alpha) + 0.5 * alpha * alpha);
 }
 
@@ -359,8 +352,7 @@ static double exact_r(double index)
 }
 
 /* What is above Schlick's mean weight along mu, for `count` values of r. */
-static void exact_above(double mu, double alpha, int points, const double *r, int count,
-                        double *above)
+static void exact_above(double mu, double alpha, int points, const double *r, int count, double *above)
 {
     double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu), all = 0;
     double x = alpha * wo_x / root_o, z = mu / root_o;
@@ -381,8 +373,8 @@ static void exact_above(double mu, double alpha, int points, const double *r, in
             schlick = square(square(1 - cosine)) * (1 - cosine);
             all += weight;
             for (int k = 0; k < count; k++)
-                above[k] += weight * ((fresnel(cosine, (1 + r[k]) / (1 - r[k])) - square(r[k])) /
-                                          (1 - square(r[k])) - schlick);
+                above[k] +=
+                    weight * ((fresnel(cosine, (1 + r[k]) / (1 - r[k])) - square(r[k])) / (1 - square(r[k])) - schlick);
         }
     for (int k = 0; k < count; k++)
         above[k] /= all;
@@ -394,8 +386,7 @@ static void exact_entries(int row, int column, double entries[ALBEDO_EXACT_INDIC
 
     for (int k = 0; k < ALBEDO_EXACT_INDICES; k++)
         r[k] = exact_r(k);
-    exact_above(fmax(1e-4, s * s), exact_alpha(row), 96, r,
-                ALBEDO_EXACT_INDICES, entries);
+    exact_above(fmax(1e-4, s * s), exact_alpha(row), 96, r, ALBEDO_EXACT_INDICES, entries);
     for (int k = 0; k < ALBEDO_EXACT_INDICES; k++)
         entries[k] += ALBEDO_EXACT_MARGIN;
 }
@@ -430,8 +421,7 @@ static double sheen_fit(double x, double alpha)
 
 static double sheen_lambda(double mu, double alpha)
 {
-    return exp(mu < 0.5 ? sheen_fit(mu, alpha)
-                        : 2 * sheen_fit(0.5, alpha) - sheen_fit(1 - mu, alpha));
+    return exp(mu < 0.5 ? sheen_fit(mu, alpha) : 2 * sheen_fit(0.5, alpha) - sheen_fit(1 - mu, alpha));
 }
 
 /* Directional albedo of Charlie's distribution with its shadowing. */
@@ -462,25 +452,20 @@ static double sheen_entry(int row, int column)
 
 /* ---- printing -------------------------------------------------------------------------------------- */
 
-static void print_numbers(const char *declaration, const float *values, int count)
+/* Every number is rounded to a few decimal digits before it becomes a float. */
+static void print_rounded(const float *values, int count, int digits)
 {
-    printf("\nconst float32 %s = {", declaration);
-    for (int i = 0; i < count; i++)
-        printf("%s%.5ef,", i % 7 == 0 ? "\n    " : " ", (double)values[i]);
-    printf("\n};\n");
-}
-
-/* Five digits, as short as they can be. */
-static void print_short(const char *declaration, const float *values, int count)
-{
-    printf("\nconst float32 %s = {", declaration);
     for (int i = 0; i < count; i++) {
         char text[32];
-        snprintf(text, sizeof text, "%.5g", (double)values[i]);
-        printf("%s%s%sf,", i % 10 == 0 ? "\n    " : " ", text, strpbrk(text, ".e") ? "" : ".0");
+        float value;
+        snprintf(text, sizeof text, "%.*e", digits - 1, (double)values[i]);
+        value = strtof(text, NULL);
+        fwrite(&value, sizeof value, 1, stdout);
     }
-    printf("\n};\n");
 }
+
+static void print_numbers(const float *values, int count) { print_rounded(values, count, 6); }
+static void print_short(const float *values, int count) { print_rounded(values, count, 5); }
 
 static void print_interface_means(void)
 {
@@ -495,11 +480,8 @@ static void print_interface_means(void)
         for (int i = 0; i < ALBEDO_INTERFACE_LOST_ROWS; i++)
             for (int n = 0; n < ALBEDO_INTERFACE_LOST_INDICES; n++)
                 lost[side][i][n] = (float)interface_lost_mean(side, i, n);
-    print_short("albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_INDICES]",
-                mean[0][0], sizeof mean / sizeof(float));
-    print_short("albedo_interface_lost[2 * ALBEDO_INTERFACE_LOST_ROWS *\n"
-                "                                    ALBEDO_INTERFACE_LOST_INDICES]",
-                lost[0][0], sizeof lost / sizeof(float));
+    print_short(mean[0][0], sizeof mean / sizeof(float));
+    print_short(lost[0][0], sizeof lost / sizeof(float));
 }
 
 static void print_interface(void)
@@ -511,17 +493,15 @@ static void print_interface(void)
             for (int n = 0; n < ALBEDO_INTERFACE_INDICES; n++)
                 for (int c = 0; c < ALBEDO_INTERFACE_COLUMNS; c++)
                     loss[side][i][n][c] = (float)interface_entry(side, i, n, c);
-    print_short("albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *\n"
-                "                                    ALBEDO_INTERFACE_COLUMNS]",
-                loss[0][0][0], sizeof loss / sizeof(float));
+    print_short(loss[0][0][0], sizeof loss / sizeof(float));
 }
 
 /* The tables of means depend on those that they are means of: print, compile, print again. */
 static void print_losses(void)
 {
     static float loss[ALBEDO_ROWS][ALBEDO_COLUMNS], means[2][ALBEDO_MEAN_ROWS];
-    static float stretched[ALBEDO_STRETCHED_ROWS][ALBEDO_STRETCHED_RATIOS]
-                          [ALBEDO_STRETCHED_AZIMUTHS][ALBEDO_STRETCHED_COLUMNS];
+    static float stretched[ALBEDO_STRETCHED_ROWS][ALBEDO_STRETCHED_RATIOS][ALBEDO_STRETCHED_AZIMUTHS]
+                          [ALBEDO_STRETCHED_COLUMNS];
     static float stretched_means[ALBEDO_STRETCHED_MEAN_ROWS][ALBEDO_STRETCHED_MEAN_RATIOS];
     static float sheen[ALBEDO_ROWS][ALBEDO_COLUMNS];
 
@@ -544,20 +524,14 @@ static void print_losses(void)
     for (int i = 0; i < ALBEDO_STRETCHED_MEAN_ROWS; i++)
         for (int r = 0; r < ALBEDO_STRETCHED_MEAN_RATIOS; r++)
             stretched_means[i][r] = (float)stretched_mean((double)i / ALBEDO_MEAN_STEPS, 0.5 * r);
-    print_numbers("albedo_loss[ALBEDO_ROWS * ALBEDO_COLUMNS]", loss[0],
-                  ALBEDO_ROWS * ALBEDO_COLUMNS);
-    print_numbers("albedo_loss_mean[ALBEDO_MEAN_ROWS]", means[0], ALBEDO_MEAN_ROWS);
-    print_numbers("albedo_schlick_mean[ALBEDO_MEAN_ROWS]", means[1], ALBEDO_MEAN_ROWS);
-    print_numbers("albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS * "
-                  "ALBEDO_STRETCHED_AZIMUTHS *\n                                  "
-                  "ALBEDO_STRETCHED_COLUMNS]",
-                  stretched[0][0][0], sizeof stretched / sizeof(float));
-    print_numbers("albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS]",
-                  stretched_means[0], sizeof stretched_means / sizeof(float));
+    print_numbers(loss[0], ALBEDO_ROWS * ALBEDO_COLUMNS);
+    print_numbers(means[0], ALBEDO_MEAN_ROWS);
+    print_numbers(means[1], ALBEDO_MEAN_ROWS);
+    print_numbers(stretched[0][0][0], sizeof stretched / sizeof(float));
+    print_numbers(stretched_means[0], sizeof stretched_means / sizeof(float));
     print_interface();
     print_interface_means();
-    print_numbers("albedo_sheen[ALBEDO_ROWS * ALBEDO_COLUMNS]", sheen[0],
-                  ALBEDO_ROWS * ALBEDO_COLUMNS);
+    print_numbers(sheen[0], ALBEDO_ROWS * ALBEDO_COLUMNS);
 }
 
 static void print_exact(void)
@@ -578,35 +552,31 @@ static void print_exact(void)
             means[1][i * ALBEDO_EXACT_INDICES + n] = (float)kept;
         }
     }
-    print_numbers("albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS]",
-                  exact[0][0], sizeof exact / sizeof(float));
-    print_numbers("albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES]", means[0],
-                  ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES);
-    print_numbers("albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES]", means[1],
-                  ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES);
+    print_numbers(exact[0][0], sizeof exact / sizeof(float));
+    print_numbers(means[0], ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES);
+    print_numbers(means[1], ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES);
+}
+
+static float rounded_to(double value, int decimals)
+{
+    char text[32];
+
+    snprintf(text, sizeof text, "%.*f", decimals, value);
+    return strtof(text, NULL);
 }
 
 static void print_table(void)
 {
     static float table[ALBEDO_ROWS][ALBEDO_COLUMNS];
+    float averages[ALBEDO_ROWS];
 
-    printf("/* Written by tests/numerics/test_albedo_table.c --print; see albedo.h. */\n"
-           "#include \"worker/render/bsdf/albedo.h\"\n\n"
-           "const float32 albedo_blend[ALBEDO_ROWS][ALBEDO_COLUMNS] = {\n");
     for (int i = 0; i < ALBEDO_ROWS; i++) {
-        printf("    {");
-        for (int j = 0; j < ALBEDO_COLUMNS; j++) {
-            char text[32];
-            snprintf(text, sizeof text, "%.6ff", table_entry(i, j));
-            sscanf(text, "%f", &table[i][j]);
-            printf("%s%s", text, j + 1 == ALBEDO_COLUMNS ? "},\n" : j % 8 == 7 ? ",\n     " : ", ");
-        }
+        for (int j = 0; j < ALBEDO_COLUMNS; j++)
+            table[i][j] = rounded_to(table_entry(i, j), 6);
+        averages[i] = rounded_to(row_average(table[i]), 7);
     }
-    printf("};\n\nconst float32 albedo_blend_average[ALBEDO_ROWS] = {\n");
-    for (int i = 0; i < ALBEDO_ROWS; i++)
-        printf("%s%.7ff,%s", i % 8 == 0 ? "    " : " ", row_average(table[i]),
-               i % 8 == 7 ? "\n" : "");
-    printf("};\n");
+    fwrite(table, sizeof table, 1, stdout);
+    fwrite(averages, sizeof averages, 1, stdout);
     print_losses();
     print_exact();
 }
@@ -617,8 +587,8 @@ static void entries_match_their_definition(void **state)
     for (int i = 0; i < ALBEDO_ROWS; i++)
         for (int j = 0; j < ALBEDO_COLUMNS; j++)
             if (fabs(albedo_blend[i][j] - table_entry(i, j)) > 2e-6)
-                fail_msg("row %d column %d: %.7f in the table, %.7f computed", i, j,
-                         (double)albedo_blend[i][j], table_entry(i, j));
+                fail_msg("row %d column %d: %.7f in the table, %.7f computed", i, j, (double)albedo_blend[i][j],
+                         table_entry(i, j));
     for (int i = 0; i < ALBEDO_ROWS; i++)
         assert_true(fabs(albedo_blend_average[i] - row_average(albedo_blend[i])) < 1e-6);
 }
@@ -662,8 +632,7 @@ static void losses_match_their_definition(void **state)
         for (int r = 0; r < ALBEDO_STRETCHED_RATIOS; r++)
             for (int q = 0; q < ALBEDO_STRETCHED_AZIMUTHS; q++)
                 for (int c = 0; c < ALBEDO_STRETCHED_COLUMNS; c++, n++)
-                    assert_entry("stretched", n, albedo_stretched_loss[n],
-                                 stretched_entry(i, r, q, c));
+                    assert_entry("stretched", n, albedo_stretched_loss[n], stretched_entry(i, r, q, c));
     n = 0;
     for (int i = 0; i < ALBEDO_STRETCHED_MEAN_ROWS; i++)
         for (int r = 0; r < ALBEDO_STRETCHED_MEAN_RATIOS; r++, n++)
@@ -674,21 +643,18 @@ static void losses_match_their_definition(void **state)
         for (int i = 0; i < ALBEDO_INTERFACE_ROWS; i++)
             for (int r = 0; r < ALBEDO_INTERFACE_INDICES; r++)
                 for (int c = 0; c < ALBEDO_INTERFACE_COLUMNS; c++, n++)
-                    assert_short("interface", n, albedo_interface_loss[n],
-                                 interface_entry(side, i, r, c));
+                    assert_short("interface", n, albedo_interface_loss[n], interface_entry(side, i, r, c));
     n = 0;
     for (int side = 0; side < 2; side++)
         for (int i = 0; i < ALBEDO_INTERFACE_MEAN_ROWS; i++)
             for (int r = 0; r < ALBEDO_INTERFACE_INDICES; r++, n++)
-                assert_short("interface mean", n, albedo_interface_mean[n],
-                             interface_mean(side, i, r));
+                assert_short("interface mean", n, albedo_interface_mean[n], interface_mean(side, i, r));
     n = 0;
     for (int side = 0; side < 2; side++)
         for (int i = 0; i < ALBEDO_INTERFACE_LOST_ROWS; i++)
             for (int r = 0; r < ALBEDO_INTERFACE_LOST_INDICES; r++, n++)
                 if (n % SOME_MEANS == 0) /* all of them take half a minute */
-                    assert_short("interface lost", n, albedo_interface_lost[n],
-                                 interface_lost_mean(side, i, r));
+                    assert_short("interface lost", n, albedo_interface_lost[n], interface_lost_mean(side, i, r));
 }
 
 /* Directional albedo of GGX with F = 1, by quadrature independent of this code, good to 1e-4;
@@ -721,8 +687,8 @@ static void losses_are_close_everywhere(void **state)
             struct albedo_loss_row row = albedo_loss_row_find((float)alpha);
             loss = ggx_loss(mu, alpha, 96);
             if (fabs(loss - (double)albedo_loss_at(&row, (float)mu)) > 2e-3)
-                fail_msg("alpha %g mu %g: loss %g, should be %g", alpha, mu,
-                         (double)albedo_loss_at(&row, (float)mu), loss);
+                fail_msg("alpha %g mu %g: loss %g, should be %g", alpha, mu, (double)albedo_loss_at(&row, (float)mu),
+                         loss);
         }
 }
 
@@ -768,8 +734,8 @@ static void exact_is_close_everywhere(void **state)
                 sum += off * off;
                 count++;
                 if (off < -EXACT_BELOW || off > EXACT_ABOVE)
-                    fail_msg("alpha %g ior %g mu %g: %g, should be %g", (double)alpha, IORS[k],
-                             (double)mu, got, above[k]);
+                    fail_msg("alpha %g ior %g mu %g: %g, should be %g", (double)alpha, IORS[k], (double)mu, got,
+                             above[k]);
             }
         }
     assert_true(sqrt(sum / count) < 2e-3);
@@ -791,8 +757,7 @@ static void interpolation_is_close_and_gains_nothing(void **state)
             sum += (blend - schlick / all) * (blend - schlick / all);
             count++;
             if (fabs(blend - schlick / all) > 0.01)
-                fail_msg("alpha %g, mu %g: %g, should be %g", (double)alpha, (double)mu, blend,
-                         schlick / all);
+                fail_msg("alpha %g, mu %g: %g, should be %g", (double)alpha, (double)mu, blend, schlick / all);
             total = 0.04 * (all - schlick) + schlick + 1 - (0.04 + 0.96 * blend);
             if (total > 1 + 2e-4)
                 fail_msg("alpha %g, mu %g: sends out %g", (double)alpha, (double)mu, total);
@@ -813,8 +778,7 @@ static void stretched_layer_takes_what_is_reflected(void **state)
     assert_true(ALBEDO_ALPHA_FIRST == BSDF_ALPHA_MIN);
     for (int k = 0; k < 8 * 9; k++) {
         double ax = WIDE[k / 9], ay = fmax(BSDF_ALPHA_MIN, ax * RATIOS[k % 9]), sum = 0, all = 0;
-        struct albedo_row row =
-            albedo_row_find(albedo_stretched_layer((float)ax, (float)ay));
+        struct albedo_row row = albedo_row_find(albedo_stretched_layer((float)ax, (float)ay));
         for (int i = 0; i < COSINES * (TURNS + 1); i++) {
             double s = (i / (TURNS + 1) + 0.5) / COSINES, mu = s * s, schlick, taken;
             double cosine = cos(0.5 * M_PI * (i % (TURNS + 1)) / TURNS);
@@ -825,8 +789,8 @@ static void stretched_layer_takes_what_is_reflected(void **state)
             sum += weight * (taken - schlick);
             all += weight;
             if (schlick - taken > 0.004)
-                fail_msg("alphas %g %g, mu %g, azimuth's cosine %g: %g, which is above %g", ax, ay,
-                         mu, cosine, schlick, taken);
+                fail_msg("alphas %g %g, mu %g, azimuth's cosine %g: %g, which is above %g", ax, ay, mu, cosine, schlick,
+                         taken);
         }
         if (!(sum / all < 0.04))
             fail_msg("alphas %g %g: %g too much is taken", ax, ay, sum / all);
@@ -846,15 +810,6 @@ int main(int argc, char **argv)
         cmocka_unit_test(stretched_layer_takes_what_is_reflected),
     };
 
-    if (argc > 1 && strcmp(argv[1], "--print-exact") == 0) {
-        print_exact();
-        return 0;
-    }
-    if (argc > 1 && strcmp(argv[1], "--print-interface") == 0) {
-        print_interface(); /* then compile, and print the means */
-        print_interface_means();
-        return 0;
-    }
     if (argc > 1 && strcmp(argv[1], "--print") == 0) {
         print_table();
         return 0;

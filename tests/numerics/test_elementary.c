@@ -12,7 +12,7 @@
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 #include "tests/support/figure.h"
-#include "worker/render/light/environment.h"
+#include "worker/render/light/environment/environment.h"
 
 /* The largest error that was seen, where, and of how many arguments. */
 struct worst {
@@ -59,8 +59,8 @@ static void judge(const struct worst *w, double bound)
 {
     char what[64];
 
-    print_message("%-10s %9lu arguments, largest error %.6f ulp at (%.9g, %.9g)\n", w->name,
-                  w->count, w->ulp, w->x, w->y);
+    print_message("%-10s %9lu arguments, largest error %.6f ulp at (%.9g, %.9g)\n", w->name, w->count, w->ulp, w->x,
+                  w->y);
     assert_true(w->count > 10000);
     snprintf(what, sizeof what, "largest error of %s in ulp", w->name);
     figure_within(what, w->ulp, 0, bound, "against long double");
@@ -87,14 +87,14 @@ static void test_sine_and_cosine(void **state)
 
     (void)state;
     SWEEP(x, 1e-30f, 1e5f, 997)
-        for (int sign = -1; sign <= 1; sign += 2) {
-            float signed_x = (float)sign * x, sine, cosine;
-            det_sincos(signed_x, &sine, &cosine);
-            note(&s, error_ulp(sine, sinl((long double)signed_x)), (double)signed_x, 0);
-            note(&c, error_ulp(cosine, cosl((long double)signed_x)), (double)signed_x, 0);
-            if (sign > 0)
-                note(&t, error_ulp(det_tan(signed_x), tanl((long double)signed_x)), (double)x, 0);
-        }
+    for (int sign = -1; sign <= 1; sign += 2) {
+        float signed_x = (float)sign * x, sine, cosine;
+        det_sincos(signed_x, &sine, &cosine);
+        note(&s, error_ulp(sine, sinl((long double)signed_x)), (double)signed_x, 0);
+        note(&c, error_ulp(cosine, cosl((long double)signed_x)), (double)signed_x, 0);
+        if (sign > 0)
+            note(&t, error_ulp(det_tan(signed_x), tanl((long double)signed_x)), (double)x, 0);
+    }
     /* The floats nearest to multiples of pi/2, where the reduction cancels most. */
     for (int n = 1; n <= 63661; n++) {
         float near = (float)(n * (PI_D / 2));
@@ -117,11 +117,11 @@ static void test_inverse(void **state)
 
     (void)state;
     SWEEP(x, 1e-30f, 1.0f, 1009)
-        for (int sign = -1; sign <= 1; sign += 2) {
-            float signed_x = (float)sign * x;
-            note(&a, error_ulp(det_acos(signed_x), acosl((long double)signed_x)), (double)signed_x, 0);
-            note(&s, error_ulp(det_asin(signed_x), asinl((long double)signed_x)), (double)signed_x, 0);
-        }
+    for (int sign = -1; sign <= 1; sign += 2) {
+        float signed_x = (float)sign * x;
+        note(&a, error_ulp(det_acos(signed_x), acosl((long double)signed_x)), (double)signed_x, 0);
+        note(&s, error_ulp(det_asin(signed_x), asinl((long double)signed_x)), (double)signed_x, 0);
+    }
     for (uint32_t i = 1; i < 200000; i++) { /* the floats just below 1, one by one */
         float x = float_from_bits(float_bits(1.0f) - i);
         note(&a, error_ulp(det_acos(x), acosl((long double)x)), (double)x, 0);
@@ -131,8 +131,7 @@ static void test_inverse(void **state)
         double angle = 2 * PI_D * uniform(&random), squash = exp(-30 * uniform(&random));
         float y = (float)(sin(angle) * (i % 2 ? squash : 1));
         float x = (float)(cos(angle) * (i % 3 ? 1 : squash));
-        note(&t, error_ulp(det_atan2(y, x), atan2l((long double)y, (long double)x)), (double)y,
-             (double)x);
+        note(&t, error_ulp(det_atan2(y, x), atan2l((long double)y, (long double)x)), (double)y, (double)x);
     }
     judge(&a, 0.502);
     judge(&s, 0.502);
@@ -146,12 +145,12 @@ static void test_exponential(void **state)
 
     (void)state;
     SWEEP(x, 1e-30f, 104.0f, 499)
-        for (int sign = -1; sign <= 1; sign += 2) {
-            float signed_x = (float)sign * x;
-            note(&e, error_ulp(det_exp(signed_x), expl((long double)signed_x)), (double)signed_x, 0);
-        }
+    for (int sign = -1; sign <= 1; sign += 2) {
+        float signed_x = (float)sign * x;
+        note(&e, error_ulp(det_exp(signed_x), expl((long double)signed_x)), (double)signed_x, 0);
+    }
     SWEEP(x, 1e-45f, FLT_MAX, 1009) /* subnormals too */
-        note(&l, error_ulp(det_log(x), logl((long double)x)), (double)x, 0);
+    note(&l, error_ulp(det_log(x), logl((long double)x)), (double)x, 0);
     for (int i = 0; i < 1000000; i++) {
         float x = (float)exp(60 * uniform(&random) - 40), y = (float)(8 * uniform(&random) - 3);
         if (i % 4 == 0) /* near 1, with large exponents */
@@ -183,8 +182,7 @@ static void test_double(void **state)
         x = exp(20 * uniform(&random) - 10);
         y = 8 * uniform(&random) - 4;
         exponent = fabs(y * log(x));
-        note(&p, error_ulp_d(det_pow_d(x, y), powl((long double)x, (long double)y)) / (1 + exponent),
-             x, y);
+        note(&p, error_ulp_d(det_pow_d(x, y), powl((long double)x, (long double)y)) / (1 + exponent), x, y);
     }
     judge(&e, 4);
     judge(&l, 4);
@@ -215,8 +213,8 @@ static void assert_float(float got, float expected)
     if (isnan(expected))
         assert_true(isnan(got));
     else if (float_bits(got) != float_bits(expected))
-        fail_msg("%.9g (%08x) instead of %.9g (%08x)", (double)got, (unsigned)float_bits(got),
-                 (double)expected, (unsigned)float_bits(expected));
+        fail_msg("%.9g (%08x) instead of %.9g (%08x)", (double)got, (unsigned)float_bits(got), (double)expected,
+                 (unsigned)float_bits(expected));
 }
 
 static void test_special_values(void **state)
@@ -276,8 +274,8 @@ static void test_deep_media_are_black(void **state)
 static void test_bottomless_media_are_black(void **state)
 {
     (void)state;
-    figure_within("largest share of light through an optical depth of 746 to 3e38", most_through(746, 3e38f), 0,
-                  0, "exact");
+    figure_within("largest share of light through an optical depth of 746 to 3e38", most_through(746, 3e38f), 0, 0,
+                  "exact");
 }
 
 /* A sky that is 1 everywhere, seen straight up and straight down. */

@@ -28,8 +28,7 @@ static double mean_of(const float *picture)
 }
 
 /* The picture; samples that are not finite count as black. */
-static void render(struct import_result *import, const struct render_settings *settings,
-                   float *picture)
+static void render(struct import_result *import, const struct render_settings *settings, float *picture)
 {
     struct film *film = film_new(settings->width, settings->height, settings->spp);
     struct render_scene *scene = imported_build(import, settings, 0);
@@ -75,8 +74,7 @@ static void test_far_bulb(void **state)
     pbrt_figure(WALL "AttributeBegin Translate 0 0 20 "
                      "AreaLightSource \"diffuse\" \"rgb L\" [1e8 1e8 1e8] "
                      "Shape \"sphere\" \"float radius\" 0.005 AttributeEnd",
-                albedo * 1e8 * 0.005 * 0.005 / 400, 0.005,
-                "radiance of a wall 20 m from a bulb of 5 mm");
+                albedo * 1e8 * 0.005 * 0.005 / 400, 0.005, "radiance of a wall 20 m from a bulb of 5 mm");
 }
 
 static void test_inside_lamp(void **state)
@@ -118,8 +116,8 @@ static void test_infinite_coordinate(void **state)
     import.scene.materials[0].base_color_texture.uv_transform[0][0] = 10;
     render(&import, &settings, picture);
     /* The mean of both texels' red, 1 and 0: the image repeats, and 0 lies between them. */
-    figure_within("red of a card whose texture coordinates are infinite", mean_of(picture), 0.499,
-                  0.501, "tolerance 1e-3");
+    figure_within("red of a card whose texture coordinates are infinite", mean_of(picture), 0.499, 0.501,
+                  "tolerance 1e-3");
     import_result_release(&import);
 }
 
@@ -138,7 +136,7 @@ static void test_tiny_scale(void **state)
     (void)state;
     put_floats(&m, "VEC3", corners, 9, 3);
     at += sprintf(at, "\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{\"mesh\":0},"
-                  "{\"translation\":[0,0,2],\"children\":[2]}");
+                      "{\"translation\":[0,0,2],\"children\":[2]}");
     for (int i = 2; i < 8; i++)
         at += sprintf(at, ",{\"scale\":[1e-30,1e-30,1e-30],\"children\":[%d]}", i + 1);
     sprintf(at, ",{\"camera\":0}],"
@@ -147,8 +145,7 @@ static void test_tiny_scale(void **state)
                 "\"meshes\":[{\"primitives\":[{\"material\":0,\"attributes\":{\"POSITION\":0}}]}]");
     maker_import(&m, nodes, &import);
     render(&import, &settings, picture);
-    figure_within("radiance before a camera of scale 1e-180", mean_of(picture), 0.4999, 0.5001,
-                  "tolerance 2e-4");
+    figure_within("radiance before a camera of scale 1e-180", mean_of(picture), 0.4999, 0.5001, "tolerance 2e-4");
     import_result_release(&import);
 }
 
@@ -179,8 +176,8 @@ static void test_half_weights(void **state)
                  "\"POSITION\":0,\"JOINTS_0\":1,\"WEIGHTS_0\":2}}]}]",
                  &import);
     render(&import, &settings, picture);
-    figure_within("radiance of a skin's card whose weights add up to a half", mean_of(picture),
-                  0.4999, 0.5001, "tolerance 2e-4");
+    figure_within("radiance of a skin's card whose weights add up to a half", mean_of(picture), 0.4999, 0.5001,
+                  "tolerance 2e-4");
     import_result_release(&import);
 }
 

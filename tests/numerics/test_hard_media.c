@@ -60,8 +60,7 @@ static void test_clear_channel(void **state)
     medium->absorption[0] = 1;
     b.scene.instances[0].mesh = builder_quad(&b);
     builder_environment_constant(&b, vec3_splat(1));
-    radiance_figure(&b, &settings, COMPARISONS, 1, 1,
-                    "green through an endless medium that absorbs red");
+    radiance_figure(&b, &settings, COMPARISONS, 1, 1, "green through an endless medium that absorbs red");
     builder_release(&b);
 }
 
@@ -96,8 +95,7 @@ static void test_forward_peak(void **state)
     sun->direction[1] = 1;
     sun->intensity[0] = (float)irradiance;
     radiance_figure(&b, &settings, COMPARISONS, 0,
-                    irradiance * 2 * density * exp(-2 * density) * (1 + g) /
-                        (4 * M_PI * (1 - g) * (1 - g)),
+                    irradiance * 2 * density * exp(-2 * density) * (1 + g) / (4 * M_PI * (1 - g) * (1 - g)),
                     "forward peak of a phase function of 0.999");
     builder_release(&b);
 }
@@ -125,8 +123,8 @@ static void test_dense_ball(void **state)
         builder_release(&b);
     }
     figure_z("radiance of an opaque ball of a medium, at an optical radius of 1e9", seen[1][0].mean,
-             hypot(running_stats_error(&seen[0][0]), running_stats_error(&seen[1][0])),
-             seen[0][0].mean, RADIANCE_SIGNIFICANCE, COMPARISONS);
+             hypot(running_stats_error(&seen[0][0]), running_stats_error(&seen[1][0])), seen[0][0].mean,
+             RADIANCE_SIGNIFICANCE, COMPARISONS);
 }
 
 /* ---- grids ------------------------------------------------------------------------------------ */
@@ -151,8 +149,7 @@ static void test_block_edge(void **state)
 
     (void)state;
     grid_scene(&b, density, 3);
-    radiance_figure(&b, &settings, COMPARISONS, 0, exp(-3),
-                    "transmittance of one cell at a block's edge");
+    radiance_figure(&b, &settings, COMPARISONS, 0, exp(-3), "transmittance of one cell at a block's edge");
     builder_release(&b);
 }
 
@@ -166,8 +163,7 @@ static void test_along_an_axis(void **state)
     for (int i = 0; i < 16; i++)
         density[i] = 1;
     grid_scene(&b, density, 0.5f);
-    radiance_figure(&b, &settings, COMPARISONS, 0, exp(-1),
-                    "transmittance of a grid along an axis");
+    radiance_figure(&b, &settings, COMPARISONS, 0, exp(-1), "transmittance of a grid along an axis");
     builder_release(&b);
 }
 
@@ -186,8 +182,7 @@ static void test_bad_cells(void **state)
         for (int k = 0; k < 16; k++)
             density[k] = k == 3 || k == 4 || k == 5 ? bad[i] : 1;
         grid_scene(&b, density, 0.5f);
-        radiance_figure(&b, &settings, COMPARISONS, 0, expected,
-                        "transmittance of a grid with three bad cells");
+        radiance_figure(&b, &settings, COMPARISONS, 0, expected, "transmittance of a grid with three bad cells");
         builder_release(&b);
     }
 }

@@ -21,8 +21,7 @@ static const float plane_corners[12] = {-1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1};
 static const float plane_normals[12] = {0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0};
 static const uint32_t plane_indices[6] = {0, 1, 2, 0, 2, 3};
 
-static double mean_red(struct scene_builder *b, const struct render_settings *settings,
-                       uint32_t frame)
+static double mean_red(struct scene_builder *b, const struct render_settings *settings, uint32_t frame)
 {
     static double picture[PIXELS * 3];
     struct render_stats stats = {0};
@@ -85,18 +84,16 @@ static void test_pressed_flat(void **state)
     b.scene.nodes[joint].rotation[0] = sin(turn / 2);
     b.scene.nodes[joint].rotation[3] = cos(turn / 2);
     b.scene.nodes[joint].scale[1] = 0;
-    mesh = builder_mesh_deforming_smooth(&b, plane_corners, plane_normals, 4, plane_indices, 2,
-                                         whole, NULL, NULL, 0);
+    mesh = builder_mesh_deforming_smooth(&b, plane_corners, plane_normals, 4, plane_indices, 2, whole, NULL, NULL, 0);
     builder_lambert(&b, 1);
     builder_place(&b, mesh, 0, vec3_splat(1), vec3_splat(0))->skin = builder_skin(&b, &joint, 1);
-    builder_camera(&b, vec3_make(0, (float)cos(turn) * 3, (float)sin(turn) * 3), vec3_splat(0),
-                   0.01f);
+    builder_camera(&b, vec3_make(0, (float)cos(turn) * 3, (float)sin(turn) * 3), vec3_splat(0), 0.01f);
     sun = builder_light(&b, LIGHT_DIRECTIONAL);
     sun->direction[1] = -(float)cos(turn);
     sun->direction[2] = -(float)sin(turn);
     sun->intensity[0] = (float)M_PI;
-    figure_within("radiance of a skin that is pressed flat", mean_red(&b, &settings, 0), 0.999,
-                  1.001, "tolerance 1e-3");
+    figure_within("radiance of a skin that is pressed flat", mean_red(&b, &settings, 0), 0.999, 1.001,
+                  "tolerance 1e-3");
     builder_release(&b);
 }
 

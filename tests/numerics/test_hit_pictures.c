@@ -12,7 +12,7 @@
 #include "tests/support/figure.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { SIDE = 16, PIXELS = SIDE * SIDE };
 
@@ -65,8 +65,7 @@ static uint32_t square(struct scene_builder *b, int back, const struct vec3 *nor
 }
 
 /* The square in a furnace, seen from `eye`. */
-static struct picture in_furnace(int back, const struct vec3 *normal, struct vec3 scale,
-                                 struct vec3 eye)
+static struct picture in_furnace(int back, const struct vec3 *normal, struct vec3 scale, struct vec3 eye)
 {
     struct render_settings settings = furnace();
     struct scene_builder b;
@@ -101,8 +100,8 @@ static void normals_may_have_any_length(void **state)
         struct vec3 normal = vec3_make(0, 0, lengths[k]);
         darkest = fmin(darkest, in_furnace(0, &normal, vec3_splat(1), vec3_make(1, 0, 1)).darkest);
     }
-    figure_within("darkest pixel of walls with normals of length 1e-25 to 1e25", darkest, 1 - 1e-5,
-                  1 + 1e-5, "closed form, tolerance 1e-5");
+    figure_within("darkest pixel of walls with normals of length 1e-25 to 1e25", darkest, 1 - 1e-5, 1 + 1e-5,
+                  "closed form, tolerance 1e-5");
 }
 
 /* Where a normal has no direction, the face's own counts. Another, such as the direction to the
@@ -129,12 +128,11 @@ static void a_stretched_slope_keeps_its_normal(void **state)
     (void)state;
     builder_init(&b);
     builder_lambert(&b, 1);
-    builder_place(&b, builder_mesh(&b, corners, normals, 4, faces, 2, 0), 0, vec3_make(1, 4, 1),
-                  vec3_splat(0));
+    builder_place(&b, builder_mesh(&b, corners, normals, 4, faces, 2, 0), 0, vec3_make(1, 4, 1), vec3_splat(0));
     builder_environment_constant(&b, vec3_splat(1));
     builder_camera(&b, vec3_make(0, -1, 4), vec3_splat(0), 0.02f);
-    figure_within("white slope with normals, stretched fourfold, in a furnace",
-                  render(&b, &settings).mean, 1 - 1e-5, 1 + 1e-5, "closed form, tolerance 1e-5");
+    figure_within("white slope with normals, stretched fourfold, in a furnace", render(&b, &settings).mean, 1 - 1e-5,
+                  1 + 1e-5, "closed form, tolerance 1e-5");
 }
 
 /* A lamp shines from its front only, and a mirrored one's front is where the mirror puts it. */
@@ -151,8 +149,8 @@ static void a_mirrored_lamp_shines_forward(void **state)
     lamp->emission[0] = lamp->emission[1] = lamp->emission[2] = 2;
     builder_place(&b, square(&b, 0, NULL), 0, vec3_make(-1, 1, 1), vec3_splat(0));
     builder_camera(&b, vec3_make(0.1f, 0.2f, 3), vec3_splat(0), 0.1f);
-    figure_within("lamp of radiance 2, mirrored, from its front", render(&b, &settings).mean,
-                  2 - 1e-5, 2 + 1e-5, "closed form, tolerance 1e-5");
+    figure_within("lamp of radiance 2, mirrored, from its front", render(&b, &settings).mean, 2 - 1e-5, 2 + 1e-5,
+                  "closed form, tolerance 1e-5");
 }
 
 /* A coarse mirror ball with smooth normals, in a furnace: at its rim the mirror direction of the
@@ -172,8 +170,8 @@ static void a_coarse_mirror_has_no_black_rim(void **state)
     builder_place(&b, builder_sphere(&b, 8, 1), 0, vec3_splat(1), vec3_splat(0));
     builder_environment_constant(&b, vec3_splat(1));
     builder_camera(&b, vec3_make(0, 0, 5), vec3_splat(0), 0.45f);
-    figure_within("darkest pixel of a white mirror ball of 128 faces, in a furnace",
-                  render(&b, &settings).darkest, 1 - 1e-4, 1 + 1e-4, "closed form, tolerance 1e-4");
+    figure_within("darkest pixel of a white mirror ball of 128 faces, in a furnace", render(&b, &settings).darkest,
+                  1 - 1e-4, 1 + 1e-4, "closed form, tolerance 1e-4");
 }
 
 /* A black wall before light that is behind it: its shading normal leans to that side by 80 degrees
@@ -209,13 +207,11 @@ static void a_wall_keeps_light_out(void **state)
         const float n[12] = {leaning.x, leaning.z, 0, leaning.x, leaning.z, 0,
                              leaning.x, leaning.z, 0, leaning.x, leaning.z, 0};
         const uint32_t faces[6] = {0, 1, 2, 0, 2, 3};
-        builder_place(&b, builder_mesh(&b, corners, n, 4, faces, 2, 0), 0, vec3_splat(1),
-                      vec3_splat(0));
+        builder_place(&b, builder_mesh(&b, corners, n, 4, faces, 2, 0), 0, vec3_splat(1), vec3_splat(0));
     }
     builder_environment_map(&b, sky, 16, 8);
     builder_camera(&b, vec3_make(0.5f, 1, 0.01f), vec3_splat(0), 0.02f);
-    figure_within("wall with a bright sky behind it", render(&b, &settings).lightest, 0, 0,
-                  "exact");
+    figure_within("wall with a bright sky behind it", render(&b, &settings).lightest, 0, 0, "exact");
 }
 
 /* ---- bodies ---------------------------------------------------------------------------------- */
@@ -246,8 +242,8 @@ static void a_body_left_first_ends(void **state)
     builder_place(&b, square(&b, 0, NULL), 0, vec3_splat(1), vec3_make(0, 0, -0.5f));
     builder_place(&b, square(&b, 0, NULL), 1, vec3_splat(1), vec3_make(0, 0, -5.5f));
     builder_camera(&b, vec3_make(0, 0, 3), vec3_splat(0), 0.05f);
-    figure_within("lamp of radiance 1 behind glass that is left before it is entered",
-                  render(&b, &settings).mean, 1 - 1e-5, 1 + 1e-5, "closed form, tolerance 1e-5");
+    figure_within("lamp of radiance 1 behind glass that is left before it is entered", render(&b, &settings).mean,
+                  1 - 1e-5, 1 + 1e-5, "closed form, tolerance 1e-5");
 }
 
 /* ---- a sheet --------------------------------------------------------------------------------- */
@@ -255,8 +251,7 @@ static void a_body_left_first_ends(void **state)
 enum { CELLS = 48, ACROSS = CELLS + 1 };
 
 /* A bumpy sheet over the square from -1 to 1, open: what slips through is not traced again. */
-static uint32_t bumpy_sheet(struct scene_builder *b, float p[3 * ACROSS * ACROSS],
-                            uint32_t indices[6 * CELLS * CELLS])
+static uint32_t bumpy_sheet(struct scene_builder *b, float p[3 * ACROSS * ACROSS], uint32_t indices[6 * CELLS * CELLS])
 {
     struct test_random random = {5};
 
@@ -304,8 +299,7 @@ static void a_sheet_lets_nothing_through(void **state)
         ray.direction = vec3_normalize(vec3_sub(at, ray.origin));
         through += !accel_intersect(scene->accel, &ray, NULL, &hit);
     }
-    figure_within("of 400,000 rays at the edges of an open sheet, those that pass", through, 0, 0,
-                  "exact");
+    figure_within("of 400,000 rays at the edges of an open sheet, those that pass", through, 0, 0, "exact");
     render_scene_free(scene);
     builder_release(&b);
 }

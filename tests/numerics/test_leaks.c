@@ -17,7 +17,7 @@
 #include "worker/render/base/exact.h"
 #include "worker/render/path/path.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 static uint64_t rays_wanted = 1000000;
 /* With more, each case is printed and the large meshes are tried everywhere. */
@@ -99,19 +99,16 @@ static uint32_t add_form(struct scene_builder *b, enum form form)
 
 struct shooter {
     struct render_scene *scene;
-    struct vec3 at, scale;   /* of instance 0, around whose middle the rays start */
+    struct vec3 at, scale; /* of instance 0, around whose middle the rays start */
     uint64_t counter;
     struct render_stats stats;
 };
 
-static double number(struct shooter *sh)
-{
-    return (double)(hash_u64(++sh->counter) >> 11) * 0x1p-53;
-}
+static double number(struct shooter *sh) { return (double)(hash_u64(++sh->counter) >> 11) * 0x1p-53; }
 
 static uint32_t any_triangle(struct shooter *sh)
 {
-    const struct world_mesh *mesh = &sh->scene->meshes[sh->scene->instances[0].mesh];
+    const struct render_mesh *mesh = &sh->scene->meshes[sh->scene->instances[0].mesh];
 
     return (uint32_t)(number(sh) * mesh->triangle_count);
 }
@@ -122,7 +119,7 @@ static void any_target(struct shooter *sh, uint32_t triangle, int edge, double o
     double c[3][3], f = edge ? number(sh) : 0;
     int a = (int)(3 * number(sh)), b = (a + 1) % 3;
 
-    world_exact_corners(sh->scene, 0, triangle, 0, c);
+    triangle_exact_corners(sh->scene, 0, triangle, 0, c);
     for (int k = 0; k < 3; k++)
         out[k] = c[a][k] + f * (c[b][k] - c[a][k]);
 }
@@ -131,8 +128,7 @@ static void any_target(struct shooter *sh, uint32_t triangle, int edge, double o
 static void start_in_air(struct shooter *sh, struct ray *ray)
 {
     *ray = (struct ray){.t_max = INFINITY};
-    ray->origin = vec3_make((float)(number(sh) - 0.5), (float)(number(sh) - 0.5),
-                            (float)(number(sh) - 0.5));
+    ray->origin = vec3_make((float)(number(sh) - 0.5), (float)(number(sh) - 0.5), (float)(number(sh) - 0.5));
     ray->origin = vec3_add(sh->at, vec3_mul(vec3_scale(ray->origin, 0.5f), sh->scale));
 }
 
@@ -143,7 +139,7 @@ static void start_on_face(struct shooter *sh, struct ray *ray, struct surface *s
     struct hit hit = {0, any_triangle(sh)};
 
     start_in_air(sh, ray);
-    world_exact_corners(sh->scene, 0, hit.triangle, 0, c);
+    triangle_exact_corners(sh->scene, 0, hit.triangle, 0, c);
     if (u + v > 1) {
         u = 1 - u;
         v = 1 - v;
@@ -164,8 +160,7 @@ static int direction_to(const double target[3], const double from[3], struct vec
     length = sqrt(exact_dot(to, to));
     if (!(length > 0))
         return 0;
-    *direction = vec3_make((float)(to[0] / length), (float)(to[1] / length),
-                           (float)(to[2] / length));
+    *direction = vec3_make((float)(to[0] / length), (float)(to[1] / length), (float)(to[2] / length));
     return 1;
 }
 
@@ -178,8 +173,7 @@ static int aim_from_face(const struct surface *s, const double target[3], struct
     exact_vec(s->p, from);
     for (int k = 0; k < 3; k++)
         from[k] += s->rest[k];
-    if (s->front || !direction_to(target, from, &direction) ||
-        !(vec3_dot(direction, s->ng) > 1e-5f))
+    if (s->front || !direction_to(target, from, &direction) || !(vec3_dot(direction, s->ng) > 1e-5f))
         return 0;
     surface_leave(s, direction, ray);
     return 1;
@@ -208,9 +202,9 @@ static int is_lit(struct shooter *sh, const struct ray *ray)
 /* Does it meet nothing at all? (One that meets glass may pass it.) */
 static int escapes(struct shooter *sh, const struct ray *ray)
 {
-    uint64_t before = sh->stats.rays;
+    uint64_t before = sh->stats.work.rays;
 
-    return is_lit(sh, ray) && sh->stats.rays == before + 1;
+    return is_lit(sh, ray) && sh->stats.work.rays == before + 1;
 }
 
 /* The same of a ray that the sun would send in through a vertex or an edge: the ray looks at the
@@ -229,7 +223,7 @@ static int sun_arrives(struct shooter *sh, struct vec3 sun, const double target[
     ray.direction = sun;
     if (!accel_intersect(sh->scene->accel, &ray, &query, &hit))
         return 0;
-    world_exact_corners(sh->scene, hit.instance, hit.triangle, 0, c);
+    triangle_exact_corners(sh->scene, hit.instance, hit.triangle, 0, c);
     exact_normal(c, n);
     t = exact_crossing(c, n, target, d);
     for (int k = 0; k < 3; k++)
@@ -255,8 +249,7 @@ static uint64_t shoot(struct shooter *sh, uint64_t count, int on_face)
         else
             start_in_air(sh, &ray);
         /* Some graze the face from which they come, on their way to its neighbour. */
-        any_target(sh, on_face && i % 8 == 5 ? s.triangle ^ 1 : any_triangle(sh), i % 4 == 3,
-                   target);
+        any_target(sh, on_face && i % 8 == 5 ? s.triangle ^ 1 : any_triangle(sh), i % 4 == 3, target);
         aimed = on_face ? aim_from_face(&s, target, &ray) : aim(target, &ray);
         escaped += (uint64_t)(aimed && escapes(sh, &ray));
     }
@@ -280,9 +273,8 @@ static struct scene_material *add_glass(struct scene_builder *b)
 /* Of one form in one place. The camera is inside it but for GLASS; BLACK has nothing to see there. */
 enum { BLACK, GLASS, GLASS_AROUND };
 
-
-static struct render_scene *build(struct scene_builder *b, enum form form, const struct place *place,
-                                  enum isa isa, int glass)
+static struct render_scene *build(struct scene_builder *b, enum form form, const struct place *place, enum isa isa,
+                                  int glass)
 {
     struct render_settings settings = builder_settings(16, 16, 1);
     uint32_t mesh;
@@ -328,17 +320,16 @@ static void check_everywhere(int on_face, int glass, const char *what)
                            glass ? "not outside" : "not inside");
                 unsure += sh.scene->enclosed == glass;
                 escaped = shoot(&sh, share, on_face);
-                leaked += sh.stats.leaked_rays;
+                leaked += sh.stats.work.leaked_rays;
                 if (rays_wanted >= RAYS_LONG)
                     printf("# %s, %s, %s, from %s: %llu rays, %llu leaked, %llu escaped\n",
                            isa_name((enum isa)isa), form_names[form], places[place].name,
                            glass ? "a face of glass" : on_face ? "a face" : "mid-air",
-                           (unsigned long long)sh.stats.rays,
-                           (unsigned long long)sh.stats.leaked_rays, (unsigned long long)escaped);
+                           (unsigned long long)sh.stats.work.rays,
+                           (unsigned long long)sh.stats.work.leaked_rays, (unsigned long long)escaped);
                 if (escaped)
-                    printf("# %s, %s, %s: %llu of %llu rays escaped\n", isa_name((enum isa)isa),
-                           form_names[form], places[place].name, (unsigned long long)escaped,
-                           (unsigned long long)share);
+                    printf("# %s, %s, %s: %llu of %llu rays escaped\n", isa_name((enum isa)isa), form_names[form],
+                           places[place].name, (unsigned long long)escaped, (unsigned long long)share);
                 all += escaped;
                 render_scene_free(sh.scene);
                 builder_release(&b);
@@ -380,7 +371,7 @@ static void test_glass_from_mid_air(void **state)
             assert_int_equal(sh.scene->enclosed, 0);
             assert_int_equal(sh.scene->camera_interior.count, 1);
             escaped += shoot(&sh, rays_wanted / 12, 0);
-            repaired += sh.stats.leaked_rays;
+            repaired += sh.stats.work.leaked_rays;
             render_scene_free(sh.scene);
             builder_release(&b);
         }
@@ -424,14 +415,14 @@ static uint64_t glass_in_parts(enum isa isa, uint64_t share, uint64_t *repaired)
             for (int c = ring == 0 ? 3 : 0; c < (ring == SEGMENTS - 1 ? 3 : 6); c++)
                 indices[n++] = quad[c];
         }
-        builder_place(&b, builder_mesh(&b, p, NULL, ACROSS * ACROSS, indices, n / 3, 0), 0,
-                      sh.scale, sh.at)->sealed = 1;
+        builder_place(&b, builder_mesh(&b, p, NULL, ACROSS * ACROSS, indices, n / 3, 0), 0, sh.scale, sh.at)->sealed =
+            1;
     }
     builder_environment_constant(&b, vec3_splat(1));
     builder_camera(&b, vec3_add(sh.at, vec3_scale(sh.scale, 5)), sh.at, 1);
     sh.scene = builder_build(&b, &settings);
     escaped = shoot(&sh, share, 1);
-    *repaired += sh.stats.leaked_rays;
+    *repaired += sh.stats.work.leaked_rays;
     render_scene_free(sh.scene);
     builder_release(&b);
     return escaped;
@@ -483,12 +474,11 @@ static void test_shadow_rays(void **state)
                 lit += (uint64_t)sun_arrives(&sh, sun, target);
             }
             if (rays_wanted >= RAYS_LONG)
-                printf("# %s, %s, to the sun: %llu rays, %llu leaked, %llu escaped\n",
-                       isa_name((enum isa)isa), places[place].name,
-                       (unsigned long long)sh.stats.rays, (unsigned long long)sh.stats.leaked_rays,
-                       (unsigned long long)lit);
+                printf("# %s, %s, to the sun: %llu rays, %llu leaked, %llu escaped\n", isa_name((enum isa)isa),
+                       places[place].name, (unsigned long long)sh.stats.work.rays,
+                       (unsigned long long)sh.stats.work.leaked_rays, (unsigned long long)lit);
             all += lit;
-            repaired += sh.stats.leaked_rays;
+            repaired += sh.stats.work.leaked_rays;
             render_scene_free(sh.scene);
             builder_release(&b);
         }

@@ -18,7 +18,7 @@
 #include "worker/render/path/crossing.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 static uint64_t rays_wanted = 8000;
 /* With more, each case is printed. */
@@ -65,8 +65,7 @@ static void needle_init(struct needle *n, float scale, float shift, enum isa isa
     glass->refractive = 1;
     glass->ior = 1.5f;
     builder_place(b, builder_mesh(b, p, NULL, 4, faces, 4, 1), 0, vec3_splat(1), vec3_splat(0));
-    builder_camera(b, vec3_make(at[0], at[1], at[2] + 5 * scale), vec3_make(at[0], at[1], at[2]),
-                   1);
+    builder_camera(b, vec3_make(at[0], at[1], at[2] + 5 * scale), vec3_make(at[0], at[1], at[2]), 1);
     n->scene = builder_build(b, &settings);
 }
 
@@ -76,10 +75,7 @@ static void needle_release(struct needle *n)
     builder_release(&n->builder);
 }
 
-static double number(struct needle *n)
-{
-    return (double)test_random_float(&n->random);
-}
+static double number(struct needle *n) { return (double)test_random_float(&n->random); }
 
 /* A vertex, or a place close to one or to an edge, and by 1e-8 to 0.3 of the way to the middle. */
 static void any_target(struct needle *n, int kind, double out[3])
@@ -109,8 +105,8 @@ static void any_origin(struct needle *n, int inside, double out[3])
 
 /* Where the line is in the needle, in metres, by double; 0: nowhere before its origin or behind.
  * `towards`: it enters by these faces. */
-static int pierces(const struct needle *n, const double origin[3], const double direction[3],
-                   double *enters, double *leaves, int towards[4])
+static int pierces(const struct needle *n, const double origin[3], const double direction[3], double *enters,
+                   double *leaves, int towards[4])
 {
     *enters = -INFINITY;
     *leaves = INFINITY;
@@ -162,8 +158,7 @@ static double to_outline(const struct needle *n, const double origin[3], const d
 }
 
 /* The next face on the ray's way, as a path finds it. */
-static int meet(const struct render_scene *scene, const struct ray *ray, int inside,
-                struct surface *s)
+static int meet(const struct render_scene *scene, const struct ray *ray, int inside, struct surface *s)
 {
     struct hit hit;
 
@@ -192,11 +187,10 @@ static void shoot(struct needle *n, int inside, int kind, struct count *count)
     ray.origin = exact_round(origin, ray.rest);
     exact_sub(target, origin, direction);
     length = sqrt(exact_dot(direction, direction));
-    ray.direction = vec3_make((float)(direction[0] / length), (float)(direction[1] / length),
-                              (float)(direction[2] / length));
+    ray.direction =
+        vec3_make((float)(direction[0] / length), (float)(direction[1] / length), (float)(direction[2] / length));
     exact_vec(ray.direction, direction);
-    if (!pierces(n, origin, direction, &enters, &leaves, towards) ||
-        (inside ? enters > -1e-9 * n->size : enters < 0))
+    if (!pierces(n, origin, direction, &enters, &leaves, towards) || (inside ? enters > -1e-9 * n->size : enters < 0))
         return;
     depth = to_outline(n, origin, direction, towards) / (leaves + exact_largest(origin)) * 0x1p24;
     if (depth < RIM)
@@ -232,10 +226,10 @@ static void check(int inside)
                 shoot(&n, inside, (int)(i % 4), &count);
             needle_release(&n);
             if (rays_wanted >= RAYS_LONG)
-                printf("# %s, scale %g at %g, from %s: %llu rays, %llu missed, %llu swapped\n",
-                       isa_name((enum isa)isa), (double)cases[k].scale, (double)cases[k].shift,
-                       inside ? "inside" : "outside", (unsigned long long)count.rays,
-                       (unsigned long long)count.missed, (unsigned long long)count.swapped);
+                printf("# %s, scale %g at %g, from %s: %llu rays, %llu missed, %llu swapped\n", isa_name((enum isa)isa),
+                       (double)cases[k].scale, (double)cases[k].shift, inside ? "inside" : "outside",
+                       (unsigned long long)count.rays, (unsigned long long)count.missed,
+                       (unsigned long long)count.swapped);
             assert_true(count.rays > rays_wanted / 2 && (inside || count.near > 0));
             missed += (double)count.missed;
             swapped = fmax(swapped, (double)count.swapped / (double)count.rays);

@@ -11,7 +11,7 @@
 #include "tests/support/figure.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* A white plane (two coplanar triangles) under a constant environment, seen at a grazing
  * angle: with one bounce by the cosine every pixel is exactly its albedo, unless a ray that
@@ -33,8 +33,7 @@ static double plane_mean(float scale, struct vec3 shift)
     quad = builder_quad(&b);
     builder_place(&b, quad, 0, vec3_make(scale, scale, scale), shift);
     builder_environment_constant(&b, vec3_splat(1));
-    builder_camera(&b,
-                   vec3_add(shift, vec3_scale(vec3_make(0.3f, 0.05f, 0.9f), scale)),
+    builder_camera(&b, vec3_add(shift, vec3_scale(vec3_make(0.3f, 0.05f, 0.9f), scale)),
                    vec3_add(shift, vec3_scale(vec3_make(0.1f, 0, -0.1f), scale)), 0.02f);
     scene = builder_build(&b, &settings);
     builder_render(scene, &settings, 0, mean, NULL, &stats);
@@ -99,8 +98,8 @@ static void test_sphere_places(void **state)
         }
         sum /= 24 * 24 * 3;
         if (fabs(sum - 1) > 1e-5 || low < 0.9999)
-            fail_msg("sphere of radius %g at %g: mean %.6f, darkest pixel %.4f", (double)s,
-                     (double)cases[k].shift, sum, low);
+            fail_msg("sphere of radius %g at %g: mean %.6f, darkest pixel %.4f", (double)s, (double)cases[k].shift, sum,
+                     low);
         render_scene_free(scene);
         builder_release(&b);
     }
@@ -134,8 +133,7 @@ static void test_instances(void **state)
     sum /= 32 * 32 * 3;
     render_scene_free(scene);
     builder_release(&b);
-    figure_within("white instance 1 km away, in a furnace", sum, 1 - 1e-5, 1 + 1e-5,
-                  "closed form, tolerance 1e-5");
+    figure_within("white instance 1 km away, in a furnace", sum, 1 - 1e-5, 1 + 1e-5, "closed form, tolerance 1e-5");
 }
 
 /* A ball of 2 km that a matrix makes of one of 2 m, its pole at the origin, seen from 4 mm: Embree's
@@ -166,17 +164,17 @@ static void test_large_instance(void **state)
         }
     }
     builder_environment_constant(&b, vec3_splat(1));
-    builder_camera(&b, vec3_make((float)turn[0][1] * 0.004f, (float)turn[1][1] * 0.004f,
-                                 (float)turn[2][1] * 0.004f), vec3_splat(0), 0.3f);
+    builder_camera(&b, vec3_make((float)turn[0][1] * 0.004f, (float)turn[1][1] * 0.004f, (float)turn[2][1] * 0.004f),
+                   vec3_splat(0), 0.3f);
     scene = builder_build(&b, &settings);
-    assert_null(scene->instances[0].world_positions);
+    assert_null(scene->instances[0].instance_positions);
     builder_render(scene, &settings, 0, mean, NULL, &stats);
     for (size_t i = 0; i < 32 * 32 * 3; i++)
         sum += mean[i] / (32 * 32 * 3);
     render_scene_free(scene);
     builder_release(&b);
-    figure_within("pole of a white ball of 2 km, an instance of one of 2 m, in a furnace", sum, 1 - 1e-5,
-                  1 + 1e-5, "closed form, tolerance 1e-5");
+    figure_within("pole of a white ball of 2 km, an instance of one of 2 m, in a furnace", sum, 1 - 1e-5, 1 + 1e-5,
+                  "closed form, tolerance 1e-5");
 }
 
 /* A plane that moves, turns, spins or bends while the shutter is open, seen at a grazing angle
@@ -204,11 +202,9 @@ static double moving_plane_mean(enum mover mover, float scale, float distance)
     settings.shutter = 1;
     builder_init(&b);
     builder_lambert(&b, 1);
-    instance = builder_place(&b,
-                             mover == BY_BENDING
-                                 ? builder_mesh_deforming(&b, square, 4, indices, 2, NULL, lifted, 1)
-                                 : builder_quad(&b),
-                             0, vec3_splat(1), vec3_splat(0));
+    instance = builder_place(
+        &b, mover == BY_BENDING ? builder_mesh_deforming(&b, square, 4, indices, 2, NULL, lifted, 1) : builder_quad(&b),
+        0, vec3_splat(1), vec3_splat(0));
     builder_node(&b, -1, 0); /* where it all is, and how large */
     b.scene.nodes[0].translation[0] = distance;
     b.scene.nodes[0].translation[2] = -0.7f * distance;
@@ -244,7 +240,7 @@ static double moving_plane_mean(enum mover mover, float scale, float distance)
     for (size_t i = 0; i < 32 * 32 * 3; i++)
         sum += mean[i];
     /* Every sample met the plane: one ray to it, one that left it. */
-    assert_int_equal(stats.rays, 2 * stats.samples);
+    assert_int_equal(stats.work.rays, 2 * stats.work.samples);
     render_scene_free(scene);
     builder_release(&b);
     return sum / (32 * 32 * 3);
@@ -260,8 +256,8 @@ static void test_moving(void **state)
         for (size_t k = 0; k < sizeof places / sizeof *places; k++) {
             double got = moving_plane_mean((enum mover)mover, places[k].scale, places[k].distance);
             if (fabs(got - 1) > 1e-5)
-                fail_msg("mover %d, scale %g at %g: mean %.7f instead of 1", mover,
-                         (double)places[k].scale, (double)places[k].distance, got);
+                fail_msg("mover %d, scale %g at %g: mean %.7f instead of 1", mover, (double)places[k].scale,
+                         (double)places[k].distance, got);
         }
 }
 

@@ -95,6 +95,7 @@ static void black_stays_black(void **state)
     struct image in = picture_grey(8, 8, 0);
 
     (void)state;
+    tonemap_preset_set(&s, "white", 0); /* the paper's: the brightest pixel */
     figure_within("light of a black picture", light_at(&in, &s, 4, 4), 0, 0, "exact");
 }
 
@@ -290,7 +291,7 @@ static void pfm_is_light(void **state)
     memcpy(file, header, sizeof header - 1);
     memcpy(file + sizeof header - 1, texels, sizeof texels); /* little-endian, as -1 says */
     assert_int_equal(pfm_decode(&map, file, sizeof file, "map.pfm", &err), STATUS_OK);
-    figure_within("sum of a PFM map of 1 and a NaN", (double)map.pixels[0] + (double)map.pixels[1], 1, 1, "exact");
+    figure_within("sum of a PFM map of 1 and a NaN", (double)map.pixels[0] + (double)map.pixels[3], 1, 1, "exact");
     image_release(&map);
 }
 

@@ -23,7 +23,7 @@
 #include "worker/render/light/emitters.h"
 #include "worker/render/path/path.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { SIDE_CELLS_MAX = 7, VERTICES_MAX = 64, LEAVE = 4 };
 #define HALF 5.0
@@ -36,7 +36,7 @@ enum { DISTANCES = sizeof distances / sizeof *distances, GAPS = sizeof gaps / si
 /* How the second sheet is written. */
 struct pair {
     const char *what;
-    uint32_t cells;     /* of the second; the first has one */
+    uint32_t cells; /* of the second; the first has one */
     int reversed, one_sided, in_mesh;
 };
 
@@ -50,17 +50,11 @@ static const struct pair pairs[] = {
 };
 
 /* Of two that face away from each other the second hides the first's light, if floats can tell. */
-static int is_dark(const struct pair *p, double gap)
-{
-    return p->one_sided && p->reversed && gap > 1e-6;
-}
+static int is_dark(const struct pair *p, double gap) { return p->one_sided && p->reversed && gap > 1e-6; }
 
 static struct test_random source;
 
-static double number(double low, double high)
-{
-    return low + (high - low) * test_random_double(&source);
-}
+static double number(double low, double high) { return low + (high - low) * test_random_double(&source); }
 
 static double turn[3][3]; /* the columns are the sheet's axes, the last its normal */
 
@@ -109,11 +103,11 @@ static void add_sheet(float (*vertices)[3], uint32_t *vertex_count, uint32_t *in
     }
 }
 
-static void add_mesh(struct scene_builder *b, float (*vertices)[3], uint32_t vertex_count,
-                     const uint32_t *indices, uint32_t triangles, uint32_t material)
+static void add_mesh(struct scene_builder *b, float (*vertices)[3], uint32_t vertex_count, const uint32_t *indices,
+                     uint32_t triangles, uint32_t material)
 {
-    builder_place(b, builder_mesh(b, vertices[0], NULL, vertex_count, indices, triangles, 0), material,
-                  vec3_splat(1), vec3_splat(0));
+    builder_place(b, builder_mesh(b, vertices[0], NULL, vertex_count, indices, triangles, 0), material, vec3_splat(1),
+                  vec3_splat(0));
 }
 
 /* In a furnace, half of it seen from `distance` away. */
@@ -194,8 +188,8 @@ static void meet_pair(const struct render_scene *scene, const struct pair *p, do
     for (int i = 0; i < LEAVE; i++) {
         surface_leave(&s, any_direction(s.ng), &next);
         count->left++;
-        count->caught += accel_intersect(scene->accel, &next, &query, &other) ||
-                         accel_occluded(scene->accel, &next, &query);
+        count->caught +=
+            accel_intersect(scene->accel, &next, &query, &other) || accel_occluded(scene->accel, &next, &query);
         /* At an edge the repair believes what stands up there. */
         count->repaired += !near_edge && accel_intersect_enclosed(scene->accel, &next, &query, &other);
     }
@@ -231,8 +225,7 @@ static void rays_leave_a_pair(void **state)
             }
     printf("# %lu rays, of %lu that met the second sheet\n", all.left, LEAVE * all.second);
     assert_true(all.second > 1000);
-    figure_within("rays that a pair of faces catches", (double)all.caught, 0, (double)all.left * 1e-5,
-                  "share 1e-5");
+    figure_within("rays that a pair of faces catches", (double)all.caught, 0, (double)all.left * 1e-5, "share 1e-5");
     figure_within("rays that a pair of faces catches when they are traced again", (double)all.repaired, 0,
                   (double)all.left * 1e-5, "share 1e-5");
 }
@@ -297,8 +290,7 @@ static void look_under(const struct render_scene *scene, double height, double d
     if (!(fabs(at[0]) < 1 - height && fabs(at[1]) < 1 - height))
         return;
     count->left++;
-    count->caught += accel_intersect(scene->accel, &next, &query, &hit) &&
-                     accel_occluded(scene->accel, &next, &query);
+    count->caught += accel_intersect(scene->accel, &next, &query, &hit) && accel_occluded(scene->accel, &next, &query);
 }
 
 static void a_card_keeps_its_shadow(void **state)
@@ -342,8 +334,7 @@ static void a_pair_sends_out_what_arrives(void **state)
                 char what[96];
                 choose_turn(t);
                 build_pair(&b, &pairs[p], close[g], 10);
-                snprintf(what, sizeof what, "%s, gap %g%s, in a furnace", pairs[p].what, close[g],
-                         t ? ", turned" : "");
+                snprintf(what, sizeof what, "%s, gap %g%s, in a furnace", pairs[p].what, close[g], t ? ", turned" : "");
                 radiance_figure(&b, &settings, COMPARISONS, 1, 1, what);
                 builder_release(&b);
             }

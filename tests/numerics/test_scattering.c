@@ -97,8 +97,7 @@ static void expect_white(const char *what, const struct bsdf_params *p, float mu
 }
 
 /* At most what comes in, by one of `tests` one-sided tests, and at least `least` of it. */
-static void expect_no_gain(const char *what, const struct bsdf_params *p, struct vec3 wo, double least,
-                           unsigned tests)
+static void expect_no_gain(const char *what, const struct bsdf_params *p, struct vec3 wo, double least, unsigned tests)
 {
     struct furnace f = furnace(p, wo, 60000);
     double z = normal_quantile(1 - sidak_alpha(SIGNIFICANCE, tests));
@@ -175,8 +174,8 @@ static void narrow_highlights_have_their_shape(void **state)
 
     (void)state;
     p.single_scattering = 1;
-    figure_within("a lamp in a mirror of alpha .0011, over its closed form", lamp_in_mirror(&p, up, 1.1e-3, 1),
-                  0.999, 1.001, "closed form, tolerance 1e-3");
+    figure_within("a lamp in a mirror of alpha .0011, over its closed form", lamp_in_mirror(&p, up, 1.1e-3, 1), 0.999,
+                  1.001, "closed form, tolerance 1e-3");
     coated.base_color = coated.specular_color = vec3_splat(0);
     coated.specular = 0;
     coated.clearcoat = 1;
@@ -217,8 +216,8 @@ static void every_random_number_has_a_density(void **state)
         without_density += bsdf_sample(&b, direction(0.5f), 0.5f, 0, v, &s) && !(s.pdf > 0);
         without_density += bsdf_sample(&b, direction(0.5f), 0.5f, v, 0, &s) && !(s.pdf > 0);
     }
-    figure_within("samples of a matt surface without a density, of 2,000 at the first random number",
-                  without_density, 0, 0, "exact");
+    figure_within("samples of a matt surface without a density, of 2,000 at the first random number", without_density,
+                  0, 0, "exact");
 }
 
 /* ---- interfaces ------------------------------------------------------------------------------------ */
@@ -373,8 +372,8 @@ static void a_lobe_that_is_no_number_leaves_the_others(void **state)
     wall.diffuse_transmission_color = vec3_splat(1);
     bsdf_init(&b, &wall, wo);
     b.thin_wall.spread.root_o = NAN;
-    figure_within("light through a matt wall beside a blur that is no number",
-                  (double)bsdf_eval(&b, wo, through).y, 0.1, 0.15, "closed form .4 (1 - R) / pi, within a fifth");
+    figure_within("light through a matt wall beside a blur that is no number", (double)bsdf_eval(&b, wo, through).y,
+                  0.1, 0.15, "closed form .4 (1 - R) / pi, within a fifth");
     figure_within("densities of theirs that are counted", (double)count[HEALTH_BAD_DENSITIES], 2, 2, "exact");
     health_scope.count = NULL;
 }

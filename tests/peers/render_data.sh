@@ -36,7 +36,7 @@ fail() {
 # NAME: as high as SIZE, and as wide as the file's own camera has it
 size_of() {
     local import=$out/${1%%[@+:]*}.import aspect
-    if [ ! -f "$import" ] || grep -q 'has no camera' "$import"; then
+    if [ ! -f "$import" ] || grep -qE 'has (no|neither) camera' "$import"; then
         echo "$size"
         return
     fi
@@ -89,7 +89,7 @@ try() {
         esac
         return
     fi
-    if grep -q 'the file has no light' "$out/$name.import"; then
+    if grep -qE 'the file has (no|neither camera nor) light' "$out/$name.import"; then
         options=(--env "$sky")
     fi
     # Frame 1 is the default of a scene that stands still, frame 0 of one that moves.

@@ -8,9 +8,10 @@
 #include <cmocka.h>
 #include <stdio.h>
 
+#include "common/accuracy/word.h"
 #include "tests/support/judge.h"
 
-enum { SIZE = 32, SEEDS = 16, LEVELS = 4, REFERENCE_SPP = 1024 };
+enum { SIZE = 32, SEEDS = 32, LEVELS = 4, REFERENCE_SPP = 1024 };
 
 struct tally {
     int pictures, warned, covered_rmse, covered_display;
@@ -26,7 +27,7 @@ static struct tally tally_level(const struct calibration *c, uint32_t level)
         struct judgement j;
         judge(&j, c, seed, level);
         t.pictures++;
-        t.warned += !j.figures.reliable;
+        t.warned += !j.figures.reliable || !accuracy_rmse_is_reliable(&j.figures);
         t.covered_rmse += j.figures.rmse_lo <= j.true_rmse && j.true_rmse <= j.figures.rmse_hi;
         t.covered_display += j.figures.display_lo <= j.true_display && j.true_display <= j.figures.display_hi;
         t.display += j.figures.display_error;
@@ -51,7 +52,8 @@ static void assert_ratio(const char *what, double printed, double truth)
         fail_msg("%s: printed / true is %.3f", what, printed / truth);
 }
 
-/* 64 pictures a scene: of intervals that hold in 95 % at least 56 do but in one of 1,000 cases. */
+/* 128 pictures a scene: of intervals that hold in 95 % at least 113 do but in one of 1,000 cases. The RMSE of a
+ * small Cornell box differs from picture to picture by a third: sixteen seeds were too few for a mean within 15 %. */
 static void check_reliable(const char *scene, uint32_t first_level)
 {
     struct calibration c;
@@ -70,9 +72,9 @@ static void check_reliable(const char *scene, uint32_t first_level)
         warned += t.warned;
     }
     calibration_release(&c);
-    if (covered[0] < pictures - 8)
+    if (covered[0] < pictures - 15)
         fail_msg("%d of %d intervals of the RMSE hold", covered[0], pictures);
-    if (covered[1] < (int)(LEVELS - first_level) * SEEDS - 8)
+    if (covered[1] < (int)(LEVELS - first_level) * SEEDS - 15)
         fail_msg("%d intervals of the display error hold", covered[1]);
     if (warned > pictures / 5)
         fail_msg("%d of %d pictures were warned of", warned, pictures);
@@ -108,7 +110,7 @@ static void test_small_caustic(void **state)
     calibration_release(&c);
 }
 
-/* Glass that most samples leave dark: the display error of the first passes is far too small, and is warned of. */
+/* Glass that most samples leave dark: by the groups alone, the display error of the first passes is half of the truth. */
 static void test_sparse_glass(void **state)
 {
     struct calibration c;
@@ -117,8 +119,7 @@ static void test_sparse_glass(void **state)
     (void)state;
     render(&c, "scenes/features/nested.gltf");
     t = tally_level(&c, 0);
-    assert_true(t.display < 0.67 * t.true_display);
-    assert_true(t.warned >= t.pictures - 1);
+    assert_true(t.display > 0.75 * t.true_display && t.display < 1.15 * t.true_display);
     assert_ratio("RMSE", t.rmse, t.true_rmse);
     calibration_release(&c);
 }

@@ -22,10 +22,7 @@ static struct render_settings narrow(uint32_t spp, uint32_t depth)
     return s;
 }
 
-static void splat(float out[3], float value)
-{
-    out[0] = out[1] = out[2] = value;
-}
+static void splat(float out[3], float value) { out[0] = out[1] = out[2] = value; }
 
 static void veil(struct scene_builder *b, float alpha, float albedo, float height)
 {
@@ -191,8 +188,7 @@ static void test_mix(void **state)
     }
     /* One part shines: seen, and thrown on nothing else. */
     splat(b.scene.materials[1].emission, 4);
-    radiance_expect(&b, &settings, COMPARISONS,
-                    2 * (0.75 * first + 0.25 * 0.8) + 0.75 * 0.3 * 4, "mix with a lamp");
+    radiance_expect(&b, &settings, COMPARISONS, 2 * (0.75 * first + 0.25 * 0.8) + 0.75 * 0.3 * 4, "mix with a lamp");
     builder_release(&b);
 }
 
@@ -228,8 +224,7 @@ static void test_diffuse_transmission(void **state)
         for (int c = 0; c < 3; c++) {
             reflects = (1 - share) * albedo[c];
             passes = share * through[c];
-            expected[c] = side == 2 ? reflects + passes
-                                    : (side ? passes : reflects) * 2 * cosine / M_PI;
+            expected[c] = side == 2 ? reflects + passes : (side ? passes : reflects) * 2 * cosine / M_PI;
         }
         radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
                             side == 0   ? "leaf lit from before"

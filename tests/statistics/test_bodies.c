@@ -16,8 +16,7 @@
 enum { COMPARISONS = 60 };
 
 /* One face of a slab at this height: its front is above (up) or below. */
-static struct scene_instance *face(struct scene_builder *b, uint32_t quad, uint32_t material,
-                                   float y, int up)
+static struct scene_instance *face(struct scene_builder *b, uint32_t quad, uint32_t material, float y, int up)
 {
     return builder_place(b, quad, material, vec3_make(9, up ? 1 : -1, 9), vec3_make(0, y, 0));
 }
@@ -42,14 +41,7 @@ static void test_two_meshes(void **state)
     face(&b, quad, 1, 0.5f, 1);
     face(&b, quad, 1, -0.5f, 0);
     slabs_look_down(&b, 5);
-    for (int c = 0; c < 3; c++) {
-        struct layers half = layers_absorber(layers_per_metre(outer, c), 1.5);
-        struct layers s = layers_stacked(layers_interface(1, 1.5), half);
-        s = layers_stacked(s, layers_interface(1.5, 2));
-        s = layers_stacked(s, layers_absorber(layers_per_metre(inner, c), 1));
-        s = layers_stacked(layers_stacked(s, layers_interface(2, 1.5)), half);
-        expected[c] = layers_seen(layers_stacked(s, layers_interface(1.5, 1)));
-    }
+    LAYERS_SEEN(expected, {outer, 1.5}, {inner, 1}, {outer, 1.5});
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "a slab of two meshes");
     builder_release(&b);
 }
@@ -69,15 +61,9 @@ static void test_hollow(void **state)
     builder_init(&b);
     m = slabs_glass(&b, 1.5f, 2);
     builder_place(&b, builder_slab(&b), 0, vec3_make(9, 2, 9), vec3_splat(0));
-    builder_place(&b, builder_mesh(&b, positions, NULL, 8, inwards, 4, 0), 0, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(&b, builder_mesh(&b, positions, NULL, 8, inwards, 4, 0), 0, vec3_splat(1), vec3_splat(0));
     slabs_look_down(&b, 5);
-    for (int c = 0; c < 3; c++) {
-        struct layers wall = layers_stacked(layers_interface(1, 1.5),
-                                            layers_absorber(layers_per_metre(m, c), 1));
-        wall = layers_stacked(wall, layers_interface(1.5, 1));
-        expected[c] = layers_seen(layers_stacked(wall, wall));
-    }
+    LAYERS_SEEN(expected, {m, 1}, {NULL, 2}, {m, 1});
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "a hollow slab");
     builder_release(&b);
 }
@@ -100,11 +86,7 @@ static void test_union(void **state)
     builder_place(&b, slab, 0, vec3_make(9, -1, 9), vec3_make(0, 1, 0));
     builder_place(&b, slab, 0, vec3_make(-9, 0.25f, 9), vec3_make(0, 0.5f, 0));
     slabs_look_down(&b, 5);
-    for (int c = 0; c < 3; c++) {
-        struct layers s = layers_stacked(layers_interface(1, 1.5),
-                                         layers_absorber(layers_per_metre(m, c), 3));
-        expected[c] = layers_seen(layers_stacked(s, layers_interface(1.5, 1)));
-    }
+    LAYERS_SEEN(expected, {m, 3});
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "slabs that overlap");
     builder_release(&b);
 }
@@ -127,18 +109,7 @@ static void test_again_within(void **state)
     builder_place(&b, slab, 1, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
     slabs_look_down(&b, 5);
-    for (int c = 0; c < 3; c++) {
-        struct layers metre = layers_absorber(layers_per_metre(outer, c), 1);
-        struct layers water = layers_absorber(layers_per_metre(inner, c), 1);
-        double n = (double)1.33f;
-        struct layers s = layers_stacked(layers_interface(1, 1.5), metre);
-        s = layers_stacked(layers_stacked(s, layers_interface(1.5, n)), water);
-        s = layers_stacked(layers_stacked(s, layers_interface(n, 1.5)), metre);
-        s = layers_stacked(layers_stacked(s, metre), layers_interface(1.5, n));
-        s = layers_stacked(layers_stacked(s, water), layers_interface(n, 1.5));
-        s = layers_stacked(layers_stacked(s, metre), layers_interface(1.5, 1));
-        expected[c] = layers_seen(s);
-    }
+    LAYERS_SEEN(expected, {outer, 1}, {inner, 1}, {outer, 2}, {inner, 1}, {outer, 1});
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "glass in water in glass");
     builder_release(&b);
 }
@@ -164,11 +135,7 @@ static void test_two_materials(void **state)
     face(&b, quad, 2, 1, 1);
     face(&b, quad, 2, 0.5f, 0);
     slabs_look_down(&b, 5);
-    for (int c = 0; c < 3; c++) {
-        struct layers s = layers_stacked(layers_interface(1, 1.5),
-                                         layers_absorber(layers_per_metre(m, c), 3.5));
-        expected[c] = layers_seen(layers_stacked(s, layers_interface(1.5, 1)));
-    }
+    LAYERS_SEEN(expected, {m, 3.5});
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "a body of two materials");
     builder_release(&b);
 }
@@ -226,8 +193,7 @@ static void test_camera_inside(void **state)
     slabs_look_down(&b, 0.5f);
     for (int c = 0; c < 3; c++) {
         struct layers face_down = layers_interface(1.5, 1);
-        double half = exp(-layers_per_metre(outer, c) - 2 * layers_per_metre(inner, c) -
-                          layers_per_metre(outer, c));
+        double half = exp(-layers_per_metre(outer, c) - 2 * layers_per_metre(inner, c) - layers_per_metre(outer, c));
         double down = exp(-1.5 * layers_per_metre(inner, c) - layers_per_metre(outer, c));
         expected[c] = 1.5 * 1.5 * down * face_down.t / (1 - face_down.r_above * half);
     }
@@ -241,8 +207,7 @@ static void light_from_below(struct scene_builder *b)
     struct scene_material *lamp = builder_lambert(b, 0);
 
     lamp->emission[0] = lamp->emission[1] = lamp->emission[2] = 1;
-    builder_place(b, builder_quad(b), builder_last_material(b), vec3_splat(40),
-                  vec3_make(0, -8, 0));
+    builder_place(b, builder_quad(b), builder_last_material(b), vec3_splat(40), vec3_make(0, -8, 0));
     slabs_camera(b, 5);
 }
 
@@ -266,8 +231,7 @@ static void test_open(void **state)
     builder_place(&b, slab, 1, vec3_splat(1), vec3_make(0, -30.5f, 0));
     light_from_below(&b);
     radiance_expect(&b, &settings, COMPARISONS,
-                    layers_stacked(layers_interface((double)1.33f, 1),
-                                   layers_interface(1, (double)1.33f)).t,
+                    layers_stacked(layers_interface((double)1.33f, 1), layers_interface(1, (double)1.33f)).t,
                     "open sheets");
     builder_release(&b);
 }
@@ -294,8 +258,7 @@ static void test_boundaries(void **state)
         s = layers_stacked(layers_interface(1, (double)1.33f), layers_interface(1, eta));
         s = layers_stacked(s, layers_interface(eta, 1));
         s = layers_stacked(s, layers_interface((double)1.33f, 1));
-        radiance_expect(&b, &settings, COMPARISONS, s.t,
-                        below_one ? "an index below 1" : "every boundary");
+        radiance_expect(&b, &settings, COMPARISONS, s.t, below_one ? "an index below 1" : "every boundary");
         builder_release(&b);
     }
 }
@@ -323,8 +286,8 @@ static void test_media_by_boundary(void **state)
     builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, slab, 1, vec3_make(9, 1, 9), vec3_splat(0));
     slabs_look_down(&b, 5);
-    radiance_expect_rgb(&b, &settings, COMPARISONS,
-                        (double[3]){exp(-0.25 * 2), exp(-0.5 * 2), 1}, "media by boundaries");
+    radiance_expect_rgb(&b, &settings, COMPARISONS, (double[3]){exp(-0.25 * 2), exp(-0.5 * 2), 1},
+                        "media by boundaries");
     /* A pane of glass's index 1 into the inner one: the same, and a thin wall parts media too. */
     b.scene.materials[1].kind = MATERIAL_SURFACE;
     b.scene.materials[1].transmission = 1;
@@ -332,8 +295,8 @@ static void test_media_by_boundary(void **state)
     b.scene.materials[1].roughness = 0;
     for (int i = 0; i < 3; i++)
         b.scene.materials[1].base_color[i] = 1;
-    radiance_expect_rgb(&b, &settings, COMPARISONS,
-                        (double[3]){exp(-0.25 * 2), exp(-0.5 * 2), 1}, "media parted by a pane");
+    radiance_expect_rgb(&b, &settings, COMPARISONS, (double[3]){exp(-0.25 * 2), exp(-0.5 * 2), 1},
+                        "media parted by a pane");
     builder_release(&b);
 }
 

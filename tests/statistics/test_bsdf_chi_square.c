@@ -14,6 +14,7 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "tests/support/bsdf_checks.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/statistics.h"
 #include "worker/render/bsdf/bsdf.h"
@@ -41,36 +42,13 @@ enum {
     SAMPLES = 30000,
 };
 
-struct subject {
-    struct bsdf bsdf;
-    struct vec3 wo;
-    float side; /* +1: reflection, -1: transmission */
-};
-
-static int sample(void *user, const float u[3], struct vec3 *wi)
-{
-    const struct subject *s = user;
-    struct bsdf_sample out;
-
-    if (!bsdf_sample(&s->bsdf, s->wo, u[0], u[1], u[2], &out) || (out.flags & BSDF_DELTA))
-        return 0;
-    *wi = out.wi;
-    return out.wi.z * s->side > 0;
-}
-
-static double pdf(void *user, struct vec3 wi)
-{
-    const struct subject *s = user;
-    return wi.z * s->side > 0 ? (double)bsdf_pdf(&s->bsdf, s->wo, wi) : 0;
-}
-
 static unsigned tests_run;
 
 static void check(const struct bsdf_params *params, float cos_o, float side)
 {
     float sin_o = sqrtf(1 - cos_o * cos_o), sin_t, width = params->alpha;
-    struct subject s = {.wo = {sin_o * 0.6f, sin_o * -0.8f, cos_o}, .side = side};
-    struct chi_square_setup setup = {.sample = sample, .pdf = pdf, .user = &s, .samples = SAMPLES,
+    struct bsdf_subject s = {.wo = {sin_o * 0.6f, sin_o * -0.8f, cos_o}, .side = side};
+    struct chi_square_setup setup = {.sample = bsdf_subject_sample, .pdf = bsdf_subject_pdf, .user = &s, .samples = SAMPLES,
                                      .seed = ++tests_run};
     struct bsdf_params single;
     char name[200];
@@ -95,15 +73,15 @@ static void check(const struct bsdf_params *params, float cos_o, float side)
     if (width <= FOCUS_BELOW && !(side < 0 && params->refractive))
         setup.squeeze = fmax(cos_o, width);
     snprintf(name, sizeof name, "metallic %g, alpha %g, ior %g, transmission %g%s%s, cos %g, %s",
-             (double)params->metallic, (double)params->alpha, (double)params->ior,
-             (double)params->transmission, params->refractive ? " refractive" : "",
-             params->inside ? " inside" : "", (double)cos_o, side > 0 ? "above" : "below");
+             (double)params->metallic, (double)params->alpha, (double)params->ior, (double)params->transmission,
+             params->refractive ? " refractive" : "", params->inside ? " inside" : "", (double)cos_o,
+             side > 0 ? "above" : "below");
     if (!chi_square_accept(&setup, SIGNIFICANCE, TESTS, name))
         fail_msg("%s: samples do not follow the density (tables above)", name);
 }
 
-static struct bsdf_params material(float metallic, float alpha, float ior, float transmission,
-                                   int refractive, int inside)
+static struct bsdf_params material(float metallic, float alpha, float ior, float transmission, int refractive,
+                                   int inside)
 {
     return (struct bsdf_params){.base_color = {0.9f, 0.6f, 0.3f}, .metallic = metallic,
                                 .alpha = alpha, .ior = ior, .specular = 1,

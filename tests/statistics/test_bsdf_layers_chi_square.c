@@ -11,7 +11,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "tests/support/bsdf_maker.h"
+#include "tests/support/bsdf_checks.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/statistics.h"
 
@@ -27,41 +27,18 @@ enum {
     SAMPLES = 30000,
 };
 
-struct subject {
-    struct bsdf bsdf;
-    struct vec3 wo;
-    float side; /* +1: reflection, -1: transmission */
-};
-
-static int sample(void *user, const float u[3], struct vec3 *wi)
-{
-    const struct subject *s = user;
-    struct bsdf_sample out;
-
-    if (!bsdf_sample(&s->bsdf, s->wo, u[0], u[1], u[2], &out) || (out.flags & BSDF_DELTA))
-        return 0;
-    *wi = out.wi;
-    return out.wi.z * s->side > 0;
-}
-
-static double pdf(void *user, struct vec3 wi)
-{
-    const struct subject *s = user;
-    return wi.z * s->side > 0 ? (double)bsdf_pdf(&s->bsdf, s->wo, wi) : 0;
-}
-
 static unsigned tests_run;
 
 static void check(const struct bsdf_params *params, struct vec3 wo)
 {
     for (float side = 1; side >= -1; side -= 2) {
-        struct subject s = {.wo = wo, .side = side};
-        struct chi_square_setup setup = {.sample = sample, .pdf = pdf, .user = &s,
+        struct bsdf_subject s = {.wo = wo, .side = side};
+        struct chi_square_setup setup = {.sample = bsdf_subject_sample, .pdf = bsdf_subject_pdf, .user = &s,
                                          .samples = SAMPLES, .seed = ++tests_run};
         bsdf_init(&s.bsdf, params, wo);
         if (!chi_square_accept(&setup, SIGNIFICANCE, TESTS, bsdf_maker_describe(params)))
-            fail_msg("cos %g side %g: %s: samples do not follow the density (tables above)",
-                     (double)wo.z, (double)side, bsdf_maker_describe(params));
+            fail_msg("cos %g side %g: %s: samples do not follow the density (tables above)", (double)wo.z, (double)side,
+                     bsdf_maker_describe(params));
     }
 }
 

@@ -11,7 +11,7 @@
 
 #include <math.h>
 
-#include "tests/support/bsdf_maker.h"
+#include "tests/support/bsdf_checks.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/statistics.h"
 
@@ -42,8 +42,7 @@ static struct bsdf_params material_with(enum bsdf_lobe lobe, float alpha)
 
     p.base_color = (struct vec3){1, 1, 1};
     switch (lobe) {
-    case BSDF_LOBE_DIFFUSE: /* with what plastic's microfacets return */
-        break;
+    case BSDF_LOBE_DIFFUSE: /* with what plastic's microfacets return */ break;
     case BSDF_LOBE_REFLECTION:
         p.conductor = 1;
         p.eta = (struct vec3){0.2f, 0.9f, 1.3f};
@@ -53,9 +52,7 @@ static struct bsdf_params material_with(enum bsdf_lobe lobe, float alpha)
         p.transmission = 1;
         p.refractive = 1;
         break;
-    case BSDF_LOBE_THIN_WALL:
-        p.transmission = 1;
-        break;
+    case BSDF_LOBE_THIN_WALL: p.transmission = 1; break;
     case BSDF_LOBE_DIFFUSE_TRANSMISSION:
         p.diffuse_transmission = 0.7f;
         p.diffuse_transmission_color = (struct vec3){1, 1, 1};
@@ -70,18 +67,15 @@ static struct bsdf_params material_with(enum bsdf_lobe lobe, float alpha)
         p.sheen_color = (struct vec3){1, 1, 1};
         p.sheen_alpha = alpha;
         break;
-    case BSDF_LOBES:
-        fail();
+    case BSDF_LOBES: fail();
     }
     return p;
 }
 
 struct subject {
-    struct bsdf bsdf;
-    struct vec3 wo;
+    struct bsdf_subject at;
     enum bsdf_lobe lobe;
     float alpha;
-    float side; /* +1: reflection, -1: transmission */
 };
 
 /* Case i of CASES, its lobe singled out. */
@@ -92,33 +86,16 @@ static struct subject subject_make(int i)
     struct bsdf_params p = material_with(s.lobe, s.alpha);
     float z = COSINES[i % COUNT_COSINES], sine = sqrtf(1 - z * z);
 
-    s.wo = (struct vec3){sine * 0.6f, sine * -0.8f, z};
-    bsdf_init(&s.bsdf, &p, s.wo);
-    if (!(s.bsdf.smooth_lobes >> s.lobe & 1) || !(s.bsdf.lobe_pdf[s.lobe] > 0))
+    s.at.wo = (struct vec3){sine * 0.6f, sine * -0.8f, z};
+    bsdf_init(&s.at.bsdf, &p, s.at.wo);
+    if (!(s.at.bsdf.smooth_lobes >> s.lobe & 1) || !(s.at.bsdf.lobe_pdf[s.lobe] > 0))
         fail_msg("%s: absent at alpha %g, cos %g", NAMES[s.lobe], (double)s.alpha, (double)z);
-    s.bsdf.lobes = s.bsdf.smooth_lobes = 1u << s.lobe;
+    s.at.bsdf.lobes = s.at.bsdf.smooth_lobes = 1u << s.lobe;
     if (s.lobe == BSDF_LOBE_INTERFACE) /* whose reflection that row evaluates */
-        s.bsdf.smooth_lobes |= 1u << BSDF_LOBE_REFLECTION;
+        s.at.bsdf.smooth_lobes |= 1u << BSDF_LOBE_REFLECTION;
     for (int k = 0; k < BSDF_LOBES; k++)
-        s.bsdf.lobe_pdf[k] = k == (int)s.lobe;
+        s.at.bsdf.lobe_pdf[k] = k == (int)s.lobe;
     return s;
-}
-
-static int sample(void *user, const float u[3], struct vec3 *wi)
-{
-    const struct subject *s = user;
-    struct bsdf_sample out;
-
-    if (!bsdf_sample(&s->bsdf, s->wo, u[0], u[1], u[2], &out) || (out.flags & BSDF_DELTA))
-        return 0;
-    *wi = out.wi;
-    return out.wi.z * s->side > 0;
-}
-
-static double pdf(void *user, struct vec3 wi)
-{
-    const struct subject *s = user;
-    return wi.z * s->side > 0 ? (double)bsdf_pdf(&s->bsdf, s->wo, wi) : 0;
 }
 
 static void samples_follow_each_density(void **state)
@@ -127,12 +104,12 @@ static void samples_follow_each_density(void **state)
     for (int i = 0; i < CASES; i++)
         for (int side = 1; side >= -1; side -= 2) {
             struct subject s = subject_make(i);
-            struct chi_square_setup setup = {.sample = sample, .pdf = pdf, .user = &s,
+            struct chi_square_setup setup = {.sample = bsdf_subject_sample, .pdf = bsdf_subject_pdf, .user = &s.at,
                                              .samples = SAMPLES, .seed = (uint64_t)i + 1};
-            s.side = (float)side;
+            s.at.side = (float)side;
             if (!chi_square_accept(&setup, SIGNIFICANCE, CASES * SIDES, NAMES[s.lobe]))
                 fail_msg("%s, alpha %g, cos %g, side %d: samples do not follow the density "
-                         "(tables above)", NAMES[s.lobe], (double)s.alpha, (double)s.wo.z, side);
+                         "(tables above)", NAMES[s.lobe], (double)s.alpha, (double)s.at.wo.z, side);
         }
 }
 
@@ -148,9 +125,9 @@ static void furnace(const struct subject *s, uint64_t seed, struct running_stats
         float sine = sqrtf(1 - z * z);
         struct vec3 wi = {sine * cosf(turn), sine * sinf(turn), z}, f;
         struct bsdf_sample out = {.eta_scale = 1};
-        if (!bsdf_sample(&s->bsdf, s->wo, w, u, v, &out))
+        if (!bsdf_sample(&s->at.bsdf, s->at.wo, w, u, v, &out))
             out.weight = (struct vec3){0, 0, 0};
-        f = vec3_scale(bsdf_eval(&s->bsdf, s->wo, wi), 4 * PI_F);
+        f = vec3_scale(bsdf_eval(&s->at.bsdf, s->at.wo, wi), 4 * PI_F);
         running_stats_add(sampled, (double)vec3_average(out.weight));
         running_stats_add(power, (double)(vec3_max(out.weight) * out.eta_scale));
         running_stats_add(evaluated, (double)vec3_average(f));
@@ -169,15 +146,13 @@ static void each_lobe_keeps_its_energy(void **state)
         furnace(&s, (uint64_t)i + 1, &sampled, &evaluated, &power);
         error = hypot(running_stats_error(&sampled), running_stats_error(&evaluated));
         if (fabs(sampled.mean - evaluated.mean) > z * error)
-            fail_msg("%s, alpha %g, cos %g: %.5f is sampled, %.5f evaluated (+- %.5f)",
-                     NAMES[s.lobe], (double)s.alpha, (double)s.wo.z, sampled.mean, evaluated.mean,
-                     error);
+            fail_msg("%s, alpha %g, cos %g: %.5f is sampled, %.5f evaluated (+- %.5f)", NAMES[s.lobe], (double)s.alpha,
+                     (double)s.at.wo.z, sampled.mean, evaluated.mean, error);
         if (power.mean > 1 + TABLE + z * running_stats_error(&power))
-            fail_msg("%s, alpha %g, cos %g: sends out %.5f", NAMES[s.lobe], (double)s.alpha,
-                     (double)s.wo.z, power.mean);
+            fail_msg("%s, alpha %g, cos %g: sends out %.5f", NAMES[s.lobe], (double)s.alpha, (double)s.at.wo.z,
+                     power.mean);
         if (!(power.mean > z * running_stats_error(&power)))
-            fail_msg("%s, alpha %g, cos %g: sends out nothing", NAMES[s.lobe], (double)s.alpha,
-                     (double)s.wo.z);
+            fail_msg("%s, alpha %g, cos %g: sends out nothing", NAMES[s.lobe], (double)s.alpha, (double)s.at.wo.z);
     }
 }
 

@@ -56,8 +56,7 @@ static struct vec visible_normal(struct vec w, double alpha, struct test_random 
     double turn = 2 * M_PI * test_random_double(r);
     double sine = sqrt(fmax(0, 1 - z * z));
 
-    return unit((struct vec){alpha * (sine * cos(turn) + s.x), alpha * (sine * sin(turn) + s.y),
-                             fmax(z + s.z, 1e-12)});
+    return unit((struct vec){alpha * (sine * cos(turn) + s.x), alpha * (sine * sin(turn) + s.y), fmax(z + s.z, 1e-12)});
 }
 
 /* Where the ray that is at *height and goes along d meets the surface next; 0: nowhere. Heights
@@ -79,15 +78,11 @@ static int next_height(struct vec d, double alpha, double *height, struct test_r
     return 1;
 }
 
-static double fresnel(double c, double eta)
-{
-    return (double)fresnel_dielectric((float)c, (float)eta);
-}
+static double fresnel(double c, double eta) { return (double)fresnel_dielectric((float)c, (float)eta); }
 
 /* Walk from wo until the light leaves the surface: 1, its direction and how often it met the
  * surface. eta as in struct bsdf. */
-static int walk(struct vec wo, double alpha, double eta, struct test_random *r, struct vec *wi,
-                int *orders)
+static int walk(struct vec wo, double alpha, double eta, struct test_random *r, struct vec *wi, int *orders)
 {
     struct vec d = times(-1, wo);
     double height = 1, side = 1; /* -1: in the far medium, where all is upside down */
@@ -123,10 +118,7 @@ static struct bsdf_params glass(double alpha, double ior, int inside, int single
                                 .refractive = 1, .inside = inside, .single_scattering = single};
 }
 
-static struct vec3 narrowed(struct vec w)
-{
-    return (struct vec3){(float)w.x, (float)w.y, (float)w.z};
-}
+static struct vec3 narrowed(struct vec w) { return (struct vec3){(float)w.x, (float)w.y, (float)w.z}; }
 
 /* One sample's power. */
 static double sample(const struct bsdf *b, struct vec3 wo, struct test_random *r, struct vec *wi)
@@ -234,8 +226,8 @@ static double distance(const struct spread *a, const struct spread *b)
     return sum;
 }
 
-static struct spread spread_of_walk(double mu, double alpha, double ior, int inside, int samples,
-                                    uint64_t seed, double *reflected_once)
+static struct spread spread_of_walk(double mu, double alpha, double ior, int inside, int samples, uint64_t seed,
+                                    double *reflected_once)
 {
     struct test_random r = {seed};
     struct spread s = {0};
@@ -265,8 +257,7 @@ static struct spread spread_of_model(double mu, double alpha, double ior, int in
     for (int i = 0; i < samples; i++) {
         double power = sample(&b, wo, &r, &w);
         if (power > 0 && scaling)
-            power *= scaling_at(scaling, inside, mu) *
-                     scaling_at(scaling, inside ^ (w.z < 0), fabs(w.z));
+            power *= scaling_at(scaling, inside, mu) * scaling_at(scaling, inside ^ (w.z < 0), fabs(w.z));
         if (power > 0)
             spread_add(&s, w, power / samples);
     }
@@ -291,15 +282,15 @@ static void the_walk_begins_with_single_scattering(void **state)
         reflected = m.all - m.through;
         error = z * sqrt(2 * fmax(once, 0.01) / SAMPLES);
         if (fabs(once - reflected) > error || fabs(w.all - 1) > 1e-3)
-            fail_msg("alpha %g mu %g inside %d: %.4f, single scattering %.4f; all %.4f", alpha, mu,
-                     i / 9, once, reflected, w.all);
+            fail_msg("alpha %g mu %g inside %d: %.4f, single scattering %.4f; all %.4f", alpha, mu, i / 9, once,
+                     reflected, w.all);
     }
 }
 
 /* The hemisphere's mean of what goes elsewhere than the walk sends it, and of the share that goes
  * through. */
-static double mean_distance(double alpha, double ior, int single, const struct scaling *scaling,
-                            int samples, double *through)
+static double mean_distance(double alpha, double ior, int single, const struct scaling *scaling, int samples,
+                            double *through)
 {
     enum { STEPS = 6 };
     double sum = 0, weight = 0, once;
@@ -308,8 +299,7 @@ static double mean_distance(double alpha, double ior, int single, const struct s
     for (int i = 0; i < 2 * STEPS; i++) {
         double mu = (i / 2 + 0.5) / STEPS;
         struct spread w = spread_of_walk(mu, alpha, ior, i & 1, samples, 1 + (uint64_t)i, &once);
-        struct spread m = spread_of_model(mu, alpha, ior, i & 1, single, scaling, samples,
-                                          50 + (uint64_t)i);
+        struct spread m = spread_of_model(mu, alpha, ior, i & 1, single, scaling, samples, 50 + (uint64_t)i);
         sum += mu * distance(&w, &m);
         *through += mu * fabs(w.through - m.through);
         weight += mu;
@@ -336,8 +326,8 @@ static void light_goes_where_the_walk_goes(void **state)
         double through, far;
         far = mean_distance(EXPECT[i].alpha, EXPECT[i].ior, 0, NULL, 25000, &through);
         if (far > EXPECT[i].distance || through > EXPECT[i].through)
-            fail_msg("alpha %g ior %g: %.4f goes elsewhere, %.4f through", EXPECT[i].alpha,
-                     EXPECT[i].ior, far, through);
+            fail_msg("alpha %g ior %g: %.4f goes elsewhere, %.4f through", EXPECT[i].alpha, EXPECT[i].ior, far,
+                     through);
     }
 }
 
@@ -405,8 +395,7 @@ static void a_ball_turns_light_as_the_walk_does(void **state)
             apart += 0.5 * fabs(m[a] - w[a]);
         }
         if (!(all > 0.985 && all < 1.005 && apart < 0.02))
-            fail_msg("alpha %g: %.4f leaves the ball, %.4f elsewhere than the walk's", ALPHAS[i],
-                     all, apart);
+            fail_msg("alpha %g: %.4f leaves the ball, %.4f elsewhere than the walk's", ALPHAS[i], all, apart);
     }
 }
 

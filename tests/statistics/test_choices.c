@@ -40,8 +40,7 @@ static void sky(struct scene_builder *b)
     builder_environment_map(b, map, W, H);
 }
 
-static void emitting(struct scene_builder *b, uint32_t mesh, float radiance, struct vec3 scale,
-                     struct vec3 place)
+static void emitting(struct scene_builder *b, uint32_t mesh, float radiance, struct vec3 scale, struct vec3 place)
 {
     struct scene_material *m = builder_lambert(b, 0);
 
@@ -98,8 +97,7 @@ static void glass(struct scene_builder *b)
     m = builder_lambert(b, 0.9f);
     m->metallic = 1;
     m->roughness = 0;
-    builder_place(b, builder_quad(b), builder_last_material(b), vec3_splat(1),
-                  vec3_make(-2, -0.5f, 0));
+    builder_place(b, builder_quad(b), builder_last_material(b), vec3_splat(1), vec3_make(-2, -0.5f, 0));
     sky(b);
 }
 
@@ -140,8 +138,8 @@ static const struct {
     void (*build)(struct scene_builder *b);
     void (*done)(struct scene_builder *b);
 } scenes[SCENES] = {
-    {"lamps", lamps, NULL}, {"sky", plain_sky, NULL}, {"glass", glass, NULL}, {"fog", fog, NULL},
-    {"window", window, window_done},
+    {"lamps", lamps, NULL}, {"sky", plain_sky, NULL},        {"glass", glass, NULL},
+    {"fog", fog, NULL},     {"window", window, window_done},
 };
 
 /* ---- the choices --------------------------------------------------------------------------- */
@@ -159,9 +157,8 @@ static const struct {
     const char *name;
     void (*set)(struct render_settings *s);
 } choices[CHOICES] = {
-    {"independent", independent}, {"power", by_power}, {"uniform lights", alike},
-    {"no roulette", no_roulette}, {"importance-only", map_only}, {"uniform", sphere},
-    {"uniform-only", sphere_only}, {"bsdf", surface_only},
+    {"independent", independent},  {"power", by_power}, {"uniform lights", alike},     {"no roulette", no_roulette},
+    {"importance-only", map_only}, {"uniform", sphere}, {"uniform-only", sphere_only}, {"bsdf", surface_only},
 };
 
 /* ---- comparing ----------------------------------------------------------------------------- */
@@ -171,8 +168,7 @@ struct pictures {
     struct render_stats stats;
 };
 
-static void render_frames(struct scene_builder *b, const struct render_settings *settings,
-                          struct pictures *out)
+static void render_frames(struct scene_builder *b, const struct render_settings *settings, struct pictures *out)
 {
     struct render_scene *scene = builder_build(b, settings);
     double mean[SIDE * SIDE * 3];
@@ -188,7 +184,7 @@ static void render_frames(struct scene_builder *b, const struct render_settings 
         for (int k = 0; k < BLOCKS; k++)
             running_stats_add(&out->block[k], sum[k]);
     }
-    assert_int_equal(out->stats.dropped_samples, 0);
+    assert_int_equal(out->stats.work.dropped_samples, 0);
     render_scene_free(scene);
 }
 
@@ -197,8 +193,7 @@ static double welch(const struct running_stats *a, const struct running_stats *b
 {
     double va = running_stats_variance(a) / (double)a->count;
     double vb = running_stats_variance(b) / (double)b->count;
-    double degrees = (va + vb) * (va + vb) /
-                     (va * va / (double)(a->count - 1) + vb * vb / (double)(b->count - 1));
+    double degrees = (va + vb) * (va + vb) / (va * va / (double)(a->count - 1) + vb * vb / (double)(b->count - 1));
 
     if (fabs(a->mean - b->mean) <= 2e-5 * fabs(b->mean))
         return 1;
@@ -238,9 +233,9 @@ static void expect_effect(double noise[SCENES][CHOICES], double rays[SCENES][CHO
     assert_true(noise[1][0] > 1.5); /* independent numbers, under a sky */
     assert_true(noise[0][2] > 4);   /* many lamps, all alike */
     assert_true(noise[0][1] > 1.02 && noise[0][1] < noise[0][2]);
-    assert_true(rays[3][3] > 1.1);  /* without roulette, in fog */
+    assert_true(rays[3][3] > 1.1); /* without roulette, in fog */
     for (int i = 1; i < SCENES; i++) {
-        assert_true(noise[i][4] > 1.2);             /* MIS saves noise, */
+        assert_true(noise[i][4] > 1.2);               /* MIS saves noise, */
         assert_true(noise[i][6] > 1.2 * noise[i][5]); /* with uniform directions, too */
         assert_true(noise[i][6] > noise[i][4]);
     }
@@ -266,9 +261,9 @@ static void test_unbiased(void **state)
             render_frames(&b, &settings, &other);
             p = least_p(&other, &plain);
             noise[i][k] = variance(&other) / variance(&plain);
-            rays[i][k] = (double)other.stats.rays / (double)plain.stats.rays;
-            print_message("# %s, %s: least p %.2g, variance %.3g times, rays %.3g times\n",
-                          scenes[i].name, choices[k].name, p, noise[i][k], rays[i][k]);
+            rays[i][k] = (double)other.stats.work.rays / (double)plain.stats.work.rays;
+            print_message("# %s, %s: least p %.2g, variance %.3g times, rays %.3g times\n", scenes[i].name,
+                          choices[k].name, p, noise[i][k], rays[i][k]);
             if (p < sidak_alpha(0.01, TESTS))
                 fail_msg("%s, %s: another picture (p = %.2g)", scenes[i].name, choices[k].name, p);
         }

@@ -33,10 +33,7 @@ struct direction {
     double x, y, z;
 };
 
-static double dot(struct direction a, struct direction b)
-{
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
+static double dot(struct direction a, struct direction b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 static double fresnel(double cosine, double eta)
 {
@@ -74,8 +71,7 @@ enum fate { LOST, REFLECTED, REFRACTED };
 
 /* One meeting with the interface, from above in the frame of w; *weight is
  * scaled by what masking leaves. */
-static enum fate meet(struct direction w, double alpha, double eta, double *weight,
-                      struct test_random *r)
+static enum fate meet(struct direction w, double alpha, double eta, double *weight, struct test_random *r)
 {
     struct direction h = {0, 0, 1};
     double cosine, z;
@@ -118,8 +114,7 @@ static int walk(double mu, double alpha, double eta, double *weight, struct test
 }
 
 /* What walks send out, for every base at once. */
-static void walk_albedos(double mu, double alpha, double eta, uint64_t seed,
-                         struct running_stats out[COUNT_BASES])
+static void walk_albedos(double mu, double alpha, double eta, uint64_t seed, struct running_stats out[COUNT_BASES])
 {
     struct test_random r = {seed};
 
@@ -145,8 +140,7 @@ static double inner_reflectance(double eta)
     return 1 - (1 - outside) / (eta * eta);
 }
 
-static struct running_stats our_albedo(double base, double mu, double alpha, double eta, int single,
-                                       uint64_t seed)
+static struct running_stats our_albedo(double base, double mu, double alpha, double eta, int single, uint64_t seed)
 {
     struct bsdf_params p = {
         .alpha = (float)alpha, .ior = (float)eta, .specular = 1, .single_scattering = single};
@@ -170,9 +164,8 @@ static struct running_stats our_albedo(double base, double mu, double alpha, dou
 static void compare(const double *alphas, int alpha_count, int base_count, int single)
 {
     static const double IORS[] = {1.25, 1.5, 2.2};
-    double z = normal_quantile(
-        1 -
-        0.5 * sidak_alpha(SIGNIFICANCE, (unsigned)(3 * alpha_count * COUNT_COSINES * base_count)));
+    double z =
+        normal_quantile(1 - 0.5 * sidak_alpha(SIGNIFICANCE, (unsigned)(3 * alpha_count * COUNT_COSINES * base_count)));
     uint64_t seed = 1;
 
     for (int n = 0; n < 3; n++)
@@ -181,14 +174,11 @@ static void compare(const double *alphas, int alpha_count, int base_count, int s
                 struct running_stats walked[COUNT_BASES];
                 walk_albedos(COSINES[c], alphas[a], IORS[n], ++seed, walked);
                 for (int k = 0; k < base_count; k++) {
-                    struct running_stats ours =
-                        our_albedo(BASES[k], COSINES[c], alphas[a], IORS[n], single, ++seed);
-                    double error =
-                        hypot(running_stats_error(&ours), running_stats_error(&walked[k]));
+                    struct running_stats ours = our_albedo(BASES[k], COSINES[c], alphas[a], IORS[n], single, ++seed);
+                    double error = hypot(running_stats_error(&ours), running_stats_error(&walked[k]));
                     if (fabs(ours.mean - walked[k].mean) > TABLE + z * error)
-                        fail_msg("ior %g alpha %g cos %g base %g: %.5f, the walk %.5f +- %.5f",
-                                 IORS[n], alphas[a], COSINES[c], BASES[k], ours.mean,
-                                 walked[k].mean, error);
+                        fail_msg("ior %g alpha %g cos %g base %g: %.5f, the walk %.5f +- %.5f", IORS[n], alphas[a],
+                                 COSINES[c], BASES[k], ours.mean, walked[k].mean, error);
                 }
             }
 }
@@ -219,11 +209,10 @@ static void rough_coats_over_white_keep_all(void **state)
     for (int a = 0; a < 5; a++)
         for (int n = 0; n < 3; n++)
             for (int c = 0; c < COUNT_COSINES; c++) {
-                struct running_stats ours = our_albedo(1, COSINES[c], ALPHAS[a], IORS[n], 0,
-                                                       (uint64_t)(a * 100 + n * 10 + c));
+                struct running_stats ours =
+                    our_albedo(1, COSINES[c], ALPHAS[a], IORS[n], 0, (uint64_t)(a * 100 + n * 10 + c));
                 if (fabs(ours.mean - 1) > 0.006 + z * running_stats_error(&ours))
-                    fail_msg("ior %g alpha %g cos %g: %.5f", IORS[n], ALPHAS[a], COSINES[c],
-                             ours.mean);
+                    fail_msg("ior %g alpha %g cos %g: %.5f", IORS[n], ALPHAS[a], COSINES[c], ours.mean);
             }
 }
 
@@ -256,12 +245,10 @@ static void smooth_coats_over_metals_are_the_series(void **state)
                     if (bsdf_sample(&b, wo, ((float)i + 0.5f) / STEPS, 0.5f, 0.5f, &s))
                         sum += (double)s.weight.y / STEPS;
                 }
-                metal = (double)fresnel_conductor((float)sqrt(1 - (1 - mu * mu) / (eta * eta)),
-                                                  p.eta.y, p.k.y);
+                metal = (double)fresnel_conductor((float)sqrt(1 - (1 - mu * mu) / (eta * eta)), p.eta.y, p.k.y);
                 metal = f + (1 - f) * (1 - f) * metal / (1 - f * metal);
                 if (fabs(sum - metal) > 1e-3)
-                    fail_msg("ior %g metal %d cos %g: %.5f, should be %.5f", eta, m, mu, sum,
-                             metal);
+                    fail_msg("ior %g metal %d cos %g: %.5f, should be %.5f", eta, m, mu, sum, metal);
             }
 }
 

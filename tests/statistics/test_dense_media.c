@@ -43,8 +43,7 @@ static void ball_read(struct ball *ball, const struct scene_builder *b)
         double e[2][3], *n = ball->plane[i], length;
         for (int k = 0; k < 2; k++)
             for (int a = 0; a < 3; a++)
-                e[k][a] = (double)p[3 * index[3 * i + k + 1] + (uint32_t)a] -
-                          (double)p[3 * index[3 * i] + (uint32_t)a];
+                e[k][a] = (double)p[3 * index[3 * i + k + 1] + (uint32_t)a] - (double)p[3 * index[3 * i] + (uint32_t)a];
         n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
         n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
         n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
@@ -61,8 +60,7 @@ static void ball_read(struct ball *ball, const struct scene_builder *b)
 }
 
 /* Along the line: where it enters and leaves. */
-static void ball_cross(const struct ball *ball, const double at[3], const double way[3],
-                       double *enter, double *leave)
+static void ball_cross(const struct ball *ball, const double at[3], const double way[3], double *enter, double *leave)
 {
     *enter = -INFINITY;
     *leave = INFINITY;
@@ -99,8 +97,8 @@ static void scatter(double way[3], double g, struct test_random *random)
 }
 
 /* What a path from `eye` along `way` sees of a white sky. */
-static double walk(const struct ball *ball, const double eye[3], const double along[3],
-                   double density, double g, struct test_random *random)
+static double walk(const struct ball *ball, const double eye[3], const double along[3], double density, double g,
+                   struct test_random *random)
 {
     double at[3] = {eye[0], eye[1], eye[2]}, way[3] = {along[0], along[1], along[2]};
     double weight = 1, enter, leave;
@@ -171,8 +169,8 @@ static void reference(const struct scene_builder *b, double density, double g, s
 
 static void compare(const struct running_stats *a, const struct running_stats *b, const char *what)
 {
-    figure_z(what, a->mean, hypot(running_stats_error(a), running_stats_error(b)), b->mean,
-             RADIANCE_SIGNIFICANCE, COMPARISONS);
+    figure_z(what, a->mean, hypot(running_stats_error(a), running_stats_error(b)), b->mean, RADIANCE_SIGNIFICANCE,
+             COMPARISONS);
 }
 
 /* Along the middle, and near the rim. Once the ball is opaque its density no longer counts. */
@@ -194,8 +192,8 @@ static void test_balls(void **state)
             ball_scene(&b, densities[k], gs[i], targets[i]);
             reference(&b, (double)densities[k], (double)gs[i], targets[i], &expected);
             radiance_measure(&b, &settings, seen);
-            snprintf(what, sizeof what, "%s, g %g, optical radius %g", i ? "rim" : "middle",
-                     (double)gs[i], (double)densities[k]);
+            snprintf(what, sizeof what, "%s, g %g, optical radius %g", i ? "rim" : "middle", (double)gs[i],
+                     (double)densities[k]);
             compare(&seen[0], &expected, what);
             if (k == 1)
                 opaque = seen[0];

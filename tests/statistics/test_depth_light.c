@@ -33,14 +33,14 @@ static struct seen look(struct scene_builder *b, uint32_t max_depth, uint32_t sp
     for (uint32_t frame = 0; frame < RADIANCE_FRAMES; frame++) {
         struct render_stats stats = {0};
         builder_render(scene, &settings, frame, picture, NULL, &stats);
-        assert_true(depth_light_is_valid(&stats.depth));
-        running_stats_add(&seen.share, depth_light_report(&stats.depth, stats.samples, max_depth).share);
-        running_stats_add(&seen.mean, stats.depth.sum[DEPTH_SEEN] / (double)stats.samples);
-        sum.samples += stats.samples;
-        depth_light_add(&sum.depth, &stats.depth);
+        assert_true(depth_light_is_valid(&stats.work.depth));
+        running_stats_add(&seen.share, depth_light_report(&stats.work.depth, stats.work.samples, max_depth).share);
+        running_stats_add(&seen.mean, stats.work.depth.sum[DEPTH_SEEN] / (double)stats.work.samples);
+        sum.work.samples += stats.work.samples;
+        depth_light_add(&sum.work.depth, &stats.work.depth);
     }
     render_scene_free(scene);
-    seen.all = depth_light_report(&sum.depth, sum.samples, max_depth);
+    seen.all = depth_light_report(&sum.work.depth, sum.work.samples, max_depth);
     return seen;
 }
 
@@ -49,8 +49,7 @@ static void expect_near(const char *what, double value, double expected, double 
     figure_within(what, value, expected - within, expected + within, how);
 }
 
-static void expect_share(const struct seen *seen, double expected, double slack, const char *what,
-                         uint32_t max_depth)
+static void expect_share(const struct seen *seen, double expected, double slack, const char *what, uint32_t max_depth)
 {
     char text[128], how[64];
     const double within = 4 * running_stats_error(&seen->share) + slack;
@@ -134,8 +133,7 @@ static void a_mirror_box(void **state)
 
 /* ---- white furnaces: what is missing to 1 is what the depth took --------------------------------- */
 
-static void expect_missing(struct scene_builder *b, uint32_t max_depth, uint32_t spp, double least,
-                           const char *what)
+static void expect_missing(struct scene_builder *b, uint32_t max_depth, uint32_t spp, double least, const char *what)
 {
     struct seen seen = look(b, max_depth, spp);
     const double missing = 1 - seen.mean.mean;
@@ -239,8 +237,7 @@ static void a_dense_medium(void **state)
 /* ---- pictures that have no closed form: against deeper paths ------------------------------------- */
 
 /* `within` is the factor by which the estimate may be off, as docs/NUMERICS.md says. */
-static void expect_deep(struct scene_builder *b, uint32_t max_depth, uint32_t deep, double factor,
-                        const char *what)
+static void expect_deep(struct scene_builder *b, uint32_t max_depth, uint32_t deep, double factor, const char *what)
 {
     struct seen seen = look(b, max_depth, 32), all = look(b, deep, 32);
     const double missing = 1 - seen.mean.mean / all.mean.mean;

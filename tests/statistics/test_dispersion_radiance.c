@@ -53,10 +53,7 @@ static double leaves(double n, double angle)
 }
 
 /* How far from straight below light of this index falls. */
-static double landing(double n)
-{
-    return FALL * tan(asin(n * sin(WEDGE)) - WEDGE);
-}
+static double landing(double n) { return FALL * tan(asin(n * sin(WEDGE)) - WEDGE); }
 
 /* A wedge: light enters its upper face, y = 1, head on, and leaves the lower one through the
  * point (0, -1, 0) towards -x, to a lamp whose edge is at -edge. */
@@ -70,8 +67,7 @@ static void wedge_scene(struct scene_builder *b, double edge, int beyond)
 
     builder_init(b);
     flint(b);
-    builder_place(b, builder_mesh(b, positions, NULL, 8, indices, 4, 0), 0, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(b, builder_mesh(b, positions, NULL, 8, indices, 4, 0), 0, vec3_splat(1), vec3_splat(0));
     m = builder_lambert(b, 0);
     m->emission[0] = m->emission[1] = m->emission[2] = 1;
     /* two metres wide, on one side of the edge */
@@ -122,8 +118,7 @@ static void test_prism(void **state)
         settings.without = EFFECT_DISPERSION;
         wedge_scene(&b, at - 1e-3, 1);
         enters = 1 - pow((n - 1) / (n + 1), 2);
-        radiance_expect(&b, &settings, COMPARISONS, enters * leaves(n, WEDGE),
-                        "bent by n_d, just beyond the edge");
+        radiance_expect(&b, &settings, COMPARISONS, enters * leaves(n, WEDGE), "bent by n_d, just beyond the edge");
         builder_release(&b);
         wedge_scene(&b, at + 1e-3, 1);
         radiance_expect(&b, &settings, COMPARISONS, 0, "bent by n_d, just short of it");
@@ -167,7 +162,7 @@ static void test_rough_face(void **state)
     (void)state;
     settings.max_depth = 1;
     for (int i = 0; i < STEPS; i++) {
-        struct render_settings one = builder_settings(1, 1, 2);
+        struct render_settings one = builder_settings(1, 1, 512);
         struct render_scene *scene;
         struct render_stats stats = {0};
         struct vec3 rgb;

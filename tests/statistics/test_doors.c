@@ -25,8 +25,7 @@ enum { WIDTH = 24, HEIGHT = 16, PIXELS = WIDTH * HEIGHT * 3 };
 static const uint32_t box_faces[36] = {0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
                                        2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5};
 
-static uint32_t shell_box(struct scene_builder *b, const struct vec3 axes[3], struct vec3 at,
-                          double more)
+static uint32_t shell_box(struct scene_builder *b, const struct vec3 axes[3], struct vec3 at, double more)
 {
     static const double inner[3] = {2, 1.5, 2.5};
     float p[24];
@@ -59,8 +58,7 @@ static void add_lamps(struct scene_builder *b, const struct vec3 axes[3], struct
         p[3 * i + 2] = v.z;
     }
     m->emission[0] = m->emission[1] = m->emission[2] = 1e6f;
-    builder_place(b, builder_mesh(b, p, NULL, 4, faces, 2, 0), builder_last_material(b),
-                  vec3_splat(1), vec3_splat(0));
+    builder_place(b, builder_mesh(b, p, NULL, 4, faces, 2, 0), builder_last_material(b), vec3_splat(1), vec3_splat(0));
     at = vec3_mad(at, axes[0], 2.011f);
     light = builder_light(b, LIGHT_POINT);
     light->position[0] = at.x;
@@ -101,8 +99,8 @@ static void test_far_off(void **state)
         builder_render(scene, &settings, 0, mean, NULL, &stats);
         for (int k = 0; k < PIXELS; k++)
             if (mean[k] != 0)
-                fail_msg("a room at %g m%s: light inside, %g at number %d", (double)far,
-                         i & 1 ? ", turned" : "", mean[k], k);
+                fail_msg("a room at %g m%s: light inside, %g at number %d", (double)far, i & 1 ? ", turned" : "",
+                         mean[k], k);
         render_scene_free(scene);
         builder_release(&b);
     }
@@ -113,15 +111,14 @@ static void test_far_off(void **state)
 /* A gap of 1 mm between door and frame, in a front wall of 1 mm, from the floor up to 2 m. */
 static const double gap = 1e-3, door_height = 2;
 
-static void add_block(struct scene_builder *b, uint32_t material, const double low[3],
-                      const double high[3], double scale)
+static void add_block(struct scene_builder *b, uint32_t material, const double low[3], const double high[3],
+                      double scale)
 {
     float p[24];
 
     for (int i = 0; i < 24; i++)
         p[i] = (float)(scale * ((i / 3) >> (i % 3) & 1 ? high[i % 3] : low[i % 3]));
-    builder_place(b, builder_mesh(b, p, NULL, 8, box_faces, 12, 1), material, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(b, builder_mesh(b, p, NULL, 8, box_faces, 12, 1), material, vec3_splat(1), vec3_splat(0));
 }
 
 /* The front wall lies between z = 0 (inside) and -wall, the gap between x = 0 and `gap`; the other
@@ -134,9 +131,9 @@ static void door_scene(struct scene_builder *b, float albedo, double scale)
     builder_lambert(b, 0.5f);
     builder_lambert(b, albedo);
     add_block(b, 0, (double[3]){-2, -t, -2 * t}, (double[3]){2, 0, 4}, scale);
-    add_block(b, 1, (double[3]){-2, 0, -t}, (double[3]){0, top, 0}, scale);  /* beside it */
-    add_block(b, 1, (double[3]){g, 0, -t}, (double[3]){2, top, 0}, scale);   /* the door */
-    add_block(b, 1, (double[3]){-1, h, -t}, (double[3]){1, top, 0}, scale);  /* above */
+    add_block(b, 1, (double[3]){-2, 0, -t}, (double[3]){0, top, 0}, scale); /* beside it */
+    add_block(b, 1, (double[3]){g, 0, -t}, (double[3]){2, top, 0}, scale);  /* the door */
+    add_block(b, 1, (double[3]){-1, h, -t}, (double[3]){1, top, 0}, scale); /* above */
     add_block(b, 1, (double[3]){-2, -t, -t}, (double[3]){-2 + t, top, 4}, scale);
     add_block(b, 1, (double[3]){2 - t, -t, -t}, (double[3]){2, top, 4}, scale);
     add_block(b, 1, (double[3]){-2, -t, 4}, (double[3]){2, top, 4 + t}, scale);
@@ -209,8 +206,8 @@ static void test_scaled_room(void **state)
     {
         double error = hypot(running_stats_error(&small[0]), running_stats_error(&large[0]));
         if (!(small[0].mean > 0) || fabs(small[0].mean - large[0].mean) > 4 * error)
-            fail_msg("%.6g in the room, %.6g in that of a thousand times its size, +- %.2g",
-                     small[0].mean, large[0].mean, error);
+            fail_msg("%.6g in the room, %.6g in that of a thousand times its size, +- %.2g", small[0].mean,
+                     large[0].mean, error);
         print_message("room %.6g and %.6g +- %.2g\n", small[0].mean, large[0].mean, error);
     }
 }

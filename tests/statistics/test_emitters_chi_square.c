@@ -13,16 +13,23 @@
 
 #include "tests/support/chi_square.h"
 #include "tests/support/scene_builder.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* The first place asks from all sides, the others as surfaces with a normal; scenes: lamps,
  * lamps and map, lamps and map behind portals. */
 enum { PLACES = 3, SCENES = 3, TESTS = SCENES * PLACES, TRIANGLES_MAX = 64 };
 
+/* A lamp's triangle as seen from one place: with direction d, det = facing . d, u = us . d / det, v = vs . d / det and
+ * t = height / det are Moeller and Trumbore's (1997), without what d has no part in. */
+struct seen_triangle {
+    double facing[3], us[3], vs[3], height, area2;
+    int lit_front, lit_back;
+};
+
 struct view {
     const struct render_scene *scene;
     struct light_context query;
-    double corner[TRIANGLES_MAX][3][3]; /* of the lamps' triangles */
+    struct seen_triangle lamps[TRIANGLES_MAX];
 };
 
 static int sample(void *user, const float u[3], struct vec3 *direction)
@@ -51,10 +58,7 @@ static void cross(const double a[3], const double b[3], double out[3])
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* The density by the other road: every lamp that the ray crosses, whatever is in front. */
 static double density(void *user, struct vec3 direction)
@@ -64,48 +68,34 @@ static double density(void *user, struct vec3 direction)
     const struct emitters *e = &scene->emitters;
     const struct light_context *query = &view->query;
     float environment_pdf = 0;
-    double sum;
+    double sum, d[3];
 
     if (e->has_environment)
         (void)emitters_environment(scene, query, direction, &environment_pdf);
     sum = (double)environment_pdf;
+    to_doubles(direction, d);
     for (uint32_t i = 0; i < e->face_count; i++) {
-        const struct world_instance *instance = &scene->instances[e->faces[i].instance];
-        double e1[3], e2[3], n[3], o[3], q[3], d[3], det, u, v, t, length, slack;
-        const double(*c)[3] = view->corner[i];
+        const struct seen_triangle *lamp = &view->lamps[i];
+        double det = dot(lamp->facing, d), u, v, t, slack;
 
-        to_doubles(direction, d);
-        to_doubles(query->p, o);
-        for (int a = 0; a < 3; a++) {
-            e1[a] = c[1][a] - c[0][a];
-            e2[a] = c[2][a] - c[0][a];
-            o[a] -= c[0][a];
-        }
-        cross(e1, e2, n);
-        cross(o, d, q);
-        length = sqrt(dot(n, n));
-        det = -dot(n, d);
-        if (det == 0)
+        if (!(det > 0 ? lamp->lit_front : lamp->lit_back) || det == 0 || lamp->height / det <= 0)
             continue;
-        u = dot(e2, q) / det;
-        v = -dot(e1, q) / det;
-        t = dot(o, n) / det;
+        u = dot(lamp->us, d) / det;
+        v = dot(lamp->vs, d) / det;
+        t = lamp->height / det;
         /* A sample's end is moved off the lamp along the normal: seen under a small angle, that
          * leads past an edge. */
-        slack = 1e-5 + 1e-5 * length / fabs(det);
-        if (u < -slack || v < -slack || u + v > 1 + 2 * slack || t <= 0)
+        slack = 1e-5 + 1e-5 * lamp->area2 / fabs(det);
+        if (u < -slack || v < -slack || u + v > 1 + 2 * slack)
             continue;
-        if ((det > 0) == instance->flipped &&
-            !scene->materials[instance->material].m.double_sided)
-            continue; /* its back, which shines nowhere */
-        sum += (double)emitters_face_pdf(scene, query, i, (float)(t * t),
-                                         (float)(fabs(det) / length), (float)(0.5 * length));
+        sum += (double)emitters_face_pdf(scene, query, i, (float)(t * t), (float)(fabs(det) / lamp->area2),
+                                         (float)(0.5 * lamp->area2));
     }
     return sum;
 }
 
-static void lamp(struct scene_builder *b, uint32_t mesh, float emission, int double_sided,
-                 struct vec3 scale, struct vec3 at)
+static void lamp(struct scene_builder *b, uint32_t mesh, float emission, int double_sided, struct vec3 scale,
+                 struct vec3 at)
 {
     struct scene_material *m = builder_lambert(b, 0.5f);
 
@@ -116,16 +106,35 @@ static void lamp(struct scene_builder *b, uint32_t mesh, float emission, int dou
 
 static void find_triangles(struct view *view)
 {
-    const struct emitters *e = &view->scene->emitters;
+    const struct render_scene *scene = view->scene;
+    const struct emitters *e = &scene->emitters;
 
     assert_true(e->face_count <= TRIANGLES_MAX);
     for (uint32_t i = 0; i < e->face_count; i++) {
+        const struct render_instance *instance = &scene->instances[e->faces[i].instance];
+        int double_sided = scene->materials[instance->material].m.double_sided;
+        struct seen_triangle *lamp = &view->lamps[i];
+        double c[3][3], e1[3], e2[3], n[3], o[3];
         struct vec3 corner[3];
 
-        world_triangle(view->scene, &view->scene->instances[e->faces[i].instance],
-                       e->faces[i].triangle, 0, corner);
+        triangle_of_instance(scene, instance, e->faces[i].triangle, 0, corner);
         for (int k = 0; k < 3; k++)
-            to_doubles(corner[k], view->corner[i][k]);
+            to_doubles(corner[k], c[k]);
+        to_doubles(view->query.p, o);
+        for (int a = 0; a < 3; a++) {
+            e1[a] = c[1][a] - c[0][a];
+            e2[a] = c[2][a] - c[0][a];
+            o[a] -= c[0][a];
+        }
+        cross(e1, e2, n);
+        cross(e2, o, lamp->us);
+        cross(o, e1, lamp->vs);
+        for (int a = 0; a < 3; a++)
+            lamp->facing[a] = -n[a];
+        lamp->height = dot(o, n);
+        lamp->area2 = sqrt(dot(n, n));
+        lamp->lit_front = double_sided || !instance->flipped;
+        lamp->lit_back = double_sided || instance->flipped;
     }
 }
 

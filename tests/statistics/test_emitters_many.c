@@ -15,7 +15,7 @@
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
 #include "worker/render/light/tree.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { TESTS = 60 };
 
@@ -29,8 +29,7 @@ static struct vec3 random_direction(struct test_random *random)
 
 static struct vec3 random_point(struct test_random *random, float size)
 {
-    return vec3_make(size * (test_random_float(random) - 0.5f),
-                     size * (test_random_float(random) - 0.5f),
+    return vec3_make(size * (test_random_float(random) - 0.5f), size * (test_random_float(random) - 0.5f),
                      size * (test_random_float(random) - 0.5f));
 }
 
@@ -145,10 +144,9 @@ static void test_zero_odds_are_earned(void **state)
                 continue;
             zeros++;
             for (int k = 0; k < 60; k++) { /* points of its box, and its extreme normals */
-                struct vec3 q = vec3_make(
-                    b->min.x + (b->max.x - b->min.x) * test_random_float(&random),
-                    b->min.y + (b->max.y - b->min.y) * test_random_float(&random),
-                    b->min.z + (b->max.z - b->min.z) * test_random_float(&random));
+                struct vec3 q = vec3_make(b->min.x + (b->max.x - b->min.x) * test_random_float(&random),
+                                          b->min.y + (b->max.y - b->min.y) * test_random_float(&random),
+                                          b->min.z + (b->max.z - b->min.z) * test_random_float(&random));
                 struct vec3 w = vec3_normalize(vec3_sub(p, q));
                 double angle = acos(fmin(1, fmax(-1, (double)vec3_dot(w, b->axis))));
 
@@ -226,28 +224,26 @@ static struct render_scene *city(struct scene_builder *b, struct render_settings
     m = builder_lambert(b, 0.5f);
     m->double_sided = 0;
     m->emission[0] = m->emission[1] = m->emission[2] = 100;
-    builder_place(b, builder_mesh(b, positions, NULL, LAMPS * 3, indices, LAMPS, 0), 0,
-                  vec3_splat(1), vec3_splat(0));
+    builder_place(b, builder_mesh(b, positions, NULL, LAMPS * 3, indices, LAMPS, 0), 0, vec3_splat(1), vec3_splat(0));
     builder_camera(b, vec3_make(0, 1, 0), vec3_make(0, 1, 5), 1);
     *settings = builder_settings(4, 4, 1);
     return builder_build(b, settings);
 }
 
 /* Irradiance from one lamp, unoccluded: it is small and far, or cut into 16 that are. */
-static double lamp_irradiance(const struct render_scene *scene, uint32_t lamp, struct vec3 p,
-                              struct vec3 n)
+static double lamp_irradiance(const struct render_scene *scene, uint32_t lamp, struct vec3 p, struct vec3 n)
 {
     struct vec3 c[3], normal;
     double sum = 0;
 
-    world_triangle(scene, &scene->instances[0], lamp, 0, c);
+    triangle_of_instance(scene, &scene->instances[0], lamp, 0, c);
     normal = vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0]));
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 7 - 2 * i; j++) {
             float b1 = ((float)i + (j % 2 ? 2 : 1) / 3.0f) / 4;
             float b2 = ((float)(j / 2) + (j % 2 ? 2 : 1) / 3.0f) / 4;
-            struct vec3 q = vec3_add(vec3_scale(c[0], 1 - b1 - b2),
-                                     vec3_add(vec3_scale(c[1], b1), vec3_scale(c[2], b2)));
+            struct vec3 q =
+                vec3_add(vec3_scale(c[0], 1 - b1 - b2), vec3_add(vec3_scale(c[1], b1), vec3_scale(c[2], b2)));
             struct vec3 d = vec3_sub(q, p);
             double r2 = (double)vec3_length_squared(d);
             double at_lamp = -(double)vec3_dot(d, normal) / 2, at_p = (double)vec3_dot(d, n);
@@ -277,7 +273,7 @@ static void test_ten_thousand_lamps(void **state)
             struct vec3 c[3];
             double weight;
 
-            world_triangle(scene, &scene->instances[0], i, 0, c);
+            triangle_of_instance(scene, &scene->instances[0], i, 0, c);
             weight = (double)vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
             want += e;
             power += weight;
@@ -287,21 +283,17 @@ static void test_ten_thousand_lamps(void **state)
             struct light_sample light;
             double value = 0;
 
-            if (emitters_sample(scene, &query, test_random_float(&random),
-                                test_random_float(&random), &light))
-                value = (double)light.radiance.x * fmax(0, (double)vec3_dot(light.direction, up)) /
-                        (double)light.pdf;
+            if (emitters_sample(scene, &query, test_random_float(&random), test_random_float(&random), &light))
+                value = (double)light.radiance.x * fmax(0, (double)vec3_dot(light.direction, up)) / (double)light.pdf;
             running_stats_add(&stats, value);
         }
         print_message("# place %d%s: relative variance a sample %.3g, by power alone %.3g\n", k / 2,
-                      k % 2 ? ", normal known" : "",
-                      running_stats_variance(&stats) / (want * want),
+                      k % 2 ? ", normal known" : "", running_stats_variance(&stats) / (want * want),
                       power_moment * power / (want * want) - 1);
         /* 2e-3: quadrature over the nearest lamps, and offsets of the samples' ends. */
         if (fabs(stats.mean - want) > 2e-3 * want)
             assert_true(mean_test_p_value(&stats, want) > sidak_alpha(0.01, TESTS));
-        assert_true(running_stats_variance(&stats) <
-                    (k % 2 ? 0.15 : 0.2) * (power_moment * power - want * want));
+        assert_true(running_stats_variance(&stats) < (k % 2 ? 0.15 : 0.2) * (power_moment * power - want * want));
     }
     render_scene_free(scene);
     builder_release(&b);

@@ -13,7 +13,7 @@
 #include "common/math/elementary.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { FRAMES = 60, WIDTH = 32, HEIGHT = 16, CASES = 3, TESTS = 2 * CASES };
 
@@ -65,7 +65,7 @@ static struct running_stats means(struct scene_builder *b, uint32_t spp, double 
     *variance = 0;
     for (int i = 0; i < 12 * 12; i++)
         *variance += running_stats_variance(&pixels[i]) / (12 * 12);
-    assert_int_equal(stats.dropped_samples, 0);
+    assert_int_equal(stats.work.dropped_samples, 0);
     render_scene_free(scene);
     return result;
 }
@@ -96,10 +96,9 @@ static void test_window(void **state)
         b.scene.environment.portals = portals[i];
         aimed = means(&b, 128, &variance);
         error = hypot(running_stats_error(&plain), running_stats_error(&aimed));
-        print_message("# case %d: %.5g and %.5g +- %.2g, variance over that without %.3g\n", i,
-                      plain.mean, aimed.mean, error, variance / plain_variance);
-        assert_true(fabs(plain.mean - aimed.mean) <
-                    error * normal_quantile(1 - sidak_alpha(0.01, TESTS) / 2));
+        print_message("# case %d: %.5g and %.5g +- %.2g, variance over that without %.3g\n", i, plain.mean, aimed.mean,
+                      error, variance / plain_variance);
+        assert_true(fabs(plain.mean - aimed.mean) < error * normal_quantile(1 - sidak_alpha(0.01, TESTS) / 2));
         assert_true(i == 2 || variance < 0.3 * plain_variance);
     }
     b.scene.environment.portal_count = 0;
@@ -138,14 +137,13 @@ static void test_mixture_integrates(void **state)
             struct light_sample light;
             double value = 0;
 
-            if (emitters_sample(scene, &queries[place], test_random_float(&random),
-                                test_random_float(&random), &light)) {
+            if (emitters_sample(scene, &queries[place], test_random_float(&random), test_random_float(&random),
+                                &light)) {
                 float pdf;
 
                 (void)emitters_environment(scene, &queries[place], light.direction, &pdf);
                 assert_true(fabsf(pdf - light.pdf) <= 1e-4f * pdf);
-                value = (1 + (double)light.direction.z + (double)light.direction.x *
-                                                             (double)light.direction.y) /
+                value = (1 + (double)light.direction.z + (double)light.direction.x * (double)light.direction.y) /
                         (double)light.pdf;
             }
             running_stats_add(&stats, value);

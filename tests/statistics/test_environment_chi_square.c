@@ -12,15 +12,15 @@
 #include "common/math/elementary.h"
 #include "tests/support/chi_square.h"
 #include "tests/support/statistics.h"
-#include "worker/render/light/environment.h"
+#include "worker/render/light/environment/environment.h"
 
-enum fill { FILL_CONSTANT, FILL_RANDOM, FILL_SPARSE, FILL_ONE };
+enum fill { FILL_CONSTANT, FILL_RANDOM, FILL_SPARSE, FILL_ONE, FILL_SUN };
 
 struct map_case {
     const char *name;
     uint32_t width, height;
     enum fill fill;
-    uint32_t column, row; /* of the lit texel; FILL_ONE */
+    uint32_t column, row; /* of the lit texel; FILL_ONE, FILL_SUN */
     float rotate_deg;
     enum env_sampling sampling;
 };
@@ -39,6 +39,11 @@ static const struct map_case cases[] = {
     {"16x8, hot texel in the first row", 16, 8, FILL_ONE, 5, 0, 0, ENV_SAMPLING_IMPORTANCE},
     {"16x8, hot texel in the last row", 16, 8, FILL_ONE, 12, 7, 0, ENV_SAMPLING_IMPORTANCE},
     {"7x4, hot texel in the last row", 7, 4, FILL_ONE, 6, 3, 10, ENV_SAMPLING_IMPORTANCE},
+    {"512x256 sky, a sun at the seam", 512, 256, FILL_SUN, 511, 60, 0, ENV_SAMPLING_IMPORTANCE},
+    {"512x256 sky, a sun", 512, 256, FILL_SUN, 200, 90, 40, ENV_SAMPLING_IMPORTANCE_ONLY},
+    {"600x150 sky, a sun in the south", 600, 150, FILL_SUN, 7, 120, 0, ENV_SAMPLING_IMPORTANCE},
+    {"300x140 random", 300, 140, FILL_RANDOM, 0, 0, 0, ENV_SAMPLING_IMPORTANCE},
+    {"16x8 random, all of it", 16, 8, FILL_RANDOM, 0, 0, 0, ENV_SAMPLING_IMPORTANCE_ONLY},
     {"16x8 random, uniform", 16, 8, FILL_RANDOM, 0, 0, 0, ENV_SAMPLING_UNIFORM},
 };
 enum { CASES = sizeof cases / sizeof *cases };
@@ -62,6 +67,8 @@ static struct environment *environment_of_case(const struct map_case *c)
                 value = 0;
             if (c->fill == FILL_ONE)
                 value = i == c->row * c->width + c->column ? 100 : 0;
+            if (c->fill == FILL_SUN && i == c->row * c->width + c->column)
+                value = 2e4;
             map.pixels[3 * i + (uint32_t)channel] = (float)value;
         }
     if (environment_new(&env, &map, NULL, c->rotate_deg, vec3_splat(1), c->sampling, &err) != STATUS_OK)
@@ -77,10 +84,7 @@ static int sample(void *user, const float u[3], struct vec3 *direction)
     return environment_sample(user, u[0], u[1], direction, &radiance, &pdf);
 }
 
-static double density(void *user, struct vec3 direction)
-{
-    return (double)environment_pdf(user, direction);
-}
+static double density(void *user, struct vec3 direction) { return (double)environment_pdf(user, direction); }
 
 /* Samples of `from` counted in pieces of the sphere that are equal in azimuth and polar angle,
  * against the integral of the density of `against` over each; the p-value. */
@@ -141,12 +145,10 @@ static double binned_p_value(struct environment *from, struct environment *again
 /* Where the map's lit texel stands. */
 static struct vec3 lit_direction(const struct map_case *c)
 {
-    double phi = 2 * PI_D * ((c->column + 0.5) / c->width - 0.5) -
-                 (double)c->rotate_deg * PI_D / 180;
+    double phi = 2 * PI_D * ((c->column + 0.5) / c->width - 0.5) - (double)c->rotate_deg * PI_D / 180;
     double theta = PI_D * (c->row + 0.5) / c->height;
 
-    return vec3_make((float)(sin(theta) * cos(phi)), (float)cos(theta),
-                     (float)(sin(theta) * sin(phi)));
+    return vec3_make((float)(sin(theta) * cos(phi)), (float)cos(theta), (float)(sin(theta) * sin(phi)));
 }
 
 static void run_case(const struct map_case *c, struct chi_square_setup setup)
@@ -168,7 +170,7 @@ static void test_in_the_map(void **state)
     (void)state;
     /* One lit texel is too little for these bins: the other test has it. */
     for (int i = 0; i < CASES; i++)
-        if (cases[i].fill != FILL_ONE) {
+        if (cases[i].fill < FILL_ONE) {
             struct environment *env = environment_of_case(&cases[i]);
             double p = binned_p_value(env, env, (uint64_t)i);
 
@@ -178,12 +180,12 @@ static void test_in_the_map(void **state)
         }
 }
 
-/* Around the lit texel where there is only one, finer there. */
+/* Around a lit texel, finer there: where it is the only one, or a sun that has a window. */
 static void test_around_a_texel(void **state)
 {
     (void)state;
     for (int i = 0; i < CASES; i++)
-        if (cases[i].fill == FILL_ONE) {
+        if (cases[i].fill >= FILL_ONE) {
             struct chi_square_setup setup = {.sample = sample, .pdf = density, .focus = 3,
                                              .axis = lit_direction(&cases[i])};
 
@@ -207,12 +209,44 @@ static void test_sees_half_a_texel(void **state)
     environment_free(askew);
 }
 
+/* The mean of 1 / density over samples is the solid angle that the density covers: of a density that is some per cent
+ * too high anywhere it is not. */
+static void test_density_is_the_odds(void **state)
+{
+    (void)state;
+    for (int i = 0; i < CASES; i++) {
+        struct environment *env = environment_of_case(&cases[i]);
+        struct test_random random = {(uint64_t)i + 70};
+        struct running_stats sampled = {0}, covered = {0};
+        double z;
+
+        for (int k = 0; k < SAMPLES; k++) {
+            double y = 2 * test_random_double(&random) - 1, phi = 2 * PI_D * test_random_double(&random);
+            double radius = sqrt(1 - y * y);
+            float u = test_random_float(&random), v = test_random_float(&random), pdf;
+            struct vec3 d;
+
+            assert_true(environment_aim(env, u, v, &d, &pdf));
+            /* Where the density is below a hundredth of the uniform one, a few samples would decide. */
+            running_stats_add(&sampled, (double)pdf > 0.01 / (4 * PI_D) ? 1 / (double)pdf : 0);
+            d = vec3_make((float)(radius * cos(phi)), (float)y, (float)(radius * sin(phi)));
+            running_stats_add(&covered, density(env, d) > 0.01 / (4 * PI_D) ? 4 * PI_D : 0);
+        }
+        z = (sampled.mean - covered.mean) /
+            sqrt((running_stats_variance(&sampled) + running_stats_variance(&covered)) / SAMPLES + 1e-12);
+        if (!(fabs(z) < 4.2))
+            fail_msg("%s: 1 / density has mean %g, and the density covers %g sr", cases[i].name, sampled.mean, covered.mean);
+        environment_free(env);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_in_the_map),
         cmocka_unit_test(test_around_a_texel),
         cmocka_unit_test(test_sees_half_a_texel),
+        cmocka_unit_test(test_density_is_the_odds),
     };
 
     return cmocka_run_group_tests_name("environment chi-square", tests, NULL, NULL);

@@ -11,7 +11,7 @@
 
 #include "common/math/elementary.h"
 #include "tests/support/statistics.h"
-#include "worker/render/light/environment.h"
+#include "worker/render/light/environment/environment.h"
 
 enum { SAMPLES = 400000, NORMALS = 4 };
 
@@ -51,8 +51,7 @@ static struct environment *environment_of(int which, enum env_sampling sampling)
 
 /* Irradiance (luminance) of a plane: one sample of the environment and one by the cosine, joined
  * by the power heuristic as the path tracer does. */
-static struct running_stats irradiance(const struct environment *env, struct vec3 normal,
-                                       uint64_t seed)
+static struct running_stats irradiance(const struct environment *env, struct vec3 normal, uint64_t seed)
 {
     struct running_stats stats = {0};
     struct test_random random = {seed};
@@ -71,8 +70,8 @@ static struct running_stats irradiance(const struct environment *env, struct vec
         radius = sqrt(test_random_double(&random));
         angle = 2 * PI_D * test_random_double(&random);
         cosine = sqrt(1 - radius * radius);
-        d = basis_to_world(&frame, vec3_make((float)(radius * cos(angle)),
-                                             (float)(radius * sin(angle)), (float)cosine));
+        d = basis_to_world(&frame,
+                           vec3_make((float)(radius * cos(angle)), (float)(radius * sin(angle)), (float)cosine));
         radiance = environment_radiance_pdf(env, d, &pdf);
         ratio = cosine > 0 ? (double)pdf * PI_D / cosine : INFINITY;
         value += (double)vec3_luminance(radiance) * PI_D / (1 + ratio * ratio);
@@ -106,9 +105,8 @@ static void test_strategies_agree(void **state)
 
             assert_true(a.mean > 0 && running_stats_error(&a) < 0.2 * a.mean);
             if (p < level)
-                fail_msg(
-                    "map %d, normal %d: uniform %.5g +- %.2g, importance %.5g +- %.2g, p = %.2g",
-                    map, n, a.mean, running_stats_error(&a), b.mean, running_stats_error(&b), p);
+                fail_msg("map %d, normal %d: uniform %.5g +- %.2g, importance %.5g +- %.2g, p = %.2g", map, n, a.mean,
+                         running_stats_error(&a), b.mean, running_stats_error(&b), p);
             ratio += running_stats_variance(&a) / running_stats_variance(&b) / NORMALS;
         }
         print_message("# map %d: variance of uniform over importance %.3g\n", map, ratio);
@@ -119,14 +117,8 @@ static void test_strategies_agree(void **state)
 }
 
 /* Antiderivatives of sin(pi v) cos(pi v) and of v times that. */
-static double moment0(double v)
-{
-    return -cos(2 * PI_D * v) / (4 * PI_D);
-}
-static double moment1(double v)
-{
-    return -v * cos(2 * PI_D * v) / (4 * PI_D) + sin(2 * PI_D * v) / (8 * PI_D * PI_D);
-}
+static double moment0(double v) { return -cos(2 * PI_D * v) / (4 * PI_D); }
+static double moment1(double v) { return -v * cos(2 * PI_D * v) / (4 * PI_D) + sin(2 * PI_D * v) / (8 * PI_D * PI_D); }
 
 /* One texel of the first or last row lit, radiance 1. Averaged over u the bilinear lookup is
  * 1/W from the pole to the row's centre at v = h/2 (half of what the texel lacks over the pole
@@ -161,15 +153,13 @@ static void test_hot_texel_at_a_pole(void **state)
                 assert_int_equal(image_init(&map, width, height, 3, &err), STATUS_OK);
                 for (int c = 0; c < 3; c++)
                     map.pixels[3 * (row * width + width / 3) + (uint32_t)c] = 1;
-                assert_int_equal(
-                    environment_new(&env, &map, NULL, 0, vec3_splat(1),
-                                    mode ? ENV_SAMPLING_IMPORTANCE : ENV_SAMPLING_UNIFORM, &err),
-                    STATUS_OK);
+                assert_int_equal(environment_new(&env, &map, NULL, 0, vec3_splat(1),
+                                                 mode ? ENV_SAMPLING_IMPORTANCE : ENV_SAMPLING_UNIFORM, &err),
+                                 STATUS_OK);
                 got = irradiance(env, normals[south], (uint64_t)(s * 10 + south * 2 + mode));
                 if (mean_test_p_value(&got, want) < level)
-                    fail_msg("%ux%u %s: %.6g +- %.2g, closed form %.6g", width, height,
-                             mode ? "importance" : "uniform", got.mean, running_stats_error(&got),
-                             want);
+                    fail_msg("%ux%u %s: %.6g +- %.2g, closed form %.6g", width, height, mode ? "importance" : "uniform",
+                             got.mean, running_stats_error(&got), want);
                 assert_true(running_stats_error(&got) < (mode ? 0.005 : 0.25) * want);
                 environment_free(env);
             }

@@ -35,8 +35,8 @@ static void render(struct import_result *import, float picture[PIXELS])
 }
 
 /* Something was seen, and `picture` is `wanted`: to the bit, or within a share of itself. */
-static void assert_same(const float wanted[PIXELS], const float picture[PIXELS], const char *what,
-                        int shift, float share)
+static void assert_same(const float wanted[PIXELS], const float picture[PIXELS], const char *what, int shift,
+                        float share)
 {
     char words[96], level[48] = "exact";
     double sum = 0;
@@ -101,8 +101,7 @@ static void pbrt_shifts(int in_matrix)
             assert_true(fabs(import.scene.origin[c] - shifts[i][c]) < 2);
         render(&import, i ? picture : first);
         if (i)
-            assert_same(first, picture, in_matrix ? "matrices" : "vertices", i,
-                        i < SHIFTS - 1 ? 0 : 1e-4f);
+            assert_same(first, picture, in_matrix ? "matrices" : "vertices", i, i < SHIFTS - 1 ? 0 : 1e-4f);
         import_result_release(&import);
     }
 }
@@ -135,13 +134,13 @@ static void test_obj(void **state)
         char text[1024], *at = text;
         status failed;
         for (int v = 0; v < 5; v++)
-            at += sprintf(at, "v %.17g %.17g %.17g\n", corners[v][0] + shifts[i][0],
-                          corners[v][1] + shifts[i][1], corners[v][2] + shifts[i][2]);
+            at += sprintf(at, "v %.17g %.17g %.17g\n", corners[v][0] + shifts[i][0], corners[v][1] + shifts[i][1],
+                          corners[v][2] + shifts[i][2]);
         sprintf(at, "f 1 2 3 4\nf 1 5 2\nf 2 5 3\nf 3 5 4\nf 4 5 1\n");
         /* An import without any triangle left fails. */
         failed = import_scene_memory(text, strlen(text), "far.obj", NULL, &options, &import, &err);
-        figure_within("triangles lost of an OBJ file far off",
-                      failed ? 6 : (double)import.degenerate_triangles, 0, 0, "exact");
+        figure_within("triangles lost of an OBJ file far off", failed ? 6 : (double)import.degenerate_triangles, 0, 0,
+                      "exact");
         render(&import, i ? picture : first);
         if (i)
             assert_same(first, picture, "an OBJ file", i, 0);
@@ -161,8 +160,8 @@ static char *moved_gltf(const char *path, const double shift[3])
     assert_non_null(root);
     scene = json_array_get(json_object_get(root, "scenes"), 0);
     nodes = json_object_get(root, "nodes");
-    json_array_append_new(nodes, json_pack("{s:[f,f,f], s:O}", "translation", shift[0], shift[1],
-                                           shift[2], "children", json_object_get(scene, "nodes")));
+    json_array_append_new(nodes, json_pack("{s:[f,f,f], s:O}", "translation", shift[0], shift[1], shift[2], "children",
+                                           json_object_get(scene, "nodes")));
     json_object_set_new(scene, "nodes", json_pack("[i]", (int)json_array_size(nodes) - 1));
     text = json_dumps(root, JSON_REAL_PRECISION(17));
     json_decref(root);
@@ -191,8 +190,7 @@ static void test_gltf(void **state)
             import_result_release(&import);
             for (int k = 0; i && k < PIXELS; k++)
                 apart += fabsf(picture[k] - first[k]) > 1e-3f * (1 + fabsf(first[k]));
-            snprintf(what, sizeof what, "%s.gltf below a node far off: share of values that differ",
-                     names[n]);
+            snprintf(what, sizeof what, "%s.gltf below a node far off: share of values that differ", names[n]);
             figure_within(what, (double)apart / PIXELS, 0, 0.02, "by more than 1e-3");
         }
     }
@@ -259,8 +257,7 @@ static void test_coarse_file(void **state)
 
     (void)state;
     put_floats(&m, "VEC3", corners, 9, 3);
-    maker_import(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"name\":\"hut\"}]," ONE_TRIANGLE,
-                 &import);
+    maker_import(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"name\":\"hut\"}]," ONE_TRIANGLE, &import);
     assert_warned(&import, "\"hut\": the file gives its positions in steps of");
     import_result_release(&import);
 }

@@ -68,16 +68,14 @@ enum { TURNS = 6 };
 
 static const struct {
     const char *shape;
-    double area, tolerance;     /* relative */
-    const char *axis;           /* to be turned about; NULL: not at all */
+    double area, tolerance; /* relative */
+    const char *axis;       /* to be turned about; NULL: not at all */
 } shapes[] = {
     {"Shape \"sphere\" \"float radius\" 1.5", PI * 2.25, 0.004, NULL},
-    {"Rotate 90 1 0 0 Shape \"sphere\" \"float radius\" 1.5 \"float zmin\" 0", PI * 2.25 / 2,
-     0.004, NULL},
+    {"Rotate 90 1 0 0 Shape \"sphere\" \"float radius\" 1.5 \"float zmin\" 0", PI * 2.25 / 2, 0.004, NULL},
     {"Shape \"disk\" \"float radius\" 1.5", PI * 2.25, 0.004, NULL},
     {"Rotate 60 0 1 0 Shape \"disk\" \"float radius\" 1.5 \"float innerradius\" 0.5", PI, 0.004, NULL},
-    {"Rotate 90 0 1 0 Shape \"cylinder\" \"float radius\" 0.5 \"float zmin\" -1.5 \"float zmax\" 1",
-     2.5, 0.004, NULL},
+    {"Rotate 90 0 1 0 Shape \"cylinder\" \"float radius\" 0.5 \"float zmin\" -1.5 \"float zmax\" 1", 2.5, 0.004, NULL},
     /* Seen along z a bilinear patch is its four corners' trapezium, however bent. */
     {"Shape \"bilinearmesh\" \"point3 P\" [-1.5 -1 0  1.5 -1 1  -0.5 1 1  0.5 1 0]", 4, 0.004, NULL},
     {"Shape \"trianglemesh\" \"point3 P\" [-1 -1 0  1 -1 0  0 1 0] \"integer indices\" [0 1 2]", 2,
@@ -112,8 +110,7 @@ static double area_of(const char *shape, const char *folder, const char *axis, i
     char text[1024];
     double area;
 
-    snprintf(text, sizeof text, STUDIO "Rotate %d %s %s", turn * 60 / TURNS, axis ? axis : "0 0 1",
-             shape);
+    snprintf(text, sizeof text, STUDIO "Rotate %d %s %s", turn * 60 / TURNS, axis ? axis : "0 0 1", shape);
     imported_text(text, "shape.pbrt", folder, &import);
     area = mean_of(look(&import, 16)) * 16;
     import_result_release(&import);
@@ -151,8 +148,7 @@ static void test_loop_subdivision(void **state)
     double area;
 
     (void)state;
-    imported_text(STUDIO "Shape \"loopsubdiv\" \"integer levels\" 4 " OCTAHEDRON, "loop.pbrt", NULL,
-                  &import);
+    imported_text(STUDIO "Shape \"loopsubdiv\" \"integer levels\" 4 " OCTAHEDRON, "loop.pbrt", NULL, &import);
     picture = look(&import, 16);
     import_result_release(&import);
     area = mean_of(picture) * 16;
@@ -188,8 +184,7 @@ static void test_places(void **state)
         picture = look(&import, 16);
         import_result_release(&import);
         if (fabs(mean_of(picture) * 16 - 1) > 0.01 || at(picture, 1, 1) < 0.999f)
-            fail_msg("%s: area %.3f, %.3f in its middle", placed[i], mean_of(picture) * 16,
-                     (double)at(picture, 1, 1));
+            fail_msg("%s: area %.3f, %.3f in its middle", placed[i], mean_of(picture) * 16, (double)at(picture, 1, 1));
     }
     pbrt_folder_remove(folder);
 }
@@ -201,17 +196,14 @@ enum { IMAGE = 16 };
 /* Upper left, upper right, lower left, lower right. */
 static const int quadrants[4][3] = {{230, 60, 20}, {40, 200, 90}, {15, 70, 240}, {120, 120, 10}};
 
-static int code_at(int x, int y, int c)
-{
-    return quadrants[2 * (y >= IMAGE / 2) + (x >= IMAGE / 2)][c];
-}
+static int code_at(int x, int y, int c) { return quadrants[2 * (y >= IMAGE / 2) + (x >= IMAGE / 2)][c]; }
 
 enum format { PNG8, PNG16, JPEG, WEBP, EXR, HDR, FORMATS };
 
 static const struct {
     const char *file;
-    int linear;         /* holds radiance, LINEAR_SCALE times its codes */
-    double tolerance;   /* relative */
+    int linear;       /* holds radiance, LINEAR_SCALE times its codes */
+    double tolerance; /* relative */
 } formats[FORMATS] = {
     [PNG8] = {"p.png", 0, 1e-4},  [PNG16] = {"p16.png", 0, 1e-3}, [JPEG] = {"p.jpg", 0, 0.1},
     [WEBP] = {"p.webp", 0, 1e-4}, [EXR] = {"p.exr", 1, 1e-3},     [HDR] = {"p.hdr", 1, 0.02},
@@ -263,8 +255,8 @@ static void put_picture(const char *folder, enum format format)
     status st = STATUS_OK;
 
     for (int i = 0; i < IMAGE * IMAGE * 3; i++)
-        pixels[i] = (float)code_at(i / 3 % IMAGE, i / 3 / IMAGE, i % 3) *
-                    (formats[format].linear ? LINEAR_SCALE : 1.0f / 255);
+        pixels[i] =
+            (float)code_at(i / 3 % IMAGE, i / 3 / IMAGE, i % 3) * (formats[format].linear ? LINEAR_SCALE : 1.0f / 255);
     switch (format) {
     case PNG8:
     case PNG16: st = png_encode_as(&out, &image, &how, &err); break;
@@ -283,14 +275,13 @@ static const char square_obj[] = "mtllib m.mtl\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv 
                                  "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\nusemtl m\n"
                                  "f 1/1/1 2/2/1 3/3/1 4/4/1\n";
 
-static void expect_quadrants(const float *picture, const char *what, int linear, double scale,
-                             double tolerance)
+static void expect_quadrants(const float *picture, const char *what, int linear, double scale, double tolerance)
 {
     for (int q = 0; q < 4; q++)
         for (int c = 0; c < 3; c++) {
             int x = SIDE / 4 + q % 2 * SIDE / 2, y = SIDE / 4 + q / 2 * SIDE / 2;
-            double wanted = linear ? (double)LINEAR_SCALE * quadrants[q][c]
-                                   : (double)srgb_decode((float)quadrants[q][c] / 255);
+            double wanted =
+                linear ? (double)LINEAR_SCALE * quadrants[q][c] : (double)srgb_decode((float)quadrants[q][c] / 255);
             double got = (double)picture[3 * (y * SIDE + x) + c];
             wanted *= scale;
             if (fabs(got / wanted - 1) > tolerance)
@@ -308,15 +299,13 @@ static void test_pictures(void **state)
     for (enum format format = 0; format < FORMATS; format++) {
         struct import_result import;
         char mtl[128];
-        int size = snprintf(mtl, sizeof mtl, "newmtl m\nKd 0 0 0\nKe 2 2 2\nmap_Ke %s\n",
-                            formats[format].file);
+        int size = snprintf(mtl, sizeof mtl, "newmtl m\nKd 0 0 0\nKe 2 2 2\nmap_Ke %s\n", formats[format].file);
         put_picture(folder, format);
         pbrt_folder_put(folder, "m.mtl", mtl, (size_t)size);
         assert_int_equal(import_scene_memory(square_obj, sizeof square_obj - 1, "square.obj",
                                              folder, &options, &import, &err), STATUS_OK);
         look_straight(&import, 1);
-        expect_quadrants(look(&import, 4), formats[format].file, formats[format].linear, 2,
-                         formats[format].tolerance);
+        expect_quadrants(look(&import, 4), formats[format].file, formats[format].linear, 2, formats[format].tolerance);
         import_result_release(&import);
     }
     pbrt_folder_remove(folder);
@@ -411,8 +400,8 @@ static void test_coordinates(void **state)
                 float wanted = srgb_decode((float)quadrants[coordinates[i].shown[q]][c] / 255);
                 float got = picture[3 * (y * SIDE + x) + c];
                 if (fabsf(got - wanted) > 1e-4f)
-                    fail_msg("%s: quadrant %d, channel %d: %.5f instead of %.5f",
-                             coordinates[i].info, q, c, (double)got, (double)wanted);
+                    fail_msg("%s: quadrant %d, channel %d: %.5f instead of %.5f", coordinates[i].info, q, c,
+                             (double)got, (double)wanted);
             }
     }
     pbrt_folder_remove(folder);
@@ -420,8 +409,7 @@ static void test_coordinates(void **state)
 
 enum { MARGIN = 2 }; /* where the pixels' filter sees more than the square */
 
-static void expect_mean(struct import_result *import, const char *what, const double wanted[3],
-                        double tolerance)
+static void expect_mean(struct import_result *import, const char *what, const double wanted[3], double tolerance)
 {
     const float *picture = look(import, 64);
 
@@ -449,8 +437,8 @@ static void test_vertex_colors(void **state)
         double share = blend ? 0.25 : 1;
         struct import_result import;
         char material[256];
-        snprintf(material, sizeof material,
-                 "\"alphaMode\":\"%s\",\"extensions\":{\"KHR_materials_unlit\":{}}", modes[blend]);
+        snprintf(material, sizeof material, "\"alphaMode\":\"%s\",\"extensions\":{\"KHR_materials_unlit\":{}}",
+                 modes[blend]);
         import_square(material, ",\"COLOR_0\":4", folder, &import);
         expect_mean(&import, modes[blend], (const double[]){share, share * 0.5, share * 0.25}, 0.02);
     }
@@ -476,8 +464,7 @@ static void test_coated_lamp(void **state)
                  "\"emissiveStrength\":2},\"KHR_materials_clearcoat\":{\"clearcoatFactor\":%g}}",
                  weights[i]);
         import_square(material, "", folder, &import);
-        expect_mean(&import, "coated lamp",
-                    (const double[]){radiance, radiance / 2, radiance / 4}, 1e-3);
+        expect_mean(&import, "coated lamp", (const double[]){radiance, radiance / 2, radiance / 4}, 1e-3);
     }
     pbrt_folder_remove(folder);
 }
@@ -508,12 +495,11 @@ static void test_reflectance(void **state)
 /* PLY's vertex colours are sRGB codes; seen without any shading. */
 static void test_ply_colors(void **state)
 {
-    static const char ply[] =
-        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
-        "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
-        "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-        "-1 -1 0 240 120 30\n1 -1 0 240 120 30\n1 1 0 240 120 30\n-1 1 0 240 120 30\n"
-        "4 0 1 2 3\n";
+    static const char ply[] = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+                              "property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+                              "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                              "-1 -1 0 240 120 30\n1 -1 0 240 120 30\n1 1 0 240 120 30\n-1 1 0 240 120 30\n"
+                              "4 0 1 2 3\n";
     const int codes[3] = {240, 120, 30};
     struct import_options options = IMPORT_OPTIONS_DEFAULT;
     struct import_result import;
@@ -521,15 +507,13 @@ static void test_ply_colors(void **state)
     const float *picture;
 
     (void)state;
-    assert_int_equal(import_scene_memory(ply, sizeof ply - 1, "square.ply", NULL, &options, &import,
-                                         &err), STATUS_OK);
+    assert_int_equal(import_scene_memory(ply, sizeof ply - 1, "square.ply", NULL, &options, &import, &err), STATUS_OK);
     look_straight(&import, 2);
     import.scene.materials[0].unlit = 1;
     import.scene.environment.present = 0; /* a file without a light is given one */
     picture = look(&import, 4);
     for (int c = 0; c < 3; c++)
-        assert_float_equal(picture[3 * (SIDE / 2 * SIDE + SIDE / 2) + c],
-                           srgb_decode((float)codes[c] / 255), 1e-5f);
+        assert_float_equal(picture[3 * (SIDE / 2 * SIDE + SIDE / 2) + c], srgb_decode((float)codes[c] / 255), 1e-5f);
     assert_true(picture[3 * (2 * SIDE + 2)] == 0); /* off the square */
     import_result_release(&import);
 }

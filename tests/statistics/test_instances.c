@@ -14,7 +14,7 @@
 
 #include "tests/support/layers.h"
 #include "tests/support/radiance.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { COMPARISONS = 36 };
 /* A box's faces are cut into so many squares each way, and so many boxes stand elsewhere: together
@@ -52,7 +52,7 @@ static uint32_t fine_box(struct scene_builder *b)
 enum company { ALONE, LIKE, UNLIKE, COMPANIES };
 static const char *const company_names[] = {"copied", "with its like", "with unlike ones"};
 
-struct setting {
+struct arrangement {
     double scale;
     int turned;
     enum company company; /* ALONE: a single box is copied into the world; else it is an instance */
@@ -66,7 +66,7 @@ static const double turns[2][3][3] = {
      {-0.593362958297706, 0.389418342308651, 0.704466305158264}}};
 
 /* In boxes' half lengths. */
-static void locate(const struct setting *set, const double local[3], double out[3])
+static void locate(const struct arrangement *set, const double local[3], double out[3])
 {
     for (int r = 0; r < 3; r++) {
         out[r] = 0;
@@ -75,7 +75,7 @@ static void locate(const struct setting *set, const double local[3], double out[
     }
 }
 
-static struct vec3 place_of(const struct setting *set, double x, double y, double z)
+static struct vec3 place_of(const struct arrangement *set, double x, double y, double z)
 {
     double out[3];
 
@@ -83,8 +83,8 @@ static struct vec3 place_of(const struct setting *set, double x, double y, doubl
     return vec3_make((float)out[0], (float)out[1], (float)out[2]);
 }
 
-static void put(struct scene_builder *b, const struct setting *set, uint32_t mesh, uint32_t material,
-                double x, double y, double z)
+static void put(struct scene_builder *b, const struct arrangement *set, uint32_t mesh, uint32_t material, double x,
+                double y, double z)
 {
     struct scene_instance *instance = builder_place(b, mesh, material, vec3_splat(1), vec3_splat(0));
     double at[3];
@@ -99,9 +99,9 @@ static void put(struct scene_builder *b, const struct setting *set, uint32_t mes
 
 /* Instance 0 is the box, at (0, 1, 0). The others' shadows fall away from it; those that are smaller
  * by a million are inside of it, above its foot. */
-static void put_boxes(struct scene_builder *b, const struct setting *set, uint32_t material)
+static void put_boxes(struct scene_builder *b, const struct arrangement *set, uint32_t material)
 {
-    struct setting others = *set;
+    struct arrangement others = *set;
     uint32_t mesh = fine_box(b);
 
     if (set->company == UNLIKE)
@@ -112,16 +112,16 @@ static void put_boxes(struct scene_builder *b, const struct setting *set, uint32
 }
 
 /* An instance is one, and a copy is one. */
-static struct render_scene *build(struct scene_builder *b, const struct setting *set,
+static struct render_scene *build(struct scene_builder *b, const struct arrangement *set,
                                   const struct render_settings *settings)
 {
     struct render_scene *scene = builder_build(b, settings);
 
-    assert_int_equal(scene->instances[0].world_positions != NULL, set->company == ALONE);
+    assert_int_equal(scene->instances[0].instance_positions != NULL, set->company == ALONE);
     return scene;
 }
 
-typedef void each_fn(const struct setting *set, const char *what);
+typedef void each_fn(const struct arrangement *set, const char *what);
 
 static void each_setting(each_fn *check)
 {
@@ -130,7 +130,7 @@ static void each_setting(each_fn *check)
     for (size_t s = 0; s < sizeof scales / sizeof *scales; s++)
         for (int turned = 0; turned < 2; turned++)
             for (enum company company = ALONE; company < COMPANIES; company++) {
-                const struct setting set = {scales[s], turned, company};
+                const struct arrangement set = {scales[s], turned, company};
                 char what[80];
                 snprintf(what, sizeof what, "scale %g%s, %s", set.scale, turned ? ", turned" : "",
                          company_names[company]);
@@ -142,12 +142,12 @@ static void each_setting(each_fn *check)
 
 enum { WIDTH = 24, HEIGHT = 16, PIXELS = WIDTH * HEIGHT * 3, BLOCK = 4 };
 
-static void shadow_picture(const struct setting *set, double mean[PIXELS])
+static void shadow_picture(const struct arrangement *set, double mean[PIXELS])
 {
     static const float corners[12] = {-9, 0, -9, -9, 0, 9, 9, 0, 9, 9, 0, -9};
     static const uint32_t faces[6] = {0, 1, 2, 0, 2, 3};
     struct render_settings settings = builder_settings(WIDTH, HEIGHT, 16);
-    const struct setting one = {1, set->turned, ALONE};
+    const struct arrangement one = {1, set->turned, ALONE};
     struct render_stats stats = {0};
     struct render_scene *scene;
     struct scene_light *light;
@@ -186,7 +186,7 @@ static double block_mean(const double *picture, int block)
 /* What the box of 2 m shows that was copied into the world: the first that each_setting asks for. */
 static double wanted_shadow[2][PIXELS];
 
-static void check_shadow(const struct setting *set, const char *what)
+static void check_shadow(const struct arrangement *set, const char *what)
 {
     static double picture[PIXELS];
 
@@ -216,7 +216,7 @@ static void test_contact_shadows(void **state)
 
 /* ---- closed walls ------------------------------------------------------------------------- */
 
-static void check_dark(const struct setting *set, const char *what)
+static void check_dark(const struct arrangement *set, const char *what)
 {
     struct render_settings settings = builder_settings(WIDTH, HEIGHT, 16);
     static double mean[PIXELS];
@@ -263,8 +263,7 @@ static struct scene_material *glass(struct scene_builder *b, double distance)
 }
 
 /* Of all channels, which are alike. */
-static double mean_of(const double *picture, const struct render_settings *settings,
-                      const void *unused)
+static double mean_of(const double *picture, const struct render_settings *settings, const void *unused)
 {
     size_t count = (size_t)settings->width * settings->height * 3;
     double sum = 0;
@@ -277,7 +276,7 @@ static double mean_of(const double *picture, const struct render_settings *setti
 
 /* Head on through the middle of a cell, of a block that is dyed; and at a slant, in a furnace,
  * through one that is clear. */
-static void check_glass(const struct setting *set, const char *what)
+static void check_glass(const struct arrangement *set, const char *what)
 {
     for (int dyed = 0; dyed < 2; dyed++) {
         struct render_settings settings = builder_settings(4, 4, 16);
@@ -287,8 +286,7 @@ static void check_glass(const struct setting *set, const char *what)
         settings.max_depth = 200;
         builder_init(&b);
         m = glass(&b, dyed ? 2 * set->scale : (double)INFINITY);
-        s = layers_stacked(layers_interface(1, 1.5),
-                           layers_absorber(layers_per_metre(m, 0), 2 * set->scale));
+        s = layers_stacked(layers_interface(1, 1.5), layers_absorber(layers_per_metre(m, 0), 2 * set->scale));
         put_boxes(&b, set, 0);
         builder_environment_constant(&b, vec3_splat(1));
         if (dyed)
@@ -296,8 +294,7 @@ static void check_glass(const struct setting *set, const char *what)
         else
             builder_camera(&b, place_of(set, 2, 4, 4), place_of(set, 0, 1, 0), 0.5f);
         radiance_expect_value(&b, &settings, COMPARISONS, mean_of, NULL,
-                              dyed ? layers_seen(layers_stacked(s, layers_interface(1.5, 1))) : 1,
-                              what);
+                              dyed ? layers_seen(layers_stacked(s, layers_interface(1.5, 1))) : 1, what);
         builder_release(&b);
     }
 }

@@ -14,8 +14,7 @@
  * that is a matter of rounding. What is blended asks a hash of the material's number besides. */
 enum order { FREE, TOUCHING, BLENDED };
 
-static void each_order(const char *name, model_scene *model, enum model_format format,
-                       enum order order)
+static void each_order(const char *name, model_scene *model, enum model_format format, enum order order)
 {
     static const enum invariance_level levels[] = {INVARIANT_BITS, INVARIANT_ROUNDING,
                                                    INVARIANT_NOISE};

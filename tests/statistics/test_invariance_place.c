@@ -45,8 +45,8 @@ static void move_all(struct invariance *inv)
                 continue;
             memcpy(way.shift, moves[i].shift, sizeof way.shift);
             way.flags = in_matrix ? WAY_IN_MATRIX : 0;
-            snprintf(what, sizeof what, "%s moved by %g %g %g", in_matrix ? "node" : "vertices",
-                     way.shift[0], way.shift[1], way.shift[2]);
+            snprintf(what, sizeof what, "%s moved by %g %g %g", in_matrix ? "node" : "vertices", way.shift[0],
+                     way.shift[1], way.shift[2]);
             invariance_check(inv, what, &way, level_of(&moves[i], way.format));
         }
     memset(way.shift, 0, sizeof way.shift);
@@ -60,8 +60,7 @@ static void turn(struct invariance *inv, unsigned number, int mirrored)
         char what[96];
         way.flags = in_matrix ? WAY_IN_MATRIX : 0;
         invariance_turn(4 * number + 2 * (unsigned)mirrored + in_matrix, mirrored, way.turn);
-        snprintf(what, sizeof what, "%s turned%s", in_matrix ? "node" : "vertices",
-                 mirrored ? " and mirrored" : "");
+        snprintf(what, sizeof what, "%s turned%s", in_matrix ? "node" : "vertices", mirrored ? " and mirrored" : "");
         invariance_check(inv, what, &way, INVARIANT_NOISE);
     }
 }
@@ -76,8 +75,8 @@ static void everything(struct invariance *inv, unsigned number)
 }
 
 /* `mirrored`: if another model (no option mirrors the sky of a glTF). */
-static void each_place(const char *name, model_scene *model, model_scene *mirrored,
-                       enum model_format format, unsigned number)
+static void each_place(const char *name, model_scene *model, model_scene *mirrored, enum model_format format,
+                       unsigned number)
 {
     struct invariance *inv;
 

@@ -27,8 +27,7 @@ static int is_power_of_two(double x)
     return frexp(x, &exponent) == 0.5;
 }
 
-static void each_scale_at(const char *name, model_scene *model, enum model_format format,
-                          unsigned flags, int blended)
+static void each_scale_at(const char *name, model_scene *model, enum model_format format, unsigned flags, int blended)
 {
     struct model_way way = MODEL_AS_IT_IS;
     struct invariance *inv;

@@ -19,21 +19,18 @@ enum { COMPARISONS = 40, SIDE = 28 };
 #define FIELD 0.3f /* radians */
 
 /* Second moment about the picture's middle, across and up together, of all that is seen. */
-static double moment(const double *picture, const struct render_settings *settings,
-                     const void *user)
+static double moment(const double *picture, const struct render_settings *settings, const void *user)
 {
     double sum = 0, half = 0.5 * settings->width;
 
     (void)user;
     for (uint32_t y = 0; y < settings->height; y++)
         for (uint32_t x = 0; x < settings->width; x++)
-            sum += picture[3 * (y * settings->width + x)] *
-                   (pow(x + 0.5 - half, 2) + pow(y + 0.5 - half, 2));
+            sum += picture[3 * (y * settings->width + x)] * (pow(x + 0.5 - half, 2) + pow(y + 0.5 - half, 2));
     return sum;
 }
 
-static double total(const double *picture, const struct render_settings *settings,
-                    const void *user)
+static double total(const double *picture, const struct render_settings *settings, const void *user)
 {
     double sum = 0;
 
@@ -50,8 +47,7 @@ static double filter_weight(double x)
 
     if (fabs(x) >= 1.5)
         return 0;
-    return (0.35875 - 0.48829 * cos(turn) + 0.14128 * cos(2 * turn) - 0.01168 * cos(3 * turn)) /
-           (3 * 0.35875);
+    return (0.35875 - 0.48829 * cos(turn) + 0.14128 * cos(2 * turn) - 0.01168 * cos(3 * turn)) / (3 * 0.35875);
 }
 
 /* What a strip of light of this width with its middle at p adds to the pixels' sum and to their
@@ -79,8 +75,7 @@ static void strip_fill(struct strip *strip, double width)
 
 /* Sum and second moment of a square lamp's picture of this width behind an aperture whose image,
  * for a point of light, has this radius; all in pixels. Both are even in p. */
-static void blurred(double width, double radius, uint32_t blades, double rotation, double *sum,
-                    double *second)
+static void blurred(double width, double radius, uint32_t blades, double rotation, double *sum, double *second)
 {
     static struct strip strip;
     const int rings = 60, turns = 360;
@@ -147,14 +142,11 @@ static void test_circle_of_confusion(void **state)
         settings.max_depth = 0;
         lamp_scene(&b, cases[k].away, cases[k].focus, cases[k].blades);
         blurred(width, radius, cases[k].blades, rotation, &sum, &second);
-        radiance_expect_value(&b, &settings, COMPARISONS, total, NULL, RADIANCE * sum,
-                              "a lamp's picture");
-        radiance_expect_value(&b, &settings, COMPARISONS, moment, NULL, RADIANCE * second,
-                              "circle of confusion");
+        radiance_expect_value(&b, &settings, COMPARISONS, total, NULL, RADIANCE * sum, "a lamp's picture");
+        radiance_expect_value(&b, &settings, COMPARISONS, moment, NULL, RADIANCE * second, "circle of confusion");
         settings.without = EFFECT_DEPTH_OF_FIELD;
         blurred(width, 0, 0, 0, &sum, &second);
-        radiance_expect_value(&b, &settings, COMPARISONS, moment, NULL, RADIANCE * second,
-                              "without a lens");
+        radiance_expect_value(&b, &settings, COMPARISONS, moment, NULL, RADIANCE * second, "without a lens");
         builder_release(&b);
     }
 }
@@ -164,7 +156,7 @@ static void test_panorama(void **state)
 {
     static const struct {
         float direction[3];
-        uint32_t x, y;          /* of 64 x 32, a pixel next to its middle */
+        uint32_t x, y; /* of 64 x 32, a pixel next to its middle */
     } lamps[6] = {
         {{0, 0, -1}, 32, 16}, {{1, 0, 0}, 48, 16}, {{0, 0, 1}, 0, 16},
         {{-1, 0, 0}, 16, 16}, {{0, 1, 0}, 20, 0},  {{0, -1, 0}, 50, 31},
@@ -187,8 +179,7 @@ static void test_panorama(void **state)
             m->emission[0] = (float)(1 + (i & 1));
             m->emission[1] = (float)(1 + (i >> 1 & 1));
             m->emission[2] = (float)(1 + (i >> 2 & 1));
-            builder_place(&b, ball, (uint32_t)i, vec3_splat(1.5f),
-                          vec3_make(1 + 4 * d[0], 2 + 4 * d[1], 3 + 4 * d[2]));
+            builder_place(&b, ball, (uint32_t)i, vec3_splat(1.5f), vec3_make(1 + 4 * d[0], 2 + 4 * d[1], 3 + 4 * d[2]));
         }
         builder_environment_constant(&b, vec3_make(0.25f, 0.5f, 0.75f));
         builder_camera(&b, vec3_make(1, 2, 3), vec3_make(turned ? 2 : 1, 2, turned ? 3 : 2), 1);
@@ -205,8 +196,7 @@ static void test_panorama(void **state)
         /* Between four of them there is but sky. */
         for (uint32_t x = 8; x < 64; x += 16) {
             const double *p = picture + 3 * (16 * 64 + x);
-            assert_true(fabs(p[0] - 0.25) < 1e-6 && fabs(p[1] - 0.5) < 1e-6 &&
-                        fabs(p[2] - 0.75) < 1e-6);
+            assert_true(fabs(p[0] - 0.25) < 1e-6 && fabs(p[1] - 0.5) < 1e-6 && fabs(p[2] - 0.75) < 1e-6);
         }
         render_scene_free(scene);
         builder_release(&b);

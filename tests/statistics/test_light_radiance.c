@@ -62,8 +62,7 @@ static void test_constant_images(void **state)
         for (int kind = 0; kind < 4; kind++) {
             struct render_settings settings = narrow(4, 1);
             struct scene_builder b;
-            struct scene_light *l =
-                lit_plane(&b, kind < 2 ? LIGHT_GONIOMETRIC : LIGHT_PROJECTION, xs[k]);
+            struct scene_light *l = lit_plane(&b, kind < 2 ? LIGHT_GONIOMETRIC : LIGHT_PROJECTION, xs[k]);
             double expected[3], scale = kind & 1 ? 0.5 : 1;
             if (kind & 1)
                 l->image = (int32_t)b.scene.textures[builder_texture(&b, gray, 2, 2)].image;
@@ -73,8 +72,7 @@ static void test_constant_images(void **state)
             if (kind >= 2 && (double)xs[k] > 2 * tan(M_PI / 8) * 1.5)
                 scale = 0;
             point_light(l, (double)xs[k], scale, expected);
-            radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
-                                kind < 2 ? "goniometric light" : "projector");
+            radiance_expect_rgb(&b, &settings, COMPARISONS, expected, kind < 2 ? "goniometric light" : "projector");
             settings.without = EFFECT_LIGHT_IMAGE;
             point_light(l, (double)xs[k], scale > 0, expected);
             radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "without its image");

@@ -122,8 +122,7 @@ static void test_beer_lambert(void **state)
         for (int c = 0; c < 3; c++) /* mean density 3/4: linear between the cells' centres */
             expected[c] = exp(-1.5 * (double)absorbing[c]);
         slab_scene(&b, &m, HOMOGENEOUS);
-        builder_grid(&b, &b.scene.media[0], half, size, vec3_make(-11, -1, -11),
-                     vec3_make(11, 1, 11));
+        builder_grid(&b, &b.scene.media[0], half, size, vec3_make(-11, -1, -11), vec3_make(11, 1, 11));
         builder_environment_constant(&b, vec3_splat(1));
         radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "slab of two densities");
         builder_release(&b);
@@ -178,8 +177,7 @@ static void test_single_scattering(void **state)
                 double phase = henyey_greenstein(g, -mu);
                 double q = t * (1 + 1 / mu);
                 double integral = mu > 0 ? (1 - exp(-2 * q)) / q
-                                         : exp(2 * t / mu) * (1 - exp(-2 * t * (1 + 1 / mu))) /
-                                               (t * (1 + 1 / mu));
+                                         : exp(2 * t / mu) * (1 - exp(-2 * t * (1 + 1 / mu))) / (t * (1 + 1 / mu));
                 expected[c] = sun * s * phase * integral;
             }
             slab_scene(&b, &m, form);
@@ -187,8 +185,7 @@ static void test_single_scattering(void **state)
             l->direction[0] = (float)sqrt(1 - mu * mu);
             l->direction[1] = (float)-mu;
             l->intensity[0] = l->intensity[1] = l->intensity[2] = (float)sun;
-            radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
-                                mu > 0 ? "lit from above" : "lit from below");
+            radiance_expect_rgb(&b, &settings, COMPARISONS, expected, mu > 0 ? "lit from above" : "lit from below");
             builder_release(&b);
         }
 }
@@ -266,8 +263,7 @@ static void test_fog_transmittance(void **state)
         struct scene_builder b;
         double expected[3];
         for (int c = 0; c < 3; c++)
-            expected[c] = 2 * exp(-(double)distances[k] * (0.5 * (double)absorbing[c] +
-                                                           0.3 * (double)scattering[c]));
+            expected[c] = 2 * exp(-(double)distances[k] * (0.5 * (double)absorbing[c] + 0.3 * (double)scattering[c]));
         builder_init(&b);
         foggy(&b, &m);
         lamp = builder_lambert(&b, 0);
@@ -300,8 +296,7 @@ static void test_airlight(void **state)
             double x = (i + 0.5) * away / steps, r = hypot(beside, along - x);
             /* the light flies from (along, beside) to (x, 0), the eye's path along +x */
             double cosine = (along - x) / r;
-            expected[c] += s * power * henyey_greenstein(g, cosine) * exp(-t * (x + r)) / (r * r) *
-                           away / steps;
+            expected[c] += s * power * henyey_greenstein(g, cosine) * exp(-t * (x + r)) / (r * r) * away / steps;
         }
     }
     builder_init(&b);

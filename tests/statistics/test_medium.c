@@ -15,9 +15,9 @@
 
 #define SIGNIFICANCE 0.01
 
-static struct world_medium *medium_made(const struct scene_medium *source, const float *grid)
+static struct render_medium *medium_made(const struct scene_medium *source, const float *grid)
 {
-    struct world_medium *medium;
+    struct render_medium *medium;
     struct error err = {0};
 
     if (medium_new(&medium, source, (const uint8_t *)(const void *)grid, &err) != STATUS_OK)
@@ -89,8 +89,7 @@ struct averages {
     double most;
 };
 
-static void track(const struct world_medium *medium, const struct ray *ray, uint32_t samples,
-                  struct averages *out)
+static void track(const struct render_medium *medium, const struct ray *ray, uint32_t samples, struct averages *out)
 {
     memset(out, 0, sizeof *out);
     for (uint32_t i = 0; i < samples; i++) {
@@ -119,15 +118,14 @@ static void track(const struct world_medium *medium, const struct ray *ray, uint
     }
 }
 
-static void assert_mean(const struct running_stats *s, double expected, double level,
-                        const char *what, int number)
+static void assert_mean(const struct running_stats *s, double expected, double level, const char *what, int number)
 {
     double p = mean_test_p_value(s, expected);
 
     /* Float rounding, where the estimator has next to no variance. */
     if (p < level && fabs(s->mean - expected) > 2e-6 * fmax(1, expected))
-        fail_msg("%s %d: mean %.8g +- %.2g is not %.8g (p %.2g)", what, number, s->mean,
-                 running_stats_error(s), expected, p);
+        fail_msg("%s %d: mean %.8g +- %.2g is not %.8g (p %.2g)", what, number, s->mean, running_stats_error(s),
+                 expected, p);
 }
 
 /* Grey and coloured, thin and thick grids, even, a ramp, random cells, along and askew: what
@@ -165,7 +163,7 @@ static void test_grids_against_integrals(void **state)
     for (int kind = 0; kind < KINDS; kind++)
         for (int colour = 0; colour < COLOURS; colour++) {
             struct scene_medium source = grid_medium(X, Y, Z);
-            struct world_medium *medium;
+            struct render_medium *medium;
 
             for (int c = 0; c < 3; c++) {
                 float scattering = EXTINCTION[colour][c] * ALBEDO[colour][c];
@@ -188,8 +186,7 @@ static void test_grids_against_integrals(void **state)
 
                     assert_mean(&a.through[c], exp(-depth), level, "transmittance", number);
                     assert_mean(&a.passed[c], exp(-depth), level, "passed", number);
-                    assert_mean(&a.scattered[c], -albedo * expm1(-depth), level, "scattered",
-                                number);
+                    assert_mean(&a.scattered[c], -albedo * expm1(-depth), level, "scattered", number);
                     assert_mean(&a.emitted[c], 0.5 * (c + 1) * glow, level, "emitted", number);
                 }
             }
@@ -215,7 +212,7 @@ static void test_flame_without_scattering(void **state)
     for (int absorbs = 0; absorbs < 2; absorbs++) {
         struct scene_medium source = grid_medium(N, 1, 1);
         double length = optical_length(cells, size, &within);
-        struct world_medium *medium;
+        struct render_medium *medium;
         struct averages a;
 
         for (int c = 0; c < 3; c++) {
@@ -228,8 +225,7 @@ static void test_flame_without_scattering(void **state)
             double extinction = absorbs ? (double)ABSORPTION[c] : 0, depth = extinction * length;
 
             assert_mean(&a.passed[c], exp(-depth), level, "passed", c);
-            assert_mean(&a.emitted[c], depth > 0 ? -2 * expm1(-depth) / extinction : 2 * length,
-                        level, "emitted", c);
+            assert_mean(&a.emitted[c], depth > 0 ? -2 * expm1(-depth) / extinction : 2 * length, level, "emitted", c);
             assert_int_equal(a.depth.count, 0);
         }
         medium_free(medium);
@@ -244,7 +240,7 @@ static void test_mean_free_path_and_energy(void **state)
     struct scene_medium grey = {.scattering = {2.5f, 2.5f, 2.5f}}, colour = {0};
     struct ray endless = {.direction = {0, 0, 1}, .t_max = INFINITY};
     struct ray ray = {.direction = {0, 0, 1}, .t_max = 0.6f};
-    struct world_medium *medium = medium_made(&grey, NULL);
+    struct render_medium *medium = medium_made(&grey, NULL);
     struct averages a;
 
     (void)state;
@@ -269,7 +265,7 @@ static void test_mean_free_path_and_energy(void **state)
 }
 
 struct phase_user {
-    const struct world_medium *medium;
+    const struct render_medium *medium;
     struct vec3 direction;
 };
 
@@ -298,7 +294,7 @@ static void test_phase_chi_square(void **state)
     (void)state;
     for (int i = 0; i < COUNT; i++) {
         struct scene_medium source = {.scattering = {1, 1, 1}, .g = GS[i]};
-        struct world_medium *medium = medium_made(&source, NULL);
+        struct render_medium *medium = medium_made(&source, NULL);
         struct phase_user user = {medium,
                                   vec3_normalize((struct vec3){0.2f, i & 1 ? 0.7f : -0.4f, -0.6f})};
         struct chi_square_setup setup = {.sample = phase_sample, .pdf = phase_pdf, .user = &user,

@@ -69,8 +69,7 @@ static void profile(enum mover mover, double mean[SIZE], double error[SIZE])
     settings.max_depth = 0;
     builder_init(&b);
     builder_lambert(&b, 0)->unlit = 1;
-    b.scene.materials[0].base_color[0] = b.scene.materials[0].base_color[1] =
-        b.scene.materials[0].base_color[2] = 1;
+    b.scene.materials[0].base_color[0] = b.scene.materials[0].base_color[1] = b.scene.materials[0].base_color[2] = 1;
     builder_place(&b, board(&b, mover == BY_MORPH), 0, vec3_splat(1), vec3_splat(0));
     builder_camera(&b, vec3_make(0, 0, 5), vec3_splat(0), 1);
     b.scene.cameras[0].kind = CAMERA_ORTHOGRAPHIC;
@@ -126,8 +125,7 @@ static void test_coverage(void **state)
             }
             p = erfc(fabs(difference) / error[x] / sqrt(2));
             if (p < sidak_alpha(0.01, MOVERS * SIZE))
-                fail_msg("moved by its %s, column %d: %g instead of %g, p = %g", names[mover], x,
-                         mean[x], expected, p);
+                fail_msg("moved by its %s, column %d: %g instead of %g, p = %g", names[mover], x, mean[x], expected, p);
         }
         /* The profile is a ramp, not an edge: a closed shutter would fail the test. */
         assert_true(error[4] > 0 && mean[4] > 0.3 && mean[4] < 0.8);

@@ -14,7 +14,7 @@
 
 enum { SIZE = 8, SPP = 16, REPEATS = 60, COMPARISONS = 40 };
 
-/* A turn is mixed from directions that may miss it by a thousandth (worker/render/scene/world_pose.h). */
+/* A turn is mixed from directions that may miss it by a thousandth (worker/render/scene/render_pose.h). */
 #define CHORD 1e-3
 #define HEIGHT 2.0
 #define INTENSITY 5.0
@@ -89,8 +89,7 @@ static double measure(struct scene_builder *b, uint64_t without, double *error)
 
 /* z-test against the irradiance; what it would be with the light as at the shutter's opening is
  * rejected, unless motion blur is left out. */
-static void expect(struct scene_builder *b, double irradiance, double at_opening, double slack,
-                   const char *what)
+static void expect(struct scene_builder *b, double irradiance, double at_opening, double slack, const char *what)
 {
     double scale = ALBEDO / M_PI, error, mean = measure(b, 0, &error), difference;
 
@@ -118,8 +117,7 @@ static double from_line(double x)
 {
     double s = 3 - x, t = -2 - x;
 
-    return INTENSITY / (5 * HEIGHT) *
-           (s / sqrt(s * s + HEIGHT * HEIGHT) - t / sqrt(t * t + HEIGHT * HEIGHT));
+    return INTENSITY / (5 * HEIGHT) * (s / sqrt(s * s + HEIGHT * HEIGHT) - t / sqrt(t * t + HEIGHT * HEIGHT));
 }
 
 static void test_point_on_a_line(void **state)
@@ -163,8 +161,7 @@ static void test_rising_point(void **state)
     moving_light(&b, LIGHT_POINT, x);
     builder_channel(&b, 0, PATH_TRANSLATION, 2, times, rise);
     company(&b, INTENSITY / 8);
-    expect(&b, other + INTENSITY / 3 * (1 / x - 1 / sqrt(x * x + 4)), other, 0,
-           "rising point light");
+    expect(&b, other + INTENSITY / 3 * (1 / x - 1 / sqrt(x * x + 4)), other, 0, "rising point light");
     builder_release(&b);
 }
 
@@ -201,8 +198,8 @@ static void test_sweeping_beams(void **state)
                 company(&b, INTENSITY / 2);
                 other = full / 2;
             }
-            expect(&b, other + full * share_of_sweep(angles[k], half, first, last), other,
-                   2 * CHORD / half, projects ? "sweeping projector" : "sweeping spot light");
+            expect(&b, other + full * share_of_sweep(angles[k], half, first, last), other, 2 * CHORD / half,
+                   projects ? "sweeping projector" : "sweeping spot light");
             builder_release(&b);
         }
 }

@@ -19,7 +19,7 @@
 #include "common/base/buffer.h"
 #include "tests/support/figure.h"
 #include "tests/support/imported.h"
-#include "tests/support/replicates.h"
+#include "tests/support/groups.h"
 #include "tests/support/statistics.h"
 
 enum { SIDE = 48, BLOCK = 8, ACROSS = SIDE / BLOCK, VALUES = SIDE * SIDE * 3, SPP = 16 };
@@ -44,8 +44,8 @@ static void shape_corners(struct shape_text *s, const double corner[4][3])
 {
     for (int k = 0; k < 4; k++)
         buffer_printf(&s->points, "%.17g %.17g %.17g ", corner[k][0], corner[k][1], corner[k][2]);
-    buffer_printf(&s->indices, "%d %d %d %d %d %d ", s->count, s->count + 1, s->count + 2, s->count,
-                  s->count + 2, s->count + 3);
+    buffer_printf(&s->indices, "%d %d %d %d %d %d ", s->count, s->count + 1, s->count + 2, s->count, s->count + 2,
+                  s->count + 3);
     s->count += 4;
 }
 
@@ -73,8 +73,8 @@ static void shape_box(struct shape_text *s, const double low[3], const double hi
 
 static void shape_end(struct shape_text *s, struct buffer *text)
 {
-    buffer_printf(text, "Shape \"trianglemesh\" \"integer indices\" [%s] \"point3 P\" [%s]\n",
-                  buffer_text(&s->indices), buffer_text(&s->points));
+    buffer_printf(text, "Shape \"trianglemesh\" \"integer indices\" [%s] \"point3 P\" [%s]\n", buffer_text(&s->indices),
+                  buffer_text(&s->points));
     buffer_release(&s->points);
     buffer_release(&s->indices);
     s->count = 0;
@@ -120,8 +120,7 @@ static void model_and(struct buffer *text, const double at[3], double beside)
     shape_quad(&s, (double[]){at[0] - 3, at[1] - 0.04, at[2] - 3}, (double[]){0, 0, 6}, (double[]){6, 0, 0});
     shape_end(&s, text);
     shape_begin(&s);
-    shape_box(&s, (double[]){at[0] - 0.8, at[1] - 0.04, at[2] - 0.8},
-              (double[]){at[0] + 0.8, at[1], at[2] + 0.8});
+    shape_box(&s, (double[]){at[0] - 0.8, at[1] - 0.04, at[2] - 0.8}, (double[]){at[0] + 0.8, at[1], at[2] + 0.8});
     for (int i = -10; i < 10; i++)
         for (int k = -10; k < 10; k++) {
             const double low[3] = {at[0] + 0.04 * i + 0.01, at[1], at[2] + 0.04 * k + 0.01};
@@ -133,10 +132,7 @@ static void model_and(struct buffer *text, const double at[3], double beside)
     shape_end(&s, text);
 }
 
-static void model(struct buffer *text, const double at[3])
-{
-    model_and(text, at, 0);
-}
+static void model(struct buffer *text, const double at[3]) { model_and(text, at, 0); }
 
 /* An octahedron of triangles, each cut into 16 by 16, on a sphere. */
 static void skybox(struct buffer *text, double radius)
@@ -145,7 +141,7 @@ static void skybox(struct buffer *text, double radius)
     struct shape_text s;
 
     buffer_puts(text, "AttributeBegin Material \"diffuse\" \"rgb reflectance\" [0 0 0] "
-                    "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] \"bool twosided\" true\n");
+                      "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] \"bool twosided\" true\n");
     shape_begin(&s);
     for (int i = 0; i < CUTS; i++)
         for (int k = 0; k < 2 * CUTS; k++) {
@@ -199,7 +195,7 @@ static void render_frame(struct import_result *import, uint32_t frame, struct pi
     settings.fps = 1;
     settings.shutter = settings_shutter;
     scene = imported_build(import, &settings, frame);
-    replicates_render(scene, &settings, frame, out->mean, out->variance, &stats);
+    groups_render(scene, &settings, frame, out->mean, out->variance, &stats);
     render_scene_free(scene);
 }
 
@@ -212,10 +208,7 @@ static void render(struct buffer *text, struct picture *out)
     import_result_release(&import);
 }
 
-static double luminance(const double *rgb)
-{
-    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-}
+static double luminance(const double *rgb) { return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }
 
 /* The largest z of a block, with four standard errors of a pixel as the least of any: a block in which no
  * sample differs has no variance. */
@@ -267,7 +260,6 @@ static void compare(const char *what, const struct picture *wanted, const struct
 }
 
 static const double here[3] = {0, 0, 0};
-
 
 /* ---- backdrops ------------------------------------------------------------------------------------ */
 
@@ -530,8 +522,7 @@ static void test_travel(void **state)
         travel(&alone, &alone.scene.cameras[0].node, &alone.scene.cameras[0].to_world, stops, eye_from,
                INTERPOLATE_STEP);
         render_frame(&alone, k, &wanted);
-        travel(&all, &all.scene.cameras[0].node, &all.scene.cameras[0].to_world, stops, eye_from,
-               INTERPOLATE_STEP);
+        travel(&all, &all.scene.cameras[0].node, &all.scene.cameras[0].to_world, stops, eye_from, INTERPOLATE_STEP);
         render_frame(&all, k, &got);
         snprintf(what, sizeof what, "a camera on its way, frame %u", k);
         compare(what, &wanted, &got, 0.005);
@@ -710,8 +701,7 @@ static void obj_text(struct buffer *text, const double at[3], double distance, i
                           at[1] + (box ? 0.1 : -0.1) * (k >> 1 & 1), at[2] + (box ? 0.1 : 1.5) * (k & 4 ? 0.5 : -0.5));
         buffer_puts(text, grouped ? "g boxes\n" : "");
         for (int f = 0; f < 6; f++)
-            buffer_printf(text, "f %d %d %d %d\n", faces[f][0] - 9, faces[f][1] - 9, faces[f][2] - 9,
-                          faces[f][3] - 9);
+            buffer_printf(text, "f %d %d %d %d\n", faces[f][0] - 9, faces[f][1] - 9, faces[f][2] - 9, faces[f][3] - 9);
     }
 }
 

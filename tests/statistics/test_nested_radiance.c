@@ -43,15 +43,7 @@ static void test_priority(void **state)
         builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_splat(0));
         builder_place(&b, slab, 1, vec3_make(9, 1, 9), vec3_make(0, 1, 0));
         slabs_look_down(&b, 5);
-        for (int c = 0; c < 3; c++) {
-            double boundary = upper_first ? 0 : 1;
-            struct layers s = layers_interface(1, (double)1.33f);
-            s = layers_stacked(s, layers_absorber(layers_per_metre(upper, c), 2 - boundary));
-            s = layers_stacked(s, layers_interface((double)1.33f, (double)1.8f));
-            s = layers_stacked(s, layers_absorber(layers_per_metre(lower, c), boundary + 1));
-            s = layers_stacked(s, layers_interface((double)1.8f, 1));
-            expected[c] = layers_seen(s);
-        }
+        LAYERS_SEEN(expected, {upper, upper_first ? 2 : 1}, {lower, upper_first ? 1 : 2});
         radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
                             upper_first ? "the upper slab has it" : "the lower slab has it");
         settings.without = EFFECT_NESTED_DIELECTRIC;
@@ -80,15 +72,7 @@ static void test_inside(void **state)
         builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
         builder_place(&b, slab, 1, vec3_make(9, 0.5f, 9), vec3_splat(0));
         slabs_look_down(&b, 5);
-        for (int c = 0; c < 3; c++) {
-            struct layers glass_layer = layers_absorber(layers_per_metre(outer, c), 1.5);
-            struct layers s = layers_stacked(layers_interface(1, 1.5), glass_layer);
-            s = layers_stacked(s, layers_interface(1.5, 2));
-            s = layers_stacked(s, layers_absorber(layers_per_metre(inner, c), 1));
-            s = layers_stacked(layers_stacked(s, layers_interface(2, 1.5)), glass_layer);
-            s = layers_stacked(s, layers_interface(1.5, 1));
-            expected[c] = layers_seen(s);
-        }
+        LAYERS_SEEN(expected, {outer, 1.5}, {inner, 1}, {outer, 1.5});
         radiance_expect_rgb(&b, &settings, COMPARISONS, expected,
                             equal ? "equal priorities" : "the inner slab's is higher");
         builder_release(&b);
@@ -113,12 +97,7 @@ static void test_hidden(void **state)
     builder_place(&b, slab, 0, vec3_make(9, 2, 9), vec3_splat(0));
     builder_place(&b, slab, 1, vec3_make(9, 0.5f, 9), vec3_splat(0));
     slabs_look_down(&b, 5);
-    for (int c = 0; c < 3; c++) {
-        struct layers s = layers_stacked(layers_interface(1, 1.5),
-                                         layers_absorber(layers_per_metre(outer, c), 4));
-        s = layers_stacked(s, layers_interface(1.5, 1));
-        expected[c] = layers_seen(s);
-    }
+    LAYERS_SEEN(expected, {outer, 4});
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "hidden slab");
     builder_release(&b);
 }
@@ -144,8 +123,8 @@ static void test_camera_inside(void **state)
         double whole = exp(-2 * layers_per_metre(m, c));
         /* 1.4 m down to the face, then light of all the inner reflections; within the glass
          * light is crowded into less solid angle: radiance over n^2 is what stays. */
-        expected[c] = 1.5 * 1.5 * exp(-(double)1.4f * layers_per_metre(m, c)) * face.t *
-                      (1 / (1 - face.r_above * whole));
+        expected[c] =
+            1.5 * 1.5 * exp(-(double)1.4f * layers_per_metre(m, c)) * face.t * (1 / (1 - face.r_above * whole));
     }
     radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "camera in a slab");
     /* A second volume round about, of the same index and clear: it only moves the boundary. */

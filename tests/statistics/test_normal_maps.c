@@ -53,8 +53,8 @@ static void make_floor(struct import_result *import)
                        "\"POSITION\":0,\"NORMAL\":1,\"TEXCOORD_0\":2}}]}]");
     maker_write(&m, buffer_text(&rest), &text);
     /* The importer gives a file without any light the furnace, and warns of it. */
-    if (import_scene_memory(text.data, text.size, "floor.gltf", "scenes/features", &defaults, import,
-                            &err) != STATUS_OK)
+    if (import_scene_memory(text.data, text.size, "floor.gltf", "scenes/features", &defaults, import, &err) !=
+        STATUS_OK)
         fail_msg("%s", err.text);
     assert_true(import->scene.environment.constant);
     buffer_release(&rest);
@@ -121,8 +121,8 @@ static void a_mapped_floor_keeps_what_is_stated(void **state)
         for (int v = 0; v < VIEWS; v++)
             sum += floor_reading(&import, FLOORS[i].roughness, FLOORS[i].scale, v) / VIEWS;
         if (fabs(sum - FLOORS[i].reads) > 0.005)
-            fail_msg("roughness %g scale %g: reads %.4f, should be %.4f", FLOORS[i].roughness,
-                     FLOORS[i].scale, sum, FLOORS[i].reads);
+            fail_msg("roughness %g scale %g: reads %.4f, should be %.4f", FLOORS[i].roughness, FLOORS[i].scale, sum,
+                     FLOORS[i].reads);
     }
     import_result_release(&import);
 }

@@ -17,8 +17,7 @@
 enum { FRAMES = 24, COMPARISONS = 40 };
 
 /* Mean over the picture's pixels and channels (or one pixel) of `frames` independent frames. */
-static struct running_stats frame_means(struct scene_builder *b,
-                                        const struct render_settings *settings)
+static struct running_stats frame_means(struct scene_builder *b, const struct render_settings *settings)
 {
     struct render_scene *scene = builder_build(b, settings);
     size_t n = (size_t)settings->width * settings->height * 3;
@@ -33,14 +32,14 @@ static struct running_stats frame_means(struct scene_builder *b,
             sum += mean[i];
         running_stats_add(&result, sum / (double)n);
     }
-    assert_int_equal(stats.dropped_samples, 0);
+    assert_int_equal(stats.work.dropped_samples, 0);
     test_free(mean);
     render_scene_free(scene);
     return result;
 }
 
-static void expect_mean(struct scene_builder *b, const struct render_settings *settings,
-                        double expected, const char *what)
+static void expect_mean(struct scene_builder *b, const struct render_settings *settings, double expected,
+                        const char *what)
 {
     struct running_stats s = frame_means(b, settings);
     double p = mean_test_p_value(&s, expected);
@@ -49,14 +48,10 @@ static void expect_mean(struct scene_builder *b, const struct render_settings *s
     if (fabs(s.mean - expected) <= 1e-5 * fabs(expected))
         return;
     if (p < sidak_alpha(0.01, COMPARISONS))
-        fail_msg("%s: mean %.7g +- %.2g, expected %.7g (p = %.2g)", what, s.mean,
-                 running_stats_error(&s), expected, p);
+        fail_msg("%s: mean %.7g +- %.2g, expected %.7g (p = %.2g)", what, s.mean, running_stats_error(&s), expected, p);
 }
 
-static struct render_settings small(uint32_t spp)
-{
-    return builder_settings(16, 16, spp);
-}
+static struct render_settings small(uint32_t spp) { return builder_settings(16, 16, spp); }
 
 /* A white sphere in a constant environment cannot be seen, by any strategy. */
 static void test_furnace_lambert(void **state)
@@ -151,8 +146,7 @@ static void test_absorbing_slab(void **state)
     m->ior = 1.5f;
     m->attenuation_distance = 4;
     m->attenuation_color[0] = m->attenuation_color[1] = m->attenuation_color[2] = 0.25f;
-    builder_place(&b, builder_mesh(&b, positions, NULL, 8, indices, 4, 0), 0, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(&b, builder_mesh(&b, positions, NULL, 8, indices, 4, 0), 0, vec3_splat(1), vec3_splat(0));
     builder_environment_constant(&b, vec3_splat(1));
     builder_camera(&b, vec3_make(0.3f, 5, 0.1f), vec3_make(0.3f, 0, 0.1f), 0.002f);
     expect_mean(&b, &settings, through + back, "absorbing slab");
@@ -165,8 +159,8 @@ static double corner_form_factor(double a, double b, double c)
 {
     double x = a / c, y = b / c;
 
-    return (x / sqrt(1 + x * x) * atan(y / sqrt(1 + x * x)) +
-            y / sqrt(1 + y * y) * atan(x / sqrt(1 + y * y))) / (2 * M_PI);
+    return (x / sqrt(1 + x * x) * atan(y / sqrt(1 + x * x)) + y / sqrt(1 + y * y) * atan(x / sqrt(1 + y * y))) /
+           (2 * M_PI);
 }
 
 static void square_lamp(struct scene_builder *b, float height, float half, int double_sided)
@@ -313,9 +307,7 @@ static void test_light_mixture(void **state)
     builder_environment_constant(&b, vec3_splat(0.5f));
     builder_camera(&b, vec3_make(0, 0.9f, 0), vec3_splat(0), 0.004f);
     /* The environment reaches the plane past the lamp: 1 - F of the hemisphere. */
-    expect_mean(&b, &settings,
-                lamp + 0.6 / M_PI * 4 +
-                    0.6 * 0.5 * (1 - 4 * corner_form_factor(1.5, 1.5, 2)),
+    expect_mean(&b, &settings, lamp + 0.6 / M_PI * 4 + 0.6 * 0.5 * (1 - 4 * corner_form_factor(1.5, 1.5, 2)),
                 "lamp, point light and environment");
     builder_release(&b);
 }
@@ -360,8 +352,7 @@ static void test_environment_patch(void **state)
         settings.env_rotate_deg = 33; /* about +Y: the plane's irradiance does not change */
         lit_plane(&b);
         builder_environment_map(&b, map, W, H);
-        expect_mean(&b, &settings, 0.8 / M_PI * expected * 0.5,
-                    env_sampling_name((enum env_sampling)mode));
+        expect_mean(&b, &settings, 0.8 / M_PI * expected * 0.5, env_sampling_name((enum env_sampling)mode));
         builder_release(&b);
     }
 }

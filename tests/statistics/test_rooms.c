@@ -16,8 +16,8 @@ enum { WIDTH = 24, HEIGHT = 16, PIXELS = WIDTH * HEIGHT * 3 };
 static const double inner[3] = {2, 1.5, 2.5}, wall = 1e-3;
 
 struct where {
-    double shift;    /* along (1, -0.75, 0.5), in metres */
-    int turned;      /* by an odd angle about an odd axis */
+    double shift; /* along (1, -0.75, 0.5), in metres */
+    int turned;   /* by an odd angle about an odd axis */
 };
 
 static void put_place(char **at, const struct where *where, const double local[3])
@@ -27,8 +27,8 @@ static void put_place(char **at, const struct where *where, const double local[3
     const double d = where->turned ? cos(0.4) : 1, t = where->turned ? sin(0.4) : 0;
     double x = c * local[0] + s * local[2], y = local[1], z = c * local[2] - s * local[0];
 
-    *at += sprintf(*at, "%.17g %.17g %.17g ", where->shift + x,
-                   -0.75 * where->shift + d * y - t * z, 0.5 * where->shift + t * y + d * z);
+    *at += sprintf(*at, "%.17g %.17g %.17g ", where->shift + x, -0.75 * where->shift + d * y - t * z,
+                   0.5 * where->shift + t * y + d * z);
 }
 
 static const char box_indices[] = "\"integer indices\" [0 2 3 0 3 1 4 5 7 4 7 6 0 1 5 0 5 4 "
@@ -38,8 +38,7 @@ static void put_box(char **at, const struct where *where, const double low[3], c
 {
     *at += sprintf(*at, "Shape \"trianglemesh\" %s", box_indices);
     for (int i = 0; i < 8; i++)
-        put_place(at, where, (double[3]){i & 1 ? high[0] : low[0], i & 2 ? high[1] : low[1],
-                                         i & 4 ? high[2] : low[2]});
+        put_place(at, where, (double[3]){i & 1 ? high[0] : low[0], i & 2 ? high[1] : low[1], i & 4 ? high[2] : low[2]});
     *at += sprintf(*at, "]\n");
 }
 
@@ -94,8 +93,7 @@ static void put_light(char **at, const struct where *where, enum light light)
                         "\"bool twosided\" true Shape \"trianglemesh\" \"integer indices\" "
                         "[0 1 2 0 2 3] \"point3 P\" [");
     for (int i = 0; i < 4; i++)
-        put_place(at, where, (double[3]){i == 1 || i == 2 ? 1 : -1, i > 1 ? 1 : -1,
-                                         inner[2] + wall + 0.01});
+        put_place(at, where, (double[3]){i == 1 || i == 2 ? 1 : -1, i > 1 ? 1 : -1, inner[2] + wall + 0.01});
     *at += sprintf(*at, "] AttributeEnd\n");
 }
 
@@ -118,8 +116,7 @@ static void room_text(char *text, const struct where *where, enum walls walls, e
         put_plates(&text, where, walls == PLATES ? 6 : 5);
 }
 
-static void room_picture(const struct where *where, enum walls walls, enum light light,
-                         float picture[PIXELS])
+static void room_picture(const struct where *where, enum walls walls, enum light light, float picture[PIXELS])
 {
     struct render_settings settings = imported_settings(WIDTH, HEIGHT, 32);
     struct import_result import;
@@ -136,8 +133,8 @@ static void assert_dark(const float picture[PIXELS], const char *what, const str
 {
     for (int i = 0; i < PIXELS; i++)
         if (picture[i] != 0)
-            fail_msg("%s at %g m%s: light inside, %g at number %d", what, where->shift,
-                     where->turned ? ", turned" : "", (double)picture[i], i);
+            fail_msg("%s at %g m%s: light inside, %g at number %d", what, where->shift, where->turned ? ", turned" : "",
+                     (double)picture[i], i);
 }
 
 static double brightness(const float picture[PIXELS])
@@ -188,8 +185,7 @@ static void test_bright_inside(void **state)
                 apart += fabsf(picture[k] - first[k]) > 1e-3f * first[k];
             assert_true(brightness(first) > 0.1);
             if (apart > PIXELS / 100)
-                fail_msg("%g m%s: %d of %d numbers differ", where.shift, turned ? ", turned" : "",
-                         apart, PIXELS);
+                fail_msg("%g m%s: %d of %d numbers differ", where.shift, turned ? ", turned" : "", apart, PIXELS);
         }
     }
 }

@@ -67,15 +67,12 @@ static double albedo_mean(double r)
     return sum;
 }
 
-static double multiple(double color, double mean)
-{
-    return color * color * mean / (1 - color * (1 - mean));
-}
+static double multiple(double color, double mean) { return color * color * mean / (1 - color * (1 - mean)); }
 
 static double model(double r, double color, struct double3 o, struct double3 i, double mean)
 {
-    return color * single(r, o, i) + multiple(color, mean) / M_PI * (1 - albedo(r, o.z)) *
-                                         (1 - albedo(r, i.z)) / (1 - mean);
+    return color * single(r, o, i) +
+           multiple(color, mean) / M_PI * (1 - albedo(r, o.z)) * (1 - albedo(r, i.z)) / (1 - mean);
 }
 
 /* ---- the renderer's ---------------------------------------------------------------------------- */
@@ -96,10 +93,7 @@ static struct vec3 direction(float mu, float turn)
     return (struct vec3){sine * cosf(turn), sine * sinf(turn), mu};
 }
 
-static struct double3 in_double(struct vec3 v)
-{
-    return (struct double3){(double)v.x, (double)v.y, (double)v.z};
-}
+static struct double3 in_double(struct vec3 v) { return (struct double3){(double)v.x, (double)v.y, (double)v.z}; }
 
 /* f(wo, wi) mu_i. */
 static struct vec3 value(const struct bsdf_params *p, struct vec3 wo, struct vec3 wi)
@@ -122,8 +116,7 @@ static struct vec3 sent_out(const struct bsdf_params *p, struct vec3 wo)
         for (int k = 0; k < TURNS; k++) {
             float t = ((float)i + 0.5f) / STEPS;
             double weight = 3 * (double)(t * t) / STEPS * 2 * M_PI / TURNS;
-            struct vec3 f = bsdf_eval(&b, wo, direction(t * t * t, 6.2831853f * ((float)k + 0.5f) /
-                                                                       TURNS));
+            struct vec3 f = bsdf_eval(&b, wo, direction(t * t * t, 6.2831853f * ((float)k + 0.5f) / TURNS));
             sum[0] += (double)f.x * weight;
             sum[1] += (double)f.y * weight;
             sum[2] += (double)f.z * weight;
@@ -152,8 +145,8 @@ static void values_are_the_models(void **state)
             for (int c = 0; c < 3; c++) {
                 double expected = model(r, (double)COLORS[c], in_double(wo), in_double(wi), mean);
                 if (fabs((double)(f[c] / mu_i) - expected) > 1e-3 * expected + 1e-5)
-                    fail_msg("r %g, mu %g to %g: %g, not %g", r, (double)mu_o, (double)mu_i,
-                             (double)(f[c] / mu_i), expected);
+                    fail_msg("r %g, mu %g to %g: %g, not %g", r, (double)mu_o, (double)mu_i, (double)(f[c] / mu_i),
+                             expected);
                 if (fabsf(f[c] / mu_i - reverse[c] / mu_o) > 1e-4f * f[c] / mu_i)
                     fail_msg("r %g, mu %g to %g: not reciprocal", r, (double)mu_o, (double)mu_i);
             }
@@ -194,8 +187,7 @@ static void white_sends_out_all(void **state)
             struct bsdf_params p = rough(ROUGHNESSES[k], 1, 1, 1);
             float e = sent_out(&p, direction(COSINES[i], 0.4f)).x;
             if (fabsf(e - 1) > 1e-4f)
-                fail_msg("r %g, mu %g: white sends out %.6f", (double)ROUGHNESSES[k],
-                         (double)COSINES[i], (double)e);
+                fail_msg("r %g, mu %g: white sends out %.6f", (double)ROUGHNESSES[k], (double)COSINES[i], (double)e);
         }
 }
 
@@ -254,8 +246,8 @@ static void layers_over_it_gain_nothing(void **state)
             running_stats_add(&sum, got ? (double)s.weight.x : 0);
         }
         if (sum.mean > 1 + 0.003 + 4 * running_stats_error(&sum))
-            fail_msg("layers %d, alpha %g, ior %g, mu %g: sends out %.4f +- %.4f", layers,
-                     (double)alpha, (double)ior, (double)mu, sum.mean, running_stats_error(&sum));
+            fail_msg("layers %d, alpha %g, ior %g, mu %g: sends out %.4f +- %.4f", layers, (double)alpha, (double)ior,
+                     (double)mu, sum.mean, running_stats_error(&sum));
     }
 }
 
@@ -334,8 +326,7 @@ static void lit_plane_is_the_models(void **state)
             builder_render(scene, &settings, 0, picture, NULL, &stats);
             for (int c = 0; c < 3; c++) /* any pixel: nothing is random here */
                 if (fabs(picture[3 * 20 + c] - expected[c]) > 5e-4 * expected[c])
-                    fail_msg("r %g, eye %d, channel %d: %g, not %g", r, e, c, picture[3 * 20 + c],
-                             expected[c]);
+                    fail_msg("r %g, eye %d, channel %d: %g, not %g", r, e, c, picture[3 * 20 + c], expected[c]);
             render_scene_free(scene);
             builder_release(&b);
         }
@@ -363,8 +354,7 @@ static void texture_makes_it_rough(void **state)
         builder_environment_constant(&b, vec3_make(1, 0.5f, 0.2f));
         m->diffuse_roughness = k == 0 ? 0 : k == 3 ? 0.5f : 1;
         if (k == 1 || k == 2) {
-            m->diffuse_roughness_texture =
-                (struct scene_texture_slot){.uv_transform = {{1, 0, 0}, {0, 1, 0}}};
+            m->diffuse_roughness_texture = (struct scene_texture_slot){.uv_transform = {{1, 0, 0}, {0, 1, 0}}};
             m->diffuse_roughness_texture.texture = (int32_t)builder_texture(&b, texels[k], 1, 1);
         }
         scene = builder_build(&b, &settings);

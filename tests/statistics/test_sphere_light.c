@@ -17,7 +17,7 @@
 #include "tests/support/statistics.h"
 #include "worker/render/shape/sphere.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 #define GLOW "AreaLightSource \"diffuse\" \"rgb L\" [3 3 3] "
 
@@ -50,7 +50,7 @@ static double density(void *user, struct vec3 direction)
     exact_vec(view->context.p, o);
     exact_vec(direction, d);
     for (uint32_t i = 0; i < e->face_count; i++) {
-        const struct world_instance *lamp = &view->scene->instances[e->faces[i].instance];
+        const struct render_instance *lamp = &view->scene->instances[e->faces[i].instance];
         struct sphere_chord chord;
         double t, n[3];
 
@@ -60,8 +60,8 @@ static double density(void *user, struct vec3 direction)
             continue;
         for (int k = 0; k < 3; k++)
             n[k] = (chord.foot[k] + (t - chord.middle) * d[k]) / sphere_of(lamp->shape)->radius;
-        sum += (double)emitters_face_pdf(view->scene, &view->context, i, (float)(t * t),
-                                         (float)fabs(exact_dot(n, d)), 0);
+        sum +=
+            (double)emitters_face_pdf(view->scene, &view->context, i, (float)(t * t), (float)fabs(exact_dot(n, d)), 0);
     }
     return sum;
 }
@@ -90,7 +90,7 @@ static void test_directions(void **state)
         struct view view = {0};
         struct chi_square_setup setup = {.sample = sample, .pdf = density, .user = &view,
                                          .samples = 40000, .seed = 31 + i,
-                                         .focus = cases[i].focus};
+                                         .focus = cases[i].focus, .aligned = 1};
         const struct sphere_shape *shape;
         struct render_scene *scene;
         struct vec3 centre;
@@ -102,8 +102,7 @@ static void test_directions(void **state)
         centre = vec3_make((float)shape->centre[0], (float)shape->centre[1], (float)shape->centre[2]);
         view.scene = scene;
         view.context.p = vec3_mad(centre, cases[i].from, (float)shape->radius);
-        setup.axis = vec3_is_black(cases[i].from) ? vec3_make(0, 0, 1)
-                                                  : vec3_normalize(vec3_neg(cases[i].from));
+        setup.axis = vec3_is_black(cases[i].from) ? vec3_make(0, 0, 1) : vec3_normalize(vec3_neg(cases[i].from));
         assert_true(chi_square_accept(&setup, 0.01, CASES, cases[i].world));
         render_scene_free(scene);
         import_result_release(&import);
@@ -156,8 +155,7 @@ static void test_pictures(void **state)
         /* albedo / pi times pi L (r / d)^2 */
         {LOOK_DOWN GREY SQUARE "Translate 0 0 4 " BLACK GLOW "Shape \"sphere\"", 0.5 * 3 / 16},
         {LOOK_DOWN GREY SQUARE "Translate 0 0 400 " BLACK GLOW "Shape \"sphere\"", 0.5 * 3 / 160000},
-        {LOOK_DOWN GREY SQUARE "Translate 0 0 1.05 " BLACK GLOW "Shape \"sphere\"",
-         0.5 * 3 / (1.05 * 1.05)},
+        {LOOK_DOWN GREY SQUARE "Translate 0 0 1.05 " BLACK GLOW "Shape \"sphere\"", 0.5 * 3 / (1.05 * 1.05)},
         /* Inside a black lamp that fills the view: all of its radiance, times the albedo. */
         {LOOK_DOWN GREY "Shape \"sphere\" \"float radius\" 0.3 ReverseOrientation " BLACK GLOW
                    "Shape \"sphere\" \"float radius\" 20", 0.5 * 3},
@@ -175,8 +173,8 @@ static void test_pictures(void **state)
 
         if (fabs(s.mean / cases[i].expected - 1) > 1e-5 &&
             mean_test_p_value(&s, cases[i].expected) < sidak_alpha(0.01, CASES))
-            fail_msg("%s: mean %.7g +- %.2g, not %.7g", cases[i].text, s.mean,
-                     running_stats_error(&s), cases[i].expected);
+            fail_msg("%s: mean %.7g +- %.2g, not %.7g", cases[i].text, s.mean, running_stats_error(&s),
+                     cases[i].expected);
     }
 }
 

@@ -25,8 +25,8 @@ static int is_cut(const struct scene *scene, const struct scene_instance *instan
 {
     const struct scene_material *m = &scene->materials[instance->material];
 
-    if (instance->skin >= 0 || scene->meshes[instance->mesh].morph_count ||
-        m->emission[0] > 0 || m->emission[1] > 0 || m->emission[2] > 0)
+    if (instance->skin >= 0 || scene->meshes[instance->mesh].morph_count || m->emission[0] > 0 || m->emission[1] > 0 ||
+        m->emission[2] > 0)
         return 0;
     return m->kind == MATERIAL_INTERFACE || m->alpha_mode == ALPHA_BLEND ||
            (m->kind == MATERIAL_SURFACE && m->refractive && m->transmission > 0);
@@ -39,8 +39,8 @@ static uint32_t random_below(uint64_t *state, uint32_t n)
 }
 
 /* The mesh with every triangle for which part[] says so; 0: there is none. */
-static int add_part(struct import_result *import, const struct scene_mesh *mesh, const uint8_t *part,
-                    uint8_t number, struct scene_mesh *out)
+static int add_part(struct import_result *import, const struct scene_mesh *mesh, const uint8_t *part, uint8_t number,
+                    struct scene_mesh *out)
 {
     const uint8_t *data = NULL;
     struct scene_mesh_layout from, to;
@@ -80,15 +80,13 @@ static int add_part(struct import_result *import, const struct scene_mesh *mesh,
 }
 
 /* Cut into so many parts. Returns how many instances were cut. One part: each gets a mesh of its
- * own, so that it is placed as its parts are (world_place.c). */
+ * own, so that it is placed as its parts are (render_place.c). */
 static uint32_t cut(struct import_result *import, uint32_t parts)
 {
     struct scene *scene = &import->scene;
     const uint32_t count = scene->instance_count, mesh_count = scene->mesh_count;
-    struct scene_instance *instances =
-        ARENA_ARRAY(&scene->arena, struct scene_instance, PARTS * (size_t)count);
-    struct scene_mesh *meshes = ARENA_ARRAY(&scene->arena, struct scene_mesh,
-                                            mesh_count + PARTS * (size_t)count);
+    struct scene_instance *instances = ARENA_ARRAY(&scene->arena, struct scene_instance, PARTS * (size_t)count);
+    struct scene_mesh *meshes = ARENA_ARRAY(&scene->arena, struct scene_mesh, mesh_count + PARTS * (size_t)count);
     uint32_t done = 0;
     uint64_t state = 1;
 
@@ -148,8 +146,7 @@ static void compare(const char *path)
     render_cut(path, PARTS, parts);
     for (size_t i = 0; i < WIDTH * HEIGHT; i++)
         changed += memcmp(whole + 3 * i, parts + 3 * i, 3 * sizeof *whole) != 0;
-    print_message("# %s: %u instances cut, %u of %d pixels changed\n", path, instances, changed,
-                  WIDTH * HEIGHT);
+    print_message("# %s: %u instances cut, %u of %d pixels changed\n", path, instances, changed, WIDTH * HEIGHT);
     assert_true(instances > 0);
     if (1000 * changed > EDGES_PER_MILLE * WIDTH * HEIGHT)
         fail();

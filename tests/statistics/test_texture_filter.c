@@ -59,10 +59,7 @@ enum {
 
 static const int light_codes[3] = {230, 200, 120}, dark_codes[3] = {30, 60, 20};
 
-static double radiance_of(int code)
-{
-    return (double)srgb_decode((float)code / 255);
-}
+static double radiance_of(int code) { return (double)srgb_decode((float)code / 255); }
 
 /* ---- the closed form ------------------------------------------------------------------------ */
 
@@ -84,8 +81,7 @@ static double beam_contrast(double texels_wide)
         texels_wide /= 2;
         level++;
     }
-    return level_contrast(level) +
-           (texels_wide - 1) * (level_contrast(level + 1) - level_contrast(level));
+    return level_contrast(level) + (texels_wide - 1) * (level_contrast(level + 1) - level_contrast(level));
 }
 
 /* Distance to the ground through a point of the picture, in pixels; INFINITY: above the horizon. */
@@ -113,8 +109,8 @@ static double expected_contrast(int band)
 
 /* What was seen, over FRAMES pictures of one sample a pixel. */
 struct seen {
-    double contrast[BANDS];     /* mean over the channels */
-    double grey_error;          /* the largest of a single pixel far away, relative */
+    double contrast[BANDS]; /* mean over the channels */
+    double grey_error;      /* the largest of a single pixel far away, relative */
 };
 
 static void seen_add(struct seen *s, const float *picture, int decode)
@@ -181,13 +177,12 @@ static void test_closed_form(void **state)
     struct seen seen;
 
     (void)state;
-    assert_true(expected_contrast(BANDS - 1) > 0.87);   /* the finest level near the camera */
-    assert_true(expected_contrast(0) < 0.2);            /* hardly any at the horizon */
+    assert_true(expected_contrast(BANDS - 1) > 0.87); /* the finest level near the camera */
+    assert_true(expected_contrast(0) < 0.2);          /* hardly any at the horizon */
     open_scene(&import);
     seen = look(&import, 0);
     import_result_release(&import);
-    figure_within("grey far away, off by", seen.grey_error, 0, GREY_TOLERANCE,
-                  "relative, two steps of 8 bits");
+    figure_within("grey far away, off by", seen.grey_error, 0, GREY_TOLERANCE, "relative, two steps of 8 bits");
     figure_within("contrast, off by", contrast_error(&seen), -TOLERANCE, TOLERANCE, "of 0 to 1");
 }
 
@@ -223,8 +218,7 @@ static void test_other_filters(void **state)
         if (fabs(nearest.contrast[band] - 1) > 1e-6)
             fail_msg("nearest: band %d has contrast %.4f", band, nearest.contrast[band]);
         if (fabs(bilinear.contrast[band] - ramps) > TOLERANCE)
-            fail_msg("bilinear: band %d has contrast %.4f, expected %.4f", band,
-                     bilinear.contrast[band], ramps);
+            fail_msg("bilinear: band %d has contrast %.4f, expected %.4f", band, bilinear.contrast[band], ramps);
     }
 }
 

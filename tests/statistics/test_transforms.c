@@ -22,7 +22,7 @@
 
 #include "common/base/memory.h"
 #include "tests/support/imported.h"
-#include "tests/support/replicates.h"
+#include "tests/support/groups.h"
 #include "tests/support/statistics.h"
 #include "tests/support/transform.h"
 
@@ -35,7 +35,7 @@ enum { SIDE = 64, BLOCK = 8, ACROSS = SIDE / BLOCK, VALUES = SIDE * SIDE * 3, CO
 struct totals {
     uint32_t scenes, pictures, unchanged, refused, failed;
     unsigned comparisons;
-    double z;                /* the largest */
+    double z; /* the largest */
 };
 
 static uint32_t samples = 16;
@@ -67,7 +67,7 @@ static void render(struct import_result *import, double *mean)
     struct render_scene *scene = imported_build(import, &settings, 0);
     struct render_stats stats = {0};
 
-    replicates_render(scene, &settings, 0, mean, NULL, &stats);
+    groups_render(scene, &settings, 0, mean, NULL, &stats);
     render_scene_free(scene);
 }
 
@@ -75,12 +75,11 @@ static void render(struct import_result *import, double *mean)
 
 struct worst {
     double p_value, share;
-    int x, y, channel;      /* in pixels; -1: the whole picture */
+    int x, y, channel; /* in pixels; -1: the whole picture */
 };
 
 /* Student's t of the differences: the mean is 0. */
-static void compare(const double *a, const double *b, int x, int y, int side, int channel,
-                    struct worst *worst)
+static void compare(const double *a, const double *b, int x, int y, int side, int channel, struct worst *worst)
 {
     struct running_stats apart = {0};
     double sum = 0, error, p;
@@ -110,10 +109,7 @@ static struct worst compare_all(const double *a, const double *b)
     return worst;
 }
 
-static double z_of(double p_value)
-{
-    return p_value <= 1e-300 ? 37 : p_value >= 1 ? 0 : -normal_quantile(p_value / 2);
-}
+static double z_of(double p_value) { return p_value <= 1e-300 ? 37 : p_value >= 1 ? 0 : -normal_quantile(p_value / 2); }
 
 static void judge(const char *path, const char *name, const double *picture, const double *reference,
                   struct totals *totals)
@@ -129,8 +125,8 @@ static void judge(const char *path, const char *name, const double *picture, con
         apart += memcmp(picture + i, reference + i, 3 * sizeof *picture) != 0;
     if (table || worst.p_value < limit)
         printf("%s%s | %s | %.2f %% of the pixels | z %.2f of %.2f | %+.3g %% at %d %d |\n",
-               worst.p_value < limit ? "FAILED " : "", path, name, 100.0 * apart / (SIDE * SIDE),
-               z_of(worst.p_value), z_of(limit), 100 * worst.share, worst.x, worst.y);
+               worst.p_value < limit ? "FAILED " : "", path, name, 100.0 * apart / (SIDE * SIDE), z_of(worst.p_value),
+               z_of(limit), 100 * worst.share, worst.x, worst.y);
     fflush(stdout);
     totals->failed += worst.p_value < limit;
 }

@@ -2,10 +2,7 @@
 
 #include <stdio.h>
 
-static int chance(struct test_random *r, unsigned percent)
-{
-    return test_random_u64(r) % 100 < percent;
-}
+static int chance(struct test_random *r, unsigned percent) { return test_random_u64(r) % 100 < percent; }
 
 static struct vec3 color(struct test_random *r)
 {
@@ -32,8 +29,7 @@ struct bsdf_params bsdf_maker_random(struct test_random *r, float alpha_min)
     static const float SHARES[] = {0, 0, 1, 1, 0.5f};
     static const float IORS[] = {1, 1.05f, 1.33f, 1.5f, 2.5f};
     struct test_random own = {r->state + 1}; /* the other parameters stay as they are without it */
-    struct bsdf_params p = bsdf_maker_plain(SHARES[test_random_u64(r) % 5],
-                                            any_alpha(r, alpha_min));
+    struct bsdf_params p = bsdf_maker_plain(SHARES[test_random_u64(r) % 5], any_alpha(r, alpha_min));
 
     p.base_color = color(r);
     p.ior = IORS[test_random_u64(r) % 5];

@@ -1,6 +1,5 @@
 /* bsdf_maker: materials with everything that struct bsdf_params knows, by chance. */
-#ifndef AZULEJO_TEST_BSDF_MAKER_H
-#define AZULEJO_TEST_BSDF_MAKER_H
+#pragma once
 
 #include "tests/support/statistics.h"
 #include "worker/render/bsdf/bsdf.h"
@@ -26,5 +25,3 @@ struct bsdf_params bsdf_maker_other_side(const struct bsdf_params *p);
 
 /* All of it in one line; in a static buffer. */
 const char *bsdf_maker_describe(const struct bsdf_params *p);
-
-#endif

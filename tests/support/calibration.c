@@ -6,13 +6,10 @@
 
 #include "common/accuracy/word.h"
 #include "common/base/memory.h"
-#include "common/scene/effects.h"
+#include "common/scene/scene_effects.h"
 #include "tests/support/imported.h"
 
-static size_t picture_floats(const struct calibration *c)
-{
-    return (size_t)c->width * c->height * 3;
-}
+static size_t picture_floats(const struct calibration *c) { return (size_t)c->width * c->height * 3; }
 
 static void *need(size_t count, size_t size)
 {
@@ -41,25 +38,27 @@ static void allocate(struct calibration *c, const struct calibration_size *size)
     c->reference_spp = size->reference_spp;
     c->views = need((size_t)c->seeds * c->levels, sizeof *c->views);
     for (size_t i = 0; i < (size_t)c->seeds * c->levels; i++) {
-        for (int r = 0; r < CALIBRATION_PARTS; r++)
-            c->views[i].replicates[r] = need(picture_floats(c), sizeof(float));
+        for (int r = 0; r < RECORD_GROUPS; r++)
+            c->views[i].groups[r] = need(picture_floats(c), sizeof(float));
         c->views[i].tails = need(tail_count(c), sizeof *c->views[i].tails);
     }
-    c->references = need((size_t)c->reference_seeds * CALIBRATION_PARTS, sizeof *c->references);
-    for (size_t i = 0; i < (size_t)c->reference_seeds * CALIBRATION_PARTS; i++)
+    c->subject = need((size_t)c->width * c->height, sizeof *c->subject);
+    c->references = need((size_t)c->reference_seeds * RECORD_GROUPS, sizeof *c->references);
+    for (size_t i = 0; i < (size_t)c->reference_seeds * RECORD_GROUPS; i++)
         c->references[i] = need(picture_floats(c), sizeof(float));
 }
 
 void calibration_release(struct calibration *c)
 {
     for (size_t i = 0; i < (size_t)c->seeds * c->levels; i++) {
-        for (int r = 0; r < CALIBRATION_PARTS; r++)
-            mem_free(c->views[i].replicates[r]);
+        for (int r = 0; r < RECORD_GROUPS; r++)
+            mem_free(c->views[i].groups[r]);
         mem_free(c->views[i].tails);
     }
-    for (size_t i = 0; i < (size_t)c->reference_seeds * CALIBRATION_PARTS; i++)
+    for (size_t i = 0; i < (size_t)c->reference_seeds * RECORD_GROUPS; i++)
         mem_free(c->references[i]);
     mem_free(c->references);
+    mem_free(c->subject);
     mem_free(c->views);
     memset(c, 0, sizeof *c);
 }
@@ -79,9 +78,11 @@ static void merge_tails(struct record_tail *into, const struct record_tail *from
 struct growth {
     const struct render_scene *scene;
     const struct render_settings *settings;
-    double *sums[CALIBRATION_PARTS];
+    double *sums[RECORD_GROUPS];
     struct record_tail *tails;
     uint64_t rays, cpu_ns;
+    double *subject; /* [pixels], and how many samples of each pixel: of all seeds */
+    double subject_samples;
 };
 
 static void grow(struct growth *g, uint32_t seed, uint32_t begin, uint32_t end)
@@ -93,28 +94,30 @@ static void grow(struct growth *g, uint32_t seed, uint32_t begin, uint32_t end)
         for (uint32_t group = 0; group < RECORD_GROUPS; group++) {
             struct tile_rect rect = tile_rect_of(width, height, tile);
             record_render(g->scene, g->settings, seed, 0, tile, group, begin, end, &unit);
-            for (uint32_t r = 0; r < RECORD_REPLICATES; r++)
-                for (uint32_t i = 0; i < unit.head.pixels * 3; i++) {
-                    size_t at = ((size_t)(rect.y + i / 3 / rect.width) * width + rect.x + i / 3 % rect.width) * 3 + i % 3;
-                    g->sums[group * RECORD_REPLICATES + r][at] += (double)unit.sums[r * unit.head.pixels * 3 + i];
-                }
+            for (uint32_t i = 0; i < unit.head.pixels * 3; i++) {
+                size_t at = ((size_t)(rect.y + i / 3 / rect.width) * width + rect.x + i / 3 % rect.width) * 3 + i % 3;
+                g->sums[group][at] += (double)unit.sums[i];
+            }
+            for (uint32_t i = 0; i < unit.head.pixels; i++)
+                g->subject[(size_t)(rect.y + i / rect.width) * width + rect.x + i % rect.width] += unit.subject[i];
             merge_tails(g->tails + ((size_t)tile * RECORD_GROUPS + group) * RECORD_TAIL_MAX, unit.tail, unit.head.tail_count);
             g->rays += unit.head.rays;
             g->cpu_ns += unit.head.cpu_ns;
         }
+    g->subject_samples += (end - begin) * (double)RECORD_GROUPS;
 }
 
 static void take_means(const struct calibration *c, const struct growth *g, uint32_t samples,
-                       float *const out[CALIBRATION_PARTS])
+                       float *const out[RECORD_GROUPS])
 {
-    for (int r = 0; r < CALIBRATION_PARTS; r++)
+    for (int r = 0; r < RECORD_GROUPS; r++)
         for (size_t i = 0; i < picture_floats(c); i++)
             out[r][i] = (float)(g->sums[r][i] / samples);
 }
 
 static void clear(const struct calibration *c, struct growth *g)
 {
-    for (int r = 0; r < CALIBRATION_PARTS; r++)
+    for (int r = 0; r < RECORD_GROUPS; r++)
         memset(g->sums[r], 0, picture_floats(c) * sizeof(double));
     memset(g->tails, 0, tail_count(c) * sizeof *g->tails);
     g->rays = g->cpu_ns = 0;
@@ -128,7 +131,7 @@ static void render_all(struct calibration *c, struct growth *g, uint32_t first_s
             struct calibration_view *v = &c->views[s * c->levels + level];
             uint32_t end = calibration_spp(level) / RECORD_GROUPS;
             grow(g, first_seed + s, level ? end / 2 : 0, end);
-            take_means(c, g, end / RECORD_REPLICATES, v->replicates);
+            take_means(c, g, end, v->groups);
             memcpy(v->tails, g->tails, tail_count(c) * sizeof *v->tails);
             v->rays = g->rays;
             v->cpu_ns = g->cpu_ns;
@@ -138,16 +141,14 @@ static void render_all(struct calibration *c, struct growth *g, uint32_t first_s
     for (uint32_t s = 0; s < c->reference_seeds; s++) {
         clear(c, g);
         grow(g, CALIBRATION_REFERENCE_SEED + first_seed + s, 0, c->reference_spp / RECORD_GROUPS);
-        take_means(c, g, c->reference_spp / CALIBRATION_PARTS, c->references + s * CALIBRATION_PARTS);
+        take_means(c, g, c->reference_spp / RECORD_GROUPS, c->references + s * RECORD_GROUPS);
         c->cpu_s += (double)g->cpu_ns * 1e-9;
     }
 }
 
-void calibration_render(struct calibration *c, const char *scene_path,
-                        const struct calibration_size *size)
+void calibration_render(struct calibration *c, const char *scene_path, const struct calibration_size *size)
 {
-    struct render_settings settings =
-        imported_settings(size->width, size->height, calibration_spp(size->levels - 1));
+    struct render_settings settings = imported_settings(size->width, size->height, calibration_spp(size->levels - 1));
     struct import_result import;
     struct growth g = {.settings = &settings};
     struct render_scene *scene;
@@ -156,11 +157,15 @@ void calibration_render(struct calibration *c, const char *scene_path,
     imported_file(scene_path, &import);
     render_force_general(1);
     g.scene = scene = imported_build(&import, &settings, 0);
-    for (int r = 0; r < CALIBRATION_PARTS; r++)
+    for (int r = 0; r < RECORD_GROUPS; r++)
         g.sums[r] = need(picture_floats(c), sizeof(double));
     g.tails = need(tail_count(c), sizeof *g.tails);
+    g.subject = need((size_t)c->width * c->height, sizeof *g.subject);
     render_all(c, &g, size->first_seed);
-    for (int r = 0; r < CALIBRATION_PARTS; r++)
+    for (size_t i = 0; i < (size_t)c->width * c->height; i++)
+        c->subject[i] = (float)(g.subject[i] / g.subject_samples);
+    mem_free(g.subject);
+    for (int r = 0; r < RECORD_GROUPS; r++)
         mem_free(g.sums[r]);
     mem_free(g.tails);
     render_scene_free(scene);
@@ -184,28 +189,23 @@ static int each_part(struct calibration *c, FILE *file, int (*move)(FILE *, void
 
     for (size_t i = 0; i < (size_t)c->seeds * c->levels; i++) {
         struct calibration_view *v = &c->views[i];
-        for (int r = 0; r < CALIBRATION_PARTS; r++)
-            if (!move(file, v->replicates[r], picture))
+        for (int r = 0; r < RECORD_GROUPS; r++)
+            if (!move(file, v->groups[r], picture))
                 return 0;
-        if (!move(file, v->tails, tail_count(c) * sizeof *v->tails) ||
-            !move(file, &v->rays, sizeof v->rays) || !move(file, &v->cpu_ns, sizeof v->cpu_ns))
+        if (!move(file, v->tails, tail_count(c) * sizeof *v->tails) || !move(file, &v->rays, sizeof v->rays) ||
+            !move(file, &v->cpu_ns, sizeof v->cpu_ns))
             return 0;
     }
-    for (size_t i = 0; i < (size_t)c->reference_seeds * CALIBRATION_PARTS; i++)
+    for (size_t i = 0; i < (size_t)c->reference_seeds * RECORD_GROUPS; i++)
         if (!move(file, c->references[i], picture))
             return 0;
-    return move(file, &c->cpu_s, sizeof c->cpu_s);
+    return move(file, c->subject, (size_t)c->width * c->height * sizeof *c->subject) &&
+           move(file, &c->cpu_s, sizeof c->cpu_s);
 }
 
-static int read_part(FILE *file, void *data, size_t size)
-{
-    return fread(data, 1, size, file) == size;
-}
+static int read_part(FILE *file, void *data, size_t size) { return fread(data, 1, size, file) == size; }
 
-static int write_part(FILE *file, void *data, size_t size)
-{
-    return fwrite(data, 1, size, file) == size;
-}
+static int write_part(FILE *file, void *data, size_t size) { return fwrite(data, 1, size, file) == size; }
 
 int calibration_load(struct calibration *c, const char *path, const struct calibration_size *size)
 {
@@ -230,8 +230,7 @@ int calibration_load(struct calibration *c, const char *path, const struct calib
     return ok;
 }
 
-void calibration_save(const struct calibration *c, const char *path,
-                      const struct calibration_size *size)
+void calibration_save(const struct calibration *c, const char *path, const struct calibration_size *size)
 {
     struct calibration copy = *c;
     struct calibration_size written = *size;
@@ -249,7 +248,7 @@ void calibration_save(const struct calibration *c, const char *path,
 double calibration_truth(const struct calibration *c, uint32_t seed, double *mean)
 {
     size_t count = picture_floats(c);
-    uint32_t parts = c->reference_seeds * CALIBRATION_PARTS, spp = calibration_spp(c->levels - 1);
+    uint32_t parts = c->reference_seeds * RECORD_GROUPS, spp = calibration_spp(c->levels - 1);
     double reference = (double)c->reference_spp * c->reference_seeds, weight = 1 / (reference + (double)spp * (c->seeds - 1));
     double error = 0, used = 0;
 
@@ -264,12 +263,12 @@ double calibration_truth(const struct calibration *c, uint32_t seed, double *mea
         used++;
         for (size_t i = 0; i < count; i++) {
             double sum = 0;
-            for (int r = 0; r < CALIBRATION_PARTS; r++)
-                sum += (double)v->replicates[r][i];
-            mean[i] += sum / CALIBRATION_PARTS * spp * weight;
-            for (int r = 0; r < CALIBRATION_PARTS; r++) {
-                double d = (double)v->replicates[r][i] - sum / CALIBRATION_PARTS;
-                error += d * d / (CALIBRATION_PARTS * (CALIBRATION_PARTS - 1.0)); /* of one seed's mean */
+            for (int r = 0; r < RECORD_GROUPS; r++)
+                sum += (double)v->groups[r][i];
+            mean[i] += sum / RECORD_GROUPS * spp * weight;
+            for (int r = 0; r < RECORD_GROUPS; r++) {
+                double d = (double)v->groups[r][i] - sum / RECORD_GROUPS;
+                error += d * d / (RECORD_GROUPS * (RECORD_GROUPS - 1.0)); /* of one seed's mean */
             }
         }
     }

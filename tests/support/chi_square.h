@@ -15,8 +15,7 @@
  * towards that plane, like the sectors of an ellipse. With axis z, focus 1 and an even
  * number of cells the horizon is a cell border, which suits BSDFs.
  */
-#ifndef AZULEJO_TEST_CHI_SQUARE_H
-#define AZULEJO_TEST_CHI_SQUARE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -31,14 +30,15 @@ struct chi_square_setup {
     int cos_cells, phi_cells; /* 0: 10 and 20 */
     uint64_t samples;         /* 0: 5000 for each cell */
     uint64_t seed;
-    struct vec3 axis;         /* zero vector: z */
-    double focus;             /* 0: 1 */
-    double squeeze;           /* 0: 1 */
-    double expected_min;      /* cells below are pooled; 0: 5 */
+    struct vec3 axis;    /* zero vector: z */
+    double focus;        /* 0: 1 */
+    double squeeze;      /* 0: 1 */
+    double expected_min; /* cells below are pooled; 0: 5 */
+    int aligned;         /* edges of the density follow the cells': what integrals are off there has one sign */
 };
 
 struct chi_square_result {
-    double p_value;     /* 0 where `reason` is not NULL */
+    double p_value; /* 0 where `reason` is not NULL */
     double statistic;
     int degrees;        /* of freedom */
     int pooled;         /* how many cells were pooled */
@@ -57,7 +57,4 @@ void chi_square_result_release(struct chi_square_result *r);
 void chi_square_print(const struct chi_square_result *r, const char *name);
 
 /* Run, and accept when p >= sidak_alpha(alpha, tests); prints the tables if not. */
-int chi_square_accept(const struct chi_square_setup *setup, double alpha, unsigned tests,
-                      const char *name);
-
-#endif
+int chi_square_accept(const struct chi_square_setup *setup, double alpha, unsigned tests, const char *name);

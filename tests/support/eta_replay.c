@@ -6,7 +6,7 @@
 
 #include "common/base/memory.h"
 #include "common/film/film.h"
-#include "coordinator/job/eta.h"
+#include "coordinator/frame/eta.h"
 
 struct worker {
     struct eta_unit unit;
@@ -114,8 +114,7 @@ static void run(struct replay *r)
         for (uint32_t i = 0; i < r->threads; i++)
             if (!r->workers[i].busy)
                 (void)take_unit(r, &r->workers[i]);
-        r->guesses[r->guess_count++] =
-            (struct guess){r->now_s - start_s, speed > 0 ? left_ns / 1e9 / speed : -1};
+        r->guesses[r->guess_count++] = (struct guess){r->now_s - start_s, speed > 0 ? left_ns / 1e9 / speed : -1};
     } while (deliver(r));
     need(film_complete(r->film), "the frame is not complete");
     need(eta_left_ns(&r->eta, r->film) == 0, "something is left at the end");

@@ -1,8 +1,7 @@
 /* eta_replay: the units of one frame, worked on in order by workers under a simulated clock, and how
  * often the time left that coordinator/eta tells is right. Aborts the program when something goes
  * wrong. */
-#ifndef AZULEJO_TESTS_ETA_REPLAY_H
-#define AZULEJO_TESTS_ETA_REPLAY_H
+#pragma once
 
 #include <stdint.h>
 
@@ -23,5 +22,3 @@ enum { ETA_THREADS_MAX = 64 };
 /* The share of the time after the frame's first tenth in which the guess was within 20 % of the truth.
  * `speed`: processor seconds that a thread gets in a second. */
 double eta_replay(const struct eta_frame *frame, uint32_t threads, double speed);
-
-#endif

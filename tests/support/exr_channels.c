@@ -13,8 +13,8 @@ struct bytes {
     size_t size;
 };
 
-static int64_t read_bytes(exr_const_context_t context, void *user, void *buffer, uint64_t size,
-                          uint64_t offset, exr_stream_error_func_ptr_t fail)
+static int64_t read_bytes(exr_const_context_t context, void *user, void *buffer, uint64_t size, uint64_t offset,
+                          exr_stream_error_func_ptr_t fail)
 {
     const struct bytes *bytes = user;
 

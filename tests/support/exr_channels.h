@@ -1,6 +1,5 @@
 /* exr_channels: any channel of an OpenEXR file in memory, read by OpenEXR itself. */
-#ifndef AZULEJO_TESTS_EXR_CHANNELS_H
-#define AZULEJO_TESTS_EXR_CHANNELS_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -9,5 +8,3 @@
  * *half tells how they are stored. Fails the running test on a file that OpenEXR refuses. */
 float *exr_channel_read(const void *data, size_t size, const char *name, int *half);
 int exr_channel_count(const void *data, size_t size);
-
-#endif

@@ -18,8 +18,7 @@ void figure_within(const char *what, double value, double low, double high, cons
         fail_msg("%s is %.6g, not in [%.6g, %.6g] (%s)", what, value, low, high, level);
 }
 
-void figure_z(const char *what, double value, double error, double expected, double alpha,
-              unsigned tests)
+void figure_z(const char *what, double value, double error, double expected, double alpha, unsigned tests)
 {
     double z = normal_quantile(1 - sidak_alpha(alpha, tests) / 2);
     char level[96];

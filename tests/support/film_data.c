@@ -10,8 +10,7 @@
 
 static float number_of(uint32_t tile, uint32_t group, uint32_t pass, size_t i)
 {
-    uint32_t h = (uint32_t)i * 2654435761u ^ tile * 40503u ^
-                 (pass * GROUPS + group + 1) * 2246822519u;
+    uint32_t h = (uint32_t)i * 2654435761u ^ tile * 40503u ^ (pass * GROUPS + group + 1) * 2246822519u;
 
     h ^= h >> 15;
     h *= 2246822519u;
@@ -19,27 +18,26 @@ static float number_of(uint32_t tile, uint32_t group, uint32_t pass, size_t i)
     return ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
 }
 
-struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32_t group,
-                                  uint32_t pass, float *sums)
+struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass, float *sums)
 {
     struct tile_rect rect = tile_rect_of(film_width(film), film_height(film), tile);
     struct unit_result unit = {.tile = tile, .group = group, .pass = pass, .sums = sums};
     uint32_t pixels = rect.width * rect.height, begin, end;
 
-    unit.count = tile_floats(film_width(film), film_height(film), tile,
-                             unit_aovs(film_aovs(film), group, pass));
+    unit.count = tile_floats(film_width(film), film_height(film), tile, unit_aovs(film_aovs(film), group, pass));
     for (size_t i = 0; i < unit.count; i++)
         sums[i] = number_of(tile, group, pass, i);
     pass_range(film_spp(film), group, pass, &begin, &end);
     unit.work.samples = (uint64_t)pixels * (end - begin);
     unit.work.rays = unit.work.samples * 3 + pass;
     unit.work.vertices = unit.work.rays / 2;
+    unit.work.subject_samples = unit.work.samples / (1 + tile % 3);
     unit.work.leaked_rays = tile;
     for (uint32_t k = 0; k < HEALTH_KINDS; k++) { /* some tiles have none, some passes come first later */
         unit.work.health.count[k] = (tile + pass + k) % 3;
         if (unit.work.health.count[k])
-            unit.work.health.first[k] = health_key(
-                (struct health_place){pass, tile, k % pixels, begin * GROUPS + group});
+            unit.work.health.first[k] =
+                health_key((struct health_place){pass, tile, k % pixels, begin * GROUPS + group});
     }
     unit.work.clamped_samples = tile;
     unit.work.clamped_luminance = 1e-3 * (tile + 0.1 * pass); /* sums that depend on their order */
@@ -47,13 +45,11 @@ struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32
     for (uint32_t i = 0; i < DEPTH_SUMS; i++)
         unit.work.depth.sum[i] = 1e2 / (1 + i + tile + 0.1 * pass + 0.01 * group);
     for (uint32_t i = 0; i < 10; i++)
-        tail_add(&unit.tail, 1 + (float)((tile * 7 + group * 5 + pass * 3 + i * 11) % 13),
-                 i % pixels);
+        tail_add(&unit.tail, 1 + (float)((tile * 7 + group * 5 + pass * 3 + i * 11) % 13), i % pixels);
     return unit;
 }
 
-enum film_merge_result film_data_merge(struct film *film, uint32_t tile, uint32_t group,
-                                       uint32_t pass)
+enum film_merge_result film_data_merge(struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
 {
     float sums[TILE_FLOATS_MAX];
     struct unit_result unit = film_data_unit(film, tile, group, pass, sums);

@@ -7,7 +7,4 @@
 
 #include <cmocka.h>
 
-__attribute__((constructor)) static void filter_read(void)
-{
-    cmocka_set_test_filter(getenv("TEST_FILTER"));
-}
+__attribute__((constructor)) static void filter_read(void) { cmocka_set_test_filter(getenv("TEST_FILTER")); }

@@ -28,8 +28,7 @@ const char *fuzz_folder(void)
 {
     if (folder[0])
         return folder;
-    snprintf(folder, sizeof folder, "%s/azulejo-fuzz-XXXXXX",
-             access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
+    snprintf(folder, sizeof folder, "%s/azulejo-fuzz-XXXXXX", access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
     if (!mkdtemp(folder))
         abort();
     atexit(clean_up);
@@ -43,8 +42,7 @@ void fuzz_folder_put(const char *name, const void *data, size_t size_bytes)
 
     snprintf(path, sizeof path, "%s/%s", fuzz_folder(), name);
     file = fopen(path, "wb");
-    if (!file || (size_bytes && fwrite(data, 1, size_bytes, file) != size_bytes) ||
-        fclose(file) != 0)
+    if (!file || (size_bytes && fwrite(data, 1, size_bytes, file) != size_bytes) || fclose(file) != 0)
         abort();
 }
 

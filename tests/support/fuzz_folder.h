@@ -1,7 +1,6 @@
 /* fuzz_folder: the files that a fuzz target's input may name. One folder for the process, in memory
  * where there is /dev/shm; it is taken away when the process ends in good order. */
-#ifndef AZULEJO_TESTS_FUZZ_FOLDER_H
-#define AZULEJO_TESTS_FUZZ_FOLDER_H
+#pragma once
 
 #include <stddef.h>
 
@@ -14,5 +13,3 @@ void fuzz_folder_put(const char *name, const void *data, size_t size_bytes);
 /* Abort unless every file that a scene read lies in the folder, but for the one called `given`,
  * which is the input itself. */
 void fuzz_folder_check(const struct input_files *files, const char *given);
-
-#endif

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "common/base/buffer.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 
 enum { FILES_MAX = 4096, CUTS_MAX = 512 };
@@ -20,10 +20,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 /* Targets may have one, to set up what all runs share. */
 int LLVMFuzzerInitialize(int *argc, char ***argv) __attribute__((weak));
 
-static int visible(const struct dirent *entry)
-{
-    return entry->d_name[0] != '.';
-}
+static int visible(const struct dirent *entry) { return entry->d_name[0] != '.'; }
 
 static void feed(const uint8_t *data, size_t size)
 {

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "tests/support/starve.h"
 
 void maker_release(struct maker *m)
 {
@@ -29,8 +30,8 @@ int put_view(struct maker *m, const void *data, size_t size, int stride)
         buffer_append(&m->bytes, "", 1);
     offset = m->bytes.size;
     buffer_append(&m->bytes, data, size);
-    buffer_printf(&m->views, "%s{\"buffer\":0,\"byteOffset\":%zu,\"byteLength\":%zu",
-                  m->view_count ? "," : "", offset, size);
+    buffer_printf(&m->views, "%s{\"buffer\":0,\"byteOffset\":%zu,\"byteLength\":%zu", m->view_count ? "," : "", offset,
+                  size);
     if (stride)
         buffer_printf(&m->views, ",\"byteStride\":%d", stride);
     buffer_puts(&m->views, "}");
@@ -38,19 +39,17 @@ int put_view(struct maker *m, const void *data, size_t size, int stride)
 }
 
 /* `more` is JSON that is appended to the accessor: "" or ",\"normalized\":true". */
-int put_accessor(struct maker *m, int view, const char *type, int component_type,
-                        size_t count, const char *more)
+int put_accessor(struct maker *m, int view, const char *type, int component_type, size_t count, const char *more)
 {
     buffer_printf(&m->accessors, "%s{", m->accessor_count ? "," : "");
     if (view >= 0)
         buffer_printf(&m->accessors, "\"bufferView\":%d,", view);
-    buffer_printf(&m->accessors, "\"componentType\":%d,\"count\":%zu,\"type\":\"%s\"%s}",
-                  component_type, count, type, more);
+    buffer_printf(&m->accessors, "\"componentType\":%d,\"count\":%zu,\"type\":\"%s\"%s}", component_type, count, type,
+                  more);
     return m->accessor_count++;
 }
 
-int put_floats(struct maker *m, const char *type, const float *data, size_t floats,
-                      size_t count)
+int put_floats(struct maker *m, const char *type, const float *data, size_t floats, size_t count)
 {
     return put_accessor(m, put_view(m, data, floats * sizeof *data, 0), type, 5126, count, "");
 }
@@ -92,8 +91,8 @@ void maker_write(struct maker *m, const char *rest, struct buffer *out)
 
 const struct import_options defaults = IMPORT_OPTIONS_DEFAULT;
 
-void import_ok_with(const void *data, size_t size, const char *name,
-                           const struct import_options *options, struct import_result *out)
+void import_ok_with(const void *data, size_t size, const char *name, const struct import_options *options,
+                    struct import_result *out)
 {
     struct error err = {0};
 
@@ -131,8 +130,7 @@ void maker_refuse(struct maker *m, const char *rest, const char *words)
     struct error err = {0};
 
     maker_write(m, rest, &file);
-    if (import_scene_memory(file.data, file.size, "test.gltf", NULL, &defaults, &result, &err) ==
-        STATUS_OK)
+    if (import_scene_memory(file.data, file.size, "test.gltf", NULL, &defaults, &result, &err) == STATUS_OK)
         fail_msg("accepted: %s", rest);
     assert_says(&err, "test.gltf: ");
     assert_says(&err, words);
@@ -142,34 +140,35 @@ void maker_refuse(struct maker *m, const char *rest, const char *words)
     maker_release(m);
 }
 
+/* What is read without all of the memory is the whole scene. */
+struct starved {
+    struct buffer file;
+    struct import_result whole;
+};
+
+static status read_starved(void *user)
+{
+    const struct starved *s = user;
+    struct import_result r;
+    struct error err = {0};
+    status result = import_scene_memory(s->file.data, s->file.size, "a.gltf", NULL, &defaults, &r, &err);
+
+    if (result == STATUS_OK && !digest_equal(&r.scene_digest, &s->whole.scene_digest))
+        result = STATUS_ERR_INTERNAL;
+    import_result_release(&r);
+    return result;
+}
+
 void maker_starve(struct maker *m, const char *rest, long survivors)
 {
-    struct buffer file = BUFFER_INIT;
-    struct import_result whole;
-    long n, fails = 1, survived = 0;
+    struct starved s = {.file = BUFFER_INIT};
 
-    maker_write(m, rest, &file);
+    maker_write(m, rest, &s.file);
     maker_release(m);
-    import_ok_with(file.data, file.size, "a.gltf", &defaults, &whole);
-    for (n = 0; fails; n++) {
-        struct import_result r;
-        struct error err = {0};
-        status result;
-        mem_fault_arm(n, 1);
-        result = import_scene_memory(file.data, file.size, "a.gltf", NULL, &defaults, &r, &err);
-        fails = mem_fault_count();
-        mem_fault_arm(-1, 0);
-        if (result == STATUS_OK)
-            assert_true(digest_equal(&r.scene_digest, &whole.scene_digest));
-        else if (result != STATUS_ERR_NO_MEMORY)
-            fail_msg("allocation %ld: status %d, \"%s\"", n, (int)result, err.text);
-        survived += fails && result == STATUS_OK;
-        import_result_release(&r);
-    }
-    assert_true(n > 50);
-    assert_true(survived <= survivors);
-    import_result_release(&whole);
-    buffer_release(&file);
+    import_ok_with(s.file.data, s.file.size, "a.gltf", &defaults, &s.whole);
+    assert_true(starve_each(read_starved, &s, survivors) > 50);
+    import_result_release(&s.whole);
+    buffer_release(&s.file);
 }
 
 void refuse_text(const char *text, const char *words)
@@ -177,8 +176,7 @@ void refuse_text(const char *text, const char *words)
     struct import_result result;
     struct error err = {0};
 
-    assert_int_not_equal(import_scene_memory(text, strlen(text), "test.gltf", NULL, &defaults,
-                                             &result, &err),
+    assert_int_not_equal(import_scene_memory(text, strlen(text), "test.gltf", NULL, &defaults, &result, &err),
                          STATUS_OK);
     assert_says(&err, words);
 }
@@ -193,10 +191,7 @@ struct maker triangle_maker(void)
     return m;
 }
 
-static const void *array_at(const uint8_t *data, size_t offset)
-{
-    return offset == SIZE_MAX ? NULL : data + offset;
-}
+static const void *array_at(const uint8_t *data, size_t offset) { return offset == SIZE_MAX ? NULL : data + offset; }
 
 struct mesh_view view_mesh(const struct import_result *result, uint32_t index)
 {
@@ -247,8 +242,7 @@ void assert_doubles(const double *got, const double *wanted, size_t count, doubl
             fail_msg("value %zu is %.17g instead of %.17g", i, got[i], wanted[i]);
 }
 
-void assert_in_file(const struct scene *scene, const double at[3], const double wanted[3],
-                    double tolerance)
+void assert_in_file(const struct scene *scene, const double at[3], const double wanted[3], double tolerance)
 {
     double there[3];
 
@@ -257,8 +251,8 @@ void assert_in_file(const struct scene *scene, const double at[3], const double 
     assert_doubles(there, wanted, 3, tolerance);
 }
 
-void assert_matrix_in_file(const struct scene *scene, const struct transform_d *to_world,
-                           const double wanted[12], double tolerance)
+void assert_matrix_in_file(const struct scene *scene, const struct transform_d *to_world, const double wanted[12],
+                           double tolerance)
 {
     struct transform_d m = *to_world;
 

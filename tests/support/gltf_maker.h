@@ -1,7 +1,6 @@
 /* gltf_maker: small glTF files for tests of the importer, and questions about what it made.
  * Every function fails the running test when something goes wrong. */
-#ifndef AZULEJO_TESTS_GLTF_MAKER_H
-#define AZULEJO_TESTS_GLTF_MAKER_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -21,8 +20,7 @@ void maker_release(struct maker *m);
 /* Append bytes; returns the number of the buffer view. stride 0: tightly packed. */
 int put_view(struct maker *m, const void *data, size_t size, int stride);
 /* view -1: no bytes. `more` is JSON appended to the accessor, as ",\"normalized\":true". */
-int put_accessor(struct maker *m, int view, const char *type, int component_type, size_t count,
-                 const char *more);
+int put_accessor(struct maker *m, int view, const char *type, int component_type, size_t count, const char *more);
 int put_floats(struct maker *m, const char *type, const float *data, size_t floats, size_t count);
 
 /* The whole file; `rest` holds the other tables. */
@@ -58,15 +56,14 @@ void put_mirrored_quads(struct maker *m);
 /* A maker whose accessor 0 holds corner_positions. */
 struct maker triangle_maker(void);
 
-void import_ok_with(const void *data, size_t size, const char *name,
-                    const struct import_options *options, struct import_result *out);
+void import_ok_with(const void *data, size_t size, const char *name, const struct import_options *options,
+                    struct import_result *out);
 /* Write, import, release the maker. */
 void maker_import(struct maker *m, const char *rest, struct import_result *out);
 /* The import must fail and the message hold all of `words` ("a|b"). */
 void maker_refuse(struct maker *m, const char *rest, const char *words);
-/* Import it with each of our allocations failing in turn: ERR_NO_MEMORY every time, but for
- * `survivors` that can be done without. jansson's own are not counted: it reports them as errors
- * of syntax. */
+/* Import it with each of our allocations failing in turn (starve.h); what is read nevertheless must be the same scene.
+ * jansson's own are not counted: it reports them as errors of syntax. */
 void maker_starve(struct maker *m, const char *rest, long survivors);
 void refuse_text(const char *text, const char *words);
 void assert_says(const struct error *err, const char *words);
@@ -77,7 +74,7 @@ struct mesh_view {
     const float *positions, *normals, *tangents, *uv0, *uv1, *colors;
     const uint32_t *indices;
     const struct mesh_influence *skin;
-    const float *morphs;    /* of target i from i * morph_floats on: positions, then normals */
+    const float *morphs; /* of target i from i * morph_floats on: positions, then normals */
     size_t morph_floats;
 };
 
@@ -86,11 +83,8 @@ void assert_floats(const float *got, const float *wanted, size_t count, float to
 void assert_doubles(const double *got, const double *wanted, size_t count, double tolerance);
 /* Places in the coordinates of the file, which the scene's origin was taken from. */
 struct vec3 in_file(const struct scene *scene, const struct transform_d *to_world, struct vec3 p);
-void assert_in_file(const struct scene *scene, const double at[3], const double wanted[3],
-                    double tolerance);
-void assert_matrix_in_file(const struct scene *scene, const struct transform_d *to_world,
-                           const double wanted[12], double tolerance);
+void assert_in_file(const struct scene *scene, const double at[3], const double wanted[3], double tolerance);
+void assert_matrix_in_file(const struct scene *scene, const struct transform_d *to_world, const double wanted[12],
+                           double tolerance);
 int warned(const struct import_result *result, const char *words);
 void assert_warned(const struct import_result *result, const char *words);
-
-#endif

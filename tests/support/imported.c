@@ -12,8 +12,8 @@ static _Noreturn void give_up(const char *name, const char *why)
     abort();
 }
 
-static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
-                        size_t *size_bytes, struct error *err)
+static status find_blob(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                        struct error *err)
 {
     const struct import_result *import = user;
 
@@ -26,10 +26,7 @@ static status find_blob(void *user, const struct digest *digest, const uint8_t *
     return error_set(err, STATUS_ERR_NOT_FOUND, "a blob is missing");
 }
 
-struct blob_source imported_source(struct import_result *import)
-{
-    return (struct blob_source){find_blob, import};
-}
+struct blob_source imported_source(struct import_result *import) { return (struct blob_source){find_blob, import}; }
 
 static void expect_no_warning(const struct import_result *import, const char *name)
 {
@@ -47,8 +44,7 @@ void imported_file(const char *path, struct import_result *import)
     expect_no_warning(import, path);
 }
 
-void imported_text(const char *text, const char *name, const char *folder,
-                   struct import_result *import)
+void imported_text(const char *text, const char *name, const char *folder, struct import_result *import)
 {
     struct import_options options = IMPORT_OPTIONS_DEFAULT;
     struct error err = {0};
@@ -58,15 +54,14 @@ void imported_text(const char *text, const char *name, const char *folder,
     expect_no_warning(import, name);
 }
 
-struct render_scene *imported_build(struct import_result *import,
-                                    const struct render_settings *settings, uint32_t frame)
+struct render_scene *imported_build(struct import_result *import, const struct render_settings *settings,
+                                    uint32_t frame)
 {
     struct render_scene *out;
     struct error err = {0};
 
     if (scene_validate(&import->scene, &err) != STATUS_OK ||
-        render_scene_new(&out, &import->scene, settings, frame, imported_source(import), &err) !=
-            STATUS_OK)
+        render_scene_new(&out, &import->scene, settings, frame, imported_source(import), &err) != STATUS_OK)
         give_up(import->source, err.text);
     return out;
 }
@@ -105,8 +100,8 @@ void imported_render_film(const struct render_scene *scene, uint32_t frame, stru
     }
 }
 
-void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings,
-                           uint32_t frame, float *picture)
+void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
+                           float *picture)
 {
     struct film *film = film_new(settings->width, settings->height, settings->spp);
     struct render_stats stats = {0};
@@ -114,14 +109,14 @@ void imported_render_scene(const struct render_scene *scene, const struct render
     if (!film)
         give_up("film", "out of memory");
     imported_render_film(scene, frame, film, &stats);
-    if (stats.dropped_samples > 0)
+    if (stats.work.dropped_samples > 0)
         give_up("render", "samples that are not finite");
     film_develop(film, picture);
     film_free(film);
 }
 
-void imported_render(struct import_result *import, const struct render_settings *settings,
-                     uint32_t frame, float *picture)
+void imported_render(struct import_result *import, const struct render_settings *settings, uint32_t frame,
+                     float *picture)
 {
     struct render_scene *scene = imported_build(import, settings, frame);
 

@@ -1,8 +1,7 @@
 /* imported: scene files and texts, imported and rendered as a user would have them: for tests of
  * the whole way from a file to radiance. Every function aborts the test program when something
  * goes wrong that the test is not about. */
-#ifndef AZULEJO_TESTS_IMPORTED_H
-#define AZULEJO_TESTS_IMPORTED_H
+#pragma once
 
 #include "client/import/import.h"
 #include "common/scene/settings.h"
@@ -16,12 +15,11 @@ struct blob_source imported_source(struct import_result *import);
 void imported_file(const char *path, struct import_result *import);
 
 /* A text whose other files are looked for in `folder` (may be NULL); `name` tells the format. */
-void imported_text(const char *text, const char *name, const char *folder,
-                   struct import_result *import);
+void imported_text(const char *text, const char *name, const char *folder, struct import_result *import);
 
 /* The scene made ready for `frame`, edits of import->scene included. */
-struct render_scene *imported_build(struct import_result *import,
-                                    const struct render_settings *settings, uint32_t frame);
+struct render_scene *imported_build(struct import_result *import, const struct render_settings *settings,
+                                    uint32_t frame);
 
 /* Settings of a small picture with this many samples. */
 struct render_settings imported_settings(uint32_t width, uint32_t height, uint32_t spp);
@@ -30,9 +28,7 @@ struct render_settings imported_settings(uint32_t width, uint32_t height, uint32
 /* Merge every unit that the film's cap allows; counts are added to *stats. */
 void imported_render_film(const struct render_scene *scene, uint32_t frame, struct film *film,
                           struct render_stats *stats);
-void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings,
-                           uint32_t frame, float *picture);
-void imported_render(struct import_result *import, const struct render_settings *settings,
-                     uint32_t frame, float *picture);
-
-#endif
+void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
+                           float *picture);
+void imported_render(struct import_result *import, const struct render_settings *settings, uint32_t frame,
+                     float *picture);

@@ -12,12 +12,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 #include "tests/support/figure.h"
 #include "tests/support/imported.h"
 #include "tests/support/pbrt_text.h"
-#include "tests/support/replicates.h"
+#include "tests/support/groups.h"
 #include "tests/support/statistics.h"
 
 enum {
@@ -30,8 +30,8 @@ enum {
     REFERENCE_SEED = 100,
     CASE_SEED = 1,
 };
-/* A replicate of a pixel is one of two of its group, whose difference has one degree of freedom. */
-#define PIXEL_DEGREES 2
+/* Of the difference of a pixel's two groups. */
+#define PIXEL_DEGREES 1
 /* Two pictures that differ by less than this share are the same but for rounding, in pixels but this
  * share of them. */
 #define ROUNDING_SHARE 1e-3
@@ -46,7 +46,7 @@ struct invariance {
     const char *scene;
     struct model model;
     struct model_way way;
-    int has_other;              /* the second is made when it is wanted */
+    int has_other; /* the second is made when it is wanted */
     struct picture same_seed, other_seed;
 };
 
@@ -96,8 +96,7 @@ void invariance_turn(unsigned index, int mirrored, double out[3][3])
 
 static double determinant(const double a[3][3])
 {
-    return a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
-           a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
+    return a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) - a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
            a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
 }
 
@@ -145,8 +144,7 @@ static void import_obj(const struct model *varied, struct buffer *text, struct i
     assert_int_equal(file_read(FOLDER "/checker.png", 1 << 20, &image, &err), STATUS_OK);
     pbrt_folder_put(folder, "checker.png", image.data, image.size);
     pbrt_folder_put(folder, "scene.mtl", mtl.data, mtl.size);
-    if (import_scene_memory(text->data, text->size, "model.obj", folder, &options, out, &err) !=
-        STATUS_OK)
+    if (import_scene_memory(text->data, text->size, "model.obj", folder, &options, out, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     pbrt_folder_remove(folder);
     buffer_release(&image);
@@ -172,8 +170,8 @@ static void import_model(const struct model *m, const struct model_way *way, str
             options.env_path = path;
         }
         (pbrt ? model_write_pbrt : model_write_gltf)(&varied, way, &text);
-        if (import_scene_memory(text.data, text.size, pbrt ? "model.pbrt" : "model.gltf", FOLDER,
-                                &options, out, &err) != STATUS_OK)
+        if (import_scene_memory(text.data, text.size, pbrt ? "model.pbrt" : "model.gltf", FOLDER, &options, out,
+                                &err) != STATUS_OK)
             fail_msg("%s", err.text);
     }
     if (way->format != MODEL_PBRT)
@@ -196,8 +194,8 @@ static void turn_over(double *values)
     }
 }
 
-static void take_picture(const struct model *m, const struct model_way *way, uint64_t seed,
-                         uint32_t spp, struct picture *out)
+static void take_picture(const struct model *m, const struct model_way *way, uint64_t seed, uint32_t spp,
+                         struct picture *out)
 {
     struct render_settings settings = imported_settings(SIDE, SIDE, spp);
     struct render_stats stats = {0};
@@ -208,8 +206,8 @@ static void take_picture(const struct model *m, const struct model_way *way, uin
     settings.shutter = 0.5f;
     import_model(m, way, &import);
     scene = imported_build(&import, &settings, 0);
-    replicates_render(scene, &settings, 0, out->mean, out->variance, &stats);
-    assert_int_equal(stats.dropped_samples, 0);
+    groups_render(scene, &settings, 0, out->mean, out->variance, &stats);
+    assert_int_equal(stats.work.dropped_samples, 0);
     render_scene_free(scene);
     import_result_release(&import);
     if (determinant(way->turn) < 0) {
@@ -270,8 +268,7 @@ static struct difference welch(const struct estimate *a, const struct estimate *
     /* What floats cannot say is no difference. */
     if (apart <= 1e-6 * fabs(b->sum))
         return d;
-    d.p_value = variance > 0 ? 2 * student_cdf(-apart / sqrt(variance), variance * variance / squares)
-                             : 0;
+    d.p_value = variance > 0 ? 2 * student_cdf(-apart / sqrt(variance), variance * variance / squares) : 0;
     d.z = d.p_value <= 1e-300 ? 37 : d.p_value >= 1 ? 0 : -normal_quantile(d.p_value / 2);
     return d;
 }
@@ -327,8 +324,7 @@ static void compare_bits(const struct picture *a, const struct picture *b, struc
     out->pixels_apart = (double)apart / (SIDE * SIDE);
 }
 
-static void put_row(const struct invariance *inv, const char *what, enum invariance_level level,
-                    const struct result *r)
+static void put_row(const struct invariance *inv, const char *what, enum invariance_level level, const struct result *r)
 {
     static const char *const levels[] = {"bits", "rounding", "noise"};
 
@@ -344,8 +340,7 @@ static void put_row(const struct invariance *inv, const char *what, enum invaria
     fflush(stdout);
 }
 
-static void judge(const struct invariance *inv, const char *what, enum invariance_level level,
-                  const struct result *r)
+static void judge(const struct invariance *inv, const char *what, enum invariance_level level, const struct result *r)
 {
     double limit = normal_quantile(1 - sidak_alpha(INVARIANCE_SIGNIFICANCE, INVARIANCE_TESTS) / 2);
     char name[160], words[64];
@@ -359,8 +354,7 @@ static void judge(const struct invariance *inv, const char *what, enum invarianc
         snprintf(name, sizeof name, "%s, %s: share of pixels apart", inv->scene, what);
         figure_within(name, r->pixels_apart, 0, PIXELS_SHARE, "by more than 1e-3, same seed");
     }
-    snprintf(words, sizeof words, "significance %g over %d tests", INVARIANCE_SIGNIFICANCE,
-             INVARIANCE_TESTS);
+    snprintf(words, sizeof words, "significance %g over %d tests", INVARIANCE_SIGNIFICANCE, INVARIANCE_TESTS);
     snprintf(name, sizeof name, "%s, %s: largest z of a block", inv->scene, what);
     figure_within(name, r->block.z, 0, limit, words);
     snprintf(name, sizeof name, "%s, %s: z of the mean", inv->scene, what);
@@ -379,8 +373,7 @@ void invariance_check(struct invariance *inv, const char *what, const struct mod
     assert_true(tests <= INVARIANCE_TESTS / 4); /* there are four programs */
     take_picture(&inv->model, way, CASE_SEED, samples, picture);
     if (level != INVARIANT_BITS && !inv->has_other)
-        take_picture(&inv->model, &inv->way, REFERENCE_SEED, samples * REFERENCE_SAMPLES,
-                     &inv->other_seed);
+        take_picture(&inv->model, &inv->way, REFERENCE_SEED, samples * REFERENCE_SAMPLES, &inv->other_seed);
     inv->has_other |= level != INVARIANT_BITS;
     compare_bits(picture, &inv->same_seed, &result);
     compare_blocks(picture, level == INVARIANT_BITS ? &inv->same_seed : &inv->other_seed, &result);

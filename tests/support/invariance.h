@@ -7,13 +7,12 @@
  *                       differ), and what INVARIANT_NOISE demands;
  *   INVARIANT_NOISE     nothing but noise between the pictures of two seeds: each channel of each
  *                       block of 8x8 pixels and of the whole picture, by Welch's t-test. A mean's
- *                       variance is that between the four replicates of each pixel, its degrees of freedom
+ *                       variance is that between the two groups of each pixel, its degrees of freedom
  *                       Satterthwaite's.
  * The family-wise significance is INVARIANCE_SIGNIFICANCE over INVARIANCE_TESTS comparisons (Sidak),
  * more than all the programs test_invariance_* make together. Seeds are fixed.
  */
-#ifndef AZULEJO_TESTS_INVARIANCE_H
-#define AZULEJO_TESTS_INVARIANCE_H
+#pragma once
 
 #include "tests/support/model_scenes.h"
 
@@ -38,5 +37,3 @@ void invariance_check(struct invariance *inv, const char *what, const struct mod
 
 /* Random rotation number `index`; with `mirrored`, x is turned over first. */
 void invariance_turn(unsigned index, int mirrored, double out[3][3]);
-
-#endif

@@ -11,8 +11,7 @@
 
 static void *copied(struct model *m, const void *from, size_t count, size_t size_bytes)
 {
-    return from ? memcpy(need(arena_alloc(&m->arena, count, size_bytes)), from, count * size_bytes)
-                : NULL;
+    return from ? memcpy(need(arena_alloc(&m->arena, count, size_bytes)), from, count * size_bytes) : NULL;
 }
 
 static void copy_mesh(struct model *m, struct model_mesh *mesh)
@@ -37,8 +36,7 @@ static void flip_quads(struct model_mesh *mesh)
 }
 
 /* New vertices: number i is the mean of from[i][0] and from[i][1]. */
-static void remake_vertices(struct model *m, struct model_mesh *mesh, const uint32_t (*from)[2],
-                            uint32_t count)
+static void remake_vertices(struct model *m, struct model_mesh *mesh, const uint32_t (*from)[2], uint32_t count)
 {
     const struct model_mesh old = *mesh;
 
@@ -221,8 +219,7 @@ static int mirrors(const struct model_way *way)
 {
     const double(*a)[3] = way->turn;
 
-    return a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
-               a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
+    return a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) - a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
                a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]) <
            0;
 }
@@ -290,8 +287,7 @@ static void rename_all(struct model *m, struct test_random *random)
 
     for (uint32_t i = 0; i < names; i++) {
         char name[32];
-        snprintf(name, sizeof name, "%c%llx", 'a' + (int)(i % 26),
-                 (unsigned long long)test_random_u64(random));
+        snprintf(name, sizeof name, "%c%llx", 'a' + (int)(i % 26), (unsigned long long)test_random_u64(random));
         if (i < m->mesh_count)
             m->meshes[i].name = need(arena_strdup(&m->arena, name));
         else

@@ -23,10 +23,7 @@ struct writer {
     int mesh_count, node_count, skin_count, sampler_count, time_accessor;
 };
 
-static const char *comma(const struct buffer *b)
-{
-    return b->size ? "," : "";
-}
+static const char *comma(const struct buffer *b) { return b->size ? "," : ""; }
 
 static void put_list(struct buffer *out, const char *name, const double *v, int count)
 {
@@ -39,8 +36,8 @@ static void put_list(struct buffer *out, const char *name, const double *v, int 
 /* ---- vertices ------------------------------------------------------------------------------- */
 
 /* Rows of `components` numbers, less `from`; returns the accessor. */
-static int put_rows(struct writer *w, const char *type, const double *rows, int components,
-                    uint32_t count, const double *from)
+static int put_rows(struct writer *w, const char *type, const double *rows, int components, uint32_t count,
+                    const double *from)
 {
     size_t floats = (size_t)components * count;
     float *data = mem_alloc_array(floats, sizeof *data);
@@ -65,10 +62,9 @@ static void put_joints(struct writer *w, const struct model_mesh *mesh, int out[
         weights[i][0] = (float)(1 - mesh->bend[i]);
         weights[i][1] = (float)mesh->bend[i];
     }
-    out[0] = put_accessor(&w->maker, put_view(&w->maker, joints, mesh->vertex_count * sizeof *joints, 0),
-                          "VEC4", 5123, mesh->vertex_count, "");
-    out[1] = put_floats(&w->maker, "VEC4", weights[0], 4 * (size_t)mesh->vertex_count,
-                        mesh->vertex_count);
+    out[0] = put_accessor(&w->maker, put_view(&w->maker, joints, mesh->vertex_count * sizeof *joints, 0), "VEC4", 5123,
+                          mesh->vertex_count, "");
+    out[1] = put_floats(&w->maker, "VEC4", weights[0], 4 * (size_t)mesh->vertex_count, mesh->vertex_count);
     mem_free(joints);
     mem_free(weights);
 }
@@ -82,16 +78,13 @@ static void put_mesh(struct writer *w, const struct model_mesh *mesh)
                        "\"attributes\":{\"POSITION\":%d",
                   comma(out), mesh->name, mesh->material,
                   put_accessor(&w->maker,
-                               put_view(&w->maker, mesh->triangles,
-                                        mesh->triangle_count * sizeof *mesh->triangles, 0),
+                               put_view(&w->maker, mesh->triangles, mesh->triangle_count * sizeof *mesh->triangles, 0),
                                "SCALAR", 5125, 3 * (size_t)mesh->triangle_count, ""),
                   put_rows(w, "VEC3", mesh->at[0], 3, mesh->vertex_count, mesh->pivot));
     if (mesh->normal)
-        buffer_printf(out, ",\"NORMAL\":%d",
-                      put_rows(w, "VEC3", mesh->normal[0], 3, mesh->vertex_count, NULL));
+        buffer_printf(out, ",\"NORMAL\":%d", put_rows(w, "VEC3", mesh->normal[0], 3, mesh->vertex_count, NULL));
     if (mesh->uv)
-        buffer_printf(out, ",\"TEXCOORD_0\":%d",
-                      put_rows(w, "VEC2", mesh->uv[0], 2, mesh->vertex_count, NULL));
+        buffer_printf(out, ",\"TEXCOORD_0\":%d", put_rows(w, "VEC2", mesh->uv[0], 2, mesh->vertex_count, NULL));
     if (mesh->bend) {
         put_joints(w, mesh, joints);
         buffer_printf(out, ",\"JOINTS_0\":%d,\"WEIGHTS_0\":%d", joints[0], joints[1]);
@@ -113,22 +106,19 @@ static int open_node(struct writer *w, const char *name)
     return w->node_count++;
 }
 
-static void put_root(struct writer *w, int node)
-{
-    buffer_printf(&w->roots, "%s%d", comma(&w->roots), node);
-}
+static void put_root(struct writer *w, int node) { buffer_printf(&w->roots, "%s%d", comma(&w->roots), node); }
 
 /* Two keys of a node's property. */
-static void put_channel(struct writer *w, int node, const char *path, const char *type,
-                        const float *values, size_t floats, size_t count)
+static void put_channel(struct writer *w, int node, const char *path, const char *type, const float *values,
+                        size_t floats, size_t count)
 {
     if (w->time_accessor < 0)
-        w->time_accessor = put_accessor(&w->maker, put_view(&w->maker, key_times, sizeof key_times, 0),
-                                        "SCALAR", 5126, 2, ",\"min\":[0],\"max\":[0.0416666679]");
-    buffer_printf(&w->samplers, "%s{\"input\":%d,\"output\":%d}", comma(&w->samplers),
-                  w->time_accessor, put_floats(&w->maker, type, values, floats, count));
-    buffer_printf(&w->channels, "%s{\"sampler\":%d,\"target\":{\"node\":%d,\"path\":\"%s\"}}",
-                  comma(&w->channels), w->sampler_count++, node, path);
+        w->time_accessor = put_accessor(&w->maker, put_view(&w->maker, key_times, sizeof key_times, 0), "SCALAR", 5126,
+                                        2, ",\"min\":[0],\"max\":[0.0416666679]");
+    buffer_printf(&w->samplers, "%s{\"input\":%d,\"output\":%d}", comma(&w->samplers), w->time_accessor,
+                  put_floats(&w->maker, type, values, floats, count));
+    buffer_printf(&w->channels, "%s{\"sampler\":%d,\"target\":{\"node\":%d,\"path\":\"%s\"}}", comma(&w->channels),
+                  w->sampler_count++, node, path);
 }
 
 static void put_turn(struct writer *w, int node, const struct model_motion *motion)
@@ -159,8 +149,8 @@ static void put_skin(struct writer *w, const struct model_mesh *mesh, int place)
             bind[16 * j + 5 * i] = 1;
     for (int c = 0; c < 3; c++)
         bind[28 + c] = -(float)mesh->tip[c];
-    buffer_printf(&w->skins, "%s{\"joints\":[%d,%d],\"inverseBindMatrices\":%d}", comma(&w->skins),
-                  base, base + 1, put_floats(&w->maker, "MAT4", bind, 32, 2));
+    buffer_printf(&w->skins, "%s{\"joints\":[%d,%d],\"inverseBindMatrices\":%d}", comma(&w->skins), base, base + 1,
+                  put_floats(&w->maker, "MAT4", bind, 32, 2));
     assert_int_equal(open_node(w, "base"), base);
     buffer_printf(&w->nodes, ",\"children\":[%d]}", base + 1);
     assert_int_equal(open_node(w, "tip"), base + 1);
@@ -184,8 +174,7 @@ static void put_mesh_node(struct writer *w, const struct model_mesh *mesh)
         put_mesh(w, mesh);
         return;
     }
-    buffer_printf(&w->nodes, mesh->bend ? ",\"children\":[%d,%d]}" : ",\"children\":[%d]}", place + 1,
-                  place + 2);
+    buffer_printf(&w->nodes, mesh->bend ? ",\"children\":[%d,%d]}" : ",\"children\":[%d]}", place + 1, place + 2);
     moved = open_node(w, "moved");
     buffer_printf(&w->nodes, ",\"mesh\":%d", w->mesh_count);
     if (mesh->bend)
@@ -210,10 +199,7 @@ static void cross(const double a[3], const double b[3], double out[3])
         out[c] = a[(c + 1) % 3] * b[(c + 2) % 3] - a[(c + 2) % 3] * b[(c + 1) % 3];
 }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static void normalize(double v[3])
 {
@@ -287,8 +273,8 @@ static void put_lights(const struct model *m, struct buffer *out)
                       l->outer_rad > 0 ? "spot" : "point", most);
         put_list(out, "color", color, 3);
         if (l->outer_rad > 0)
-            buffer_printf(out, ",\"spot\":{\"innerConeAngle\":%.17g,\"outerConeAngle\":%.17g}",
-                          l->inner_rad, l->outer_rad);
+            buffer_printf(out, ",\"spot\":{\"innerConeAngle\":%.17g,\"outerConeAngle\":%.17g}", l->inner_rad,
+                          l->outer_rad);
         buffer_puts(out, "}");
     }
     buffer_puts(out, "]}},");
@@ -325,8 +311,7 @@ static void put_extensions(const struct model_material *mat, struct buffer *out)
     }
     buffer_puts(out, mat->ior > 0 ? "}" : "");
     if (strength > 0)
-        buffer_printf(out, ",\"KHR_materials_emissive_strength\":{\"emissiveStrength\":%.17g}",
-                      strength);
+        buffer_printf(out, ",\"KHR_materials_emissive_strength\":{\"emissiveStrength\":%.17g}", strength);
     buffer_puts(out, "}");
 }
 
@@ -400,13 +385,12 @@ static void put_tables(struct writer *w, struct buffer *rest)
         buffer_puts(rest, i ? "," : "");
         put_material(&m->materials[i], rest);
     }
-    buffer_printf(rest, "],\"meshes\":[%s],\"nodes\":[%s]", buffer_text(&w->meshes),
-                  buffer_text(&w->nodes));
+    buffer_printf(rest, "],\"meshes\":[%s],\"nodes\":[%s]", buffer_text(&w->meshes), buffer_text(&w->nodes));
     if (w->skins.size)
         buffer_printf(rest, ",\"skins\":[%s]", buffer_text(&w->skins));
     if (w->channels.size)
-        buffer_printf(rest, ",\"animations\":[{\"samplers\":[%s],\"channels\":[%s]}]",
-                      buffer_text(&w->samplers), buffer_text(&w->channels));
+        buffer_printf(rest, ",\"animations\":[{\"samplers\":[%s],\"channels\":[%s]}]", buffer_text(&w->samplers),
+                      buffer_text(&w->channels));
     if (w->way->flags & WAY_IN_MATRIX)
         buffer_printf(rest, ",\"scenes\":[{\"nodes\":[%d]}]", w->node_count - 1);
     else

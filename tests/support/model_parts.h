@@ -1,6 +1,5 @@
 /* model_parts: what the files that make and vary a model share. Private to tests/support/model*.c. */
-#ifndef AZULEJO_TESTS_MODEL_PARTS_H
-#define AZULEJO_TESTS_MODEL_PARTS_H
+#pragma once
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,5 +21,3 @@ static inline void *need(void *p)
 typedef double point[3];
 typedef double point2[2];
 typedef uint32_t corners[3];
-
-#endif

@@ -103,10 +103,7 @@ static void room(struct model *m, int as_pbrt)
     camera(m, V3(0.25, 1.5, 5.5), V3(0, 1.25, 0), 0.7);
 }
 
-void model_room(struct model *m)
-{
-    room(m, 0);
-}
+void model_room(struct model *m) { room(m, 0); }
 
 void model_room_plain_sky(struct model *m)
 {
@@ -154,8 +151,7 @@ static uint32_t lid(uint32_t (*quads)[4], uint32_t first, int up)
     return 3;
 }
 
-static struct model_material *clear_body(struct model *m, const char *name, double ior, double r,
-                                         double g, double b)
+static struct model_material *clear_body(struct model *m, const char *name, double ior, double r, double g, double b)
 {
     struct model_material *out = colored(m, name, 1, 1, 1);
 
@@ -263,15 +259,9 @@ static void textures(struct model *m, int blended)
     camera(m, V3(0.25, 1.25, 5), V3(0, 0.625, 0), 0.7);
 }
 
-void model_textures(struct model *m)
-{
-    textures(m, 0);
-}
+void model_textures(struct model *m) { textures(m, 0); }
 
-void model_veil(struct model *m)
-{
-    textures(m, 1);
-}
+void model_veil(struct model *m) { textures(m, 1); }
 
 /* ---- what moves ------------------------------------------------------------------------------- */
 

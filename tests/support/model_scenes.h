@@ -1,7 +1,6 @@
 /* model_scenes: the scenes whose pictures must not depend on how their file is written. All stand
  * within some 6 m of the origin, on coordinates that are multiples of 2^-12 m. */
-#ifndef AZULEJO_TESTS_MODEL_SCENES_H
-#define AZULEJO_TESTS_MODEL_SCENES_H
+#pragma once
 
 #include "tests/support/model.h"
 
@@ -23,5 +22,3 @@ model_scene model_animation;
 /* What glTF, pbrt and OBJ can all say: matte surfaces, one with a picture, and lamps; and what glTF
  * and pbrt can: a point light, a block of coloured glass. */
 model_scene model_plain, model_plain_glass;
-
-#endif

@@ -13,10 +13,7 @@ void model_init(struct model *m)
     m->yfov_rad = 0.7;
 }
 
-void model_release(struct model *m)
-{
-    arena_release(&m->arena);
-}
+void model_release(struct model *m) { arena_release(&m->arena); }
 
 struct model_material *model_material(struct model *m, const char *name)
 {
@@ -29,8 +26,7 @@ struct model_material *model_material(struct model *m, const char *name)
 
 /* ---- shapes -------------------------------------------------------------------------------- */
 
-static struct model_mesh *new_mesh(struct model *m, const char *name, uint32_t vertices,
-                                   uint32_t triangles)
+static struct model_mesh *new_mesh(struct model *m, const char *name, uint32_t vertices, uint32_t triangles)
 {
     struct model_mesh *out = &m->meshes[m->mesh_count++];
 
@@ -44,12 +40,11 @@ static struct model_mesh *new_mesh(struct model *m, const char *name, uint32_t v
 static void set_quad(struct model_mesh *mesh, uint32_t quad, const uint32_t corner[4])
 {
     memcpy(mesh->triangles[2 * quad], (corners){corner[0], corner[1], corner[2]}, sizeof(corners));
-    memcpy(mesh->triangles[2 * quad + 1], (corners){corner[0], corner[2], corner[3]},
-           sizeof(corners));
+    memcpy(mesh->triangles[2 * quad + 1], (corners){corner[0], corner[2], corner[3]}, sizeof(corners));
 }
 
-struct model_mesh *model_quads(struct model *m, const char *name, const double (*at)[3],
-                               uint32_t vertex_count, const uint32_t (*quads)[4], uint32_t count)
+struct model_mesh *model_quads(struct model *m, const char *name, const double (*at)[3], uint32_t vertex_count,
+                               const uint32_t (*quads)[4], uint32_t count)
 {
     struct model_mesh *out = new_mesh(m, name, vertex_count, 2 * count);
 
@@ -60,8 +55,8 @@ struct model_mesh *model_quads(struct model *m, const char *name, const double (
     return out;
 }
 
-struct model_mesh *model_quad(struct model *m, const char *name, const double a[3],
-                              const double u[3], const double v[3], double tiles)
+struct model_mesh *model_quad(struct model *m, const char *name, const double a[3], const double u[3],
+                              const double v[3], double tiles)
 {
     static const double s[4] = {0, 1, 1, 0}, t[4] = {0, 0, 1, 1};
     static const uint32_t corner[4] = {0, 1, 2, 3};
@@ -79,8 +74,7 @@ struct model_mesh *model_quad(struct model *m, const char *name, const double a[
     return out;
 }
 
-struct model_mesh *model_box(struct model *m, const char *name, const double low[3],
-                             const double high[3])
+struct model_mesh *model_box(struct model *m, const char *name, const double low[3], const double high[3])
 {
     struct model_mesh *out = new_mesh(m, name, 24, 12);
 
@@ -99,8 +93,7 @@ struct model_mesh *model_box(struct model *m, const char *name, const double low
     return out;
 }
 
-struct model_mesh *model_ball(struct model *m, const char *name, const double centre[3],
-                              double radius, int segments)
+struct model_mesh *model_ball(struct model *m, const char *name, const double centre[3], double radius, int segments)
 {
     uint32_t rows = (uint32_t)segments, columns = 2 * rows, t = 0;
     struct model_mesh *out = new_mesh(m, name, (rows + 1) * columns, 2 * (rows - 1) * columns);

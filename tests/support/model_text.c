@@ -32,8 +32,8 @@ static void put_transform(const struct model_way *way, struct buffer *out)
 }
 
 /* Media from `first` until before `end`. */
-static void put_media(const struct model *m, const struct model_way *way, uint32_t first,
-                      uint32_t end, struct buffer *out)
+static void put_media(const struct model *m, const struct model_way *way, uint32_t first, uint32_t end,
+                      struct buffer *out)
 {
     for (uint32_t i = first; i < end; i++) {
         const struct model_medium *medium = &m->media[i];
@@ -91,8 +91,8 @@ static void put_material(const struct model *m, uint32_t material, struct buffer
     assert_true(!mat->glossy && !mat->normal_image && mat->alpha_cutoff == 0 && !mat->one_sided);
     put_medium(m, material, out);
     if (mat->color_image)
-        buffer_printf(out, "Texture \"t%u\" \"spectrum\" \"imagemap\" \"string filename\" \"%s\"\n",
-                      material, mat->color_image);
+        buffer_printf(out, "Texture \"t%u\" \"spectrum\" \"imagemap\" \"string filename\" \"%s\"\n", material,
+                      mat->color_image);
     if (mat->ior > 0) {
         buffer_printf(out, "Material \"dielectric\" \"float eta\" %.17g", mat->ior);
     } else if (mat->medium >= 0) {
@@ -119,8 +119,8 @@ static void put_shape(const struct model_mesh *mesh, struct buffer *out)
 {
     assert_false(mesh->motion.moves);
     if (mesh->radius > 0) {
-        buffer_printf(out, "Translate %.17g %.17g %.17g Shape \"sphere\" \"float radius\" %.17g\n",
-                      mesh->pivot[0], mesh->pivot[1], mesh->pivot[2], mesh->radius);
+        buffer_printf(out, "Translate %.17g %.17g %.17g Shape \"sphere\" \"float radius\" %.17g\n", mesh->pivot[0],
+                      mesh->pivot[1], mesh->pivot[2], mesh->radius);
         return;
     }
     buffer_puts(out, "Shape \"trianglemesh\" \"integer indices\" [");
@@ -151,8 +151,8 @@ static void put_light(const struct model_light *l, struct buffer *out)
         for (int c = 0; c < 3; c++)
             to[c] = l->at[c] + l->direction[c];
         put_list(out, "point3 to", to, 3);
-        buffer_printf(out, " \"float coneangle\" %.17g \"float conedeltaangle\" %.17g",
-                      degrees * l->outer_rad, degrees * (l->outer_rad - l->inner_rad));
+        buffer_printf(out, " \"float coneangle\" %.17g \"float conedeltaangle\" %.17g", degrees * l->outer_rad,
+                      degrees * (l->outer_rad - l->inner_rad));
     }
     buffer_puts(out, "\n");
 }
@@ -186,11 +186,10 @@ void model_write_pbrt(const struct model *varied, const struct model_way *way, s
     model_place(camera, m->eye, eye);
     model_place(camera, m->target, target);
     for (int r = 0; r < 3; r++)
-        up[r] = camera->turn[r][0] * m->up[0] + camera->turn[r][1] * m->up[1] +
-                camera->turn[r][2] * m->up[2];
+        up[r] = camera->turn[r][0] * m->up[0] + camera->turn[r][1] * m->up[1] + camera->turn[r][2] * m->up[2];
     assert_true(m->camera_travel[0] == 0);
-    buffer_printf(out, "Scale -1 1 1 LookAt %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g\n",
-                  eye[0], eye[1], eye[2], target[0], target[1], target[2], up[0], up[1], up[2]);
+    buffer_printf(out, "Scale -1 1 1 LookAt %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g\n", eye[0], eye[1],
+                  eye[2], target[0], target[1], target[2], up[0], up[1], up[2]);
     assert_true(m->fog <= 0);
     if (m->fog == 0) { /* the camera's medium must be known by then */
         assert_false(m->media[0].grid);
@@ -220,8 +219,8 @@ void model_write_pbrt(const struct model *varied, const struct model_way *way, s
 
 /* ---- OBJ ------------------------------------------------------------------------------------- */
 
-static void put_obj_mesh(const struct model *m, const struct model_mesh *mesh, uint32_t *vertices,
-                         uint32_t *uvs, struct buffer *out)
+static void put_obj_mesh(const struct model *m, const struct model_mesh *mesh, uint32_t *vertices, uint32_t *uvs,
+                         struct buffer *out)
 {
     assert_true(!mesh->motion.moves && !mesh->normal);
     buffer_printf(out, "o %s\nusemtl %s\n", mesh->name, m->materials[mesh->material].name);
@@ -251,9 +250,8 @@ void model_write_obj(const struct model *varied, struct buffer *out, struct buff
     for (uint32_t i = 0; i < m->material_count; i++) {
         const struct model_material *mat = &m->materials[i];
         assert_true(!mat->metallic && !mat->glossy && mat->ior == 0 && !mat->normal_image);
-        buffer_printf(mtl, "newmtl %s\nillum 1\nKd %.17g %.17g %.17g\nKe %.17g %.17g %.17g\n",
-                      mat->name, mat->color[0], mat->color[1], mat->color[2], mat->emission[0],
-                      mat->emission[1], mat->emission[2]);
+        buffer_printf(mtl, "newmtl %s\nillum 1\nKd %.17g %.17g %.17g\nKe %.17g %.17g %.17g\n", mat->name, mat->color[0],
+                      mat->color[1], mat->color[2], mat->emission[0], mat->emission[1], mat->emission[2]);
         if (mat->color_image)
             buffer_printf(mtl, "map_Kd %s\n", mat->color_image);
     }

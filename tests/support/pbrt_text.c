@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 #include "tests/support/gltf_maker.h"
 
@@ -39,9 +39,7 @@ void pbrt_refused(const char *text, const char *words)
     struct import_result result;
     struct error err = {0};
 
-    assert_int_not_equal(
-        import_scene_memory(text, strlen(text), "a.pbrt", NULL, &options, &result, &err),
-        STATUS_OK);
+    assert_int_not_equal(import_scene_memory(text, strlen(text), "a.pbrt", NULL, &options, &result, &err), STATUS_OK);
     assert_says(&err, words);
     assert_int_equal(result.blob_count, 0);
     import_result_release(&result);

@@ -1,7 +1,6 @@
 /* pbrt_text: small pbrt scenes for tests of the importer. Every function fails the running test
  * when something goes wrong. */
-#ifndef AZULEJO_TESTS_PBRT_TEXT_H
-#define AZULEJO_TESTS_PBRT_TEXT_H
+#pragma once
 
 #include "client/import/import.h"
 
@@ -28,5 +27,3 @@ struct scene_material pbrt_material_of(const char *directive, struct import_resu
 char *pbrt_folder_make(void);
 void pbrt_folder_put(const char *folder, const char *name, const void *data, size_t size_bytes);
 void pbrt_folder_remove(char *folder);
-
-#endif

@@ -5,8 +5,7 @@
  * `channels`, the number of channel comparisons that the calling program makes at most.
  * A failed comparison fails the running cmocka test.
  */
-#ifndef AZULEJO_TESTS_RADIANCE_H
-#define AZULEJO_TESTS_RADIANCE_H
+#pragma once
 
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
@@ -16,31 +15,29 @@ enum { RADIANCE_FRAMES = 24 };
 
 /* Means over the picture's pixels of RADIANCE_FRAMES independent frames of a scene in which
  * nothing moves. */
-void radiance_measure(struct scene_builder *b, const struct render_settings *settings,
-                      struct running_stats out[3]);
+void radiance_measure(struct scene_builder *b, const struct render_settings *settings, struct running_stats out[3]);
 
-void radiance_expect_rgb(struct scene_builder *b, const struct render_settings *settings,
-                         unsigned channels, const double expected[3], const char *what);
+void radiance_expect_rgb(struct scene_builder *b, const struct render_settings *settings, unsigned channels,
+                         const double expected[3], const char *what);
 
 /* The same radiance in all channels: three comparisons. */
-void radiance_expect(struct scene_builder *b, const struct render_settings *settings,
-                     unsigned channels, double expected, const char *what);
+void radiance_expect(struct scene_builder *b, const struct render_settings *settings, unsigned channels,
+                     double expected, const char *what);
+
+/* Two scenes that must look the same, rendered with the same settings: three comparisons. */
+void radiance_expect_same(struct scene_builder *a, struct scene_builder *b, const struct render_settings *settings,
+                          unsigned channels, const char *what);
 
 /* One comparison: a value computed from each frame's mean picture [height][width][3]. */
-typedef double radiance_measure_fn(const double *picture, const struct render_settings *settings,
-                                   const void *user);
-void radiance_expect_value(struct scene_builder *b, const struct render_settings *settings,
-                           unsigned comparisons, radiance_measure_fn *measure, const void *user,
-                           double expected, const char *what);
+typedef double radiance_measure_fn(const double *picture, const struct render_settings *settings, const void *user);
+void radiance_expect_value(struct scene_builder *b, const struct render_settings *settings, unsigned comparisons,
+                           radiance_measure_fn *measure, const void *user, double expected, const char *what);
 
 /* One channel's mean against the closed form, as a figure (figure.h): by Student's t, at this program's
  * family-wise significance over `comparisons`. Samples that were dropped count as black. */
-void radiance_figure(struct scene_builder *b, const struct render_settings *settings,
-                     unsigned comparisons, int channel, double expected, const char *what);
+void radiance_figure(struct scene_builder *b, const struct render_settings *settings, unsigned comparisons, int channel,
+                     double expected, const char *what);
 
 /* Is the mean of one channel (or of all three) certainly another one? 1 when its t-test rejects
  * at a millionth: the counterpart that shows that a comparison can fail. */
-int radiance_differs(struct scene_builder *b, const struct render_settings *settings,
-                     double expected);
-
-#endif
+int radiance_differs(struct scene_builder *b, const struct render_settings *settings, double expected);

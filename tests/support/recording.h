@@ -1,19 +1,18 @@
 /* recording: the units of a small picture, rendered in process and kept, for studies of accuracy.
  *
- * A unit is (seed, tile, group, pass). Sample j of group g belongs to replicate 2g + (j mod 2).
+ * A unit is (seed, tile, group, pass).
  * A record file is a struct record_header, then for each unit a struct record_head, its sums
- * [2 replicates][pixels of the tile, row-major][RGB] and its tail; all in this machine's byte order.
+ * [pixels of the tile, row-major][RGB] and its tail; all in this machine's byte order.
  * The tail lists a unit's samples of largest luminance, descending. */
-#ifndef AZULEJO_TESTS_RECORDING_H
-#define AZULEJO_TESTS_RECORDING_H
+#pragma once
 
 #include <stdint.h>
 
 #include "common/film/tiles.h"
 #include "worker/render/render.h"
 
-enum { RECORD_GROUPS = 2, RECORD_REPLICATES = 2, RECORD_TAIL_MAX = 16, RECORD_PASSES_MAX = 160 };
-#define RECORD_MAGIC 0x31444345525a41ull /* "AZRECD1" */
+enum { RECORD_GROUPS = 2, RECORD_TAIL_MAX = 16, RECORD_PASSES_MAX = 160 };
+#define RECORD_MAGIC 0x32444345525a41ull /* "AZRECD2" */
 
 struct record_header {
     uint64_t magic;
@@ -27,23 +26,22 @@ struct record_tail {
 
 struct record_head {
     uint32_t seed, tile, group, pass;
-    uint32_t begin, end;       /* samples of the group */
+    uint32_t begin, end; /* samples of the group */
     uint32_t pixels, tail_count;
     uint64_t rays, cpu_ns, dropped;
 };
 
 struct record_unit {
     struct record_head head;
-    float sums[RECORD_REPLICATES * TILE_PIXELS_MAX * 3];
+    float sums[TILE_PIXELS_MAX * 3];
     struct record_tail tail[RECORD_TAIL_MAX];
+    uint32_t subject[TILE_PIXELS_MAX]; /* not in files: of the samples, those that see the subject (unit.h) */
 };
 
 /* Samples [*begin, *end) of a group make pass `index`, were there no cap. */
 void record_pass_range(uint32_t index, uint32_t *begin, uint32_t *end);
 
 /* Render samples [begin, end) of a group; head.pass is left to the caller. */
-void record_render(const struct render_scene *scene, const struct render_settings *settings,
-                   uint32_t seed, uint32_t frame, uint32_t tile, uint32_t group, uint32_t begin,
-                   uint32_t end, struct record_unit *out);
-
-#endif
+void record_render(const struct render_scene *scene, const struct render_settings *settings, uint32_t seed,
+                   uint32_t frame, uint32_t tile, uint32_t group, uint32_t begin, uint32_t end,
+                   struct record_unit *out);

@@ -27,11 +27,11 @@ static _Noreturn void give_up(const char *path, const char *why)
 
 struct growing {
     uint32_t width, height;
-    size_t floats;                  /* of a picture */
-    double *sums[RECORD_REPLICATES];
-    float *codes[RECORD_REPLICATES];
-    uint64_t *rays;                 /* [tiles] */
-    uint32_t samples;
+    size_t floats;           /* of a picture */
+    double *sums, *at_level; /* now, and at the last level before this pass */
+    float *codes;
+    uint64_t *rays; /* [tiles] */
+    uint32_t passes, samples, level_samples;
 };
 
 static void growing_init(struct growing *g, const struct record_header *h)
@@ -41,18 +41,16 @@ static void growing_init(struct growing *g, const struct record_header *h)
     g->height = h->height;
     g->floats = (size_t)h->width * h->height * 3;
     g->rays = need(mem_calloc(h->tiles, sizeof *g->rays));
-    for (int r = 0; r < RECORD_REPLICATES; r++) {
-        g->sums[r] = need(mem_calloc(g->floats, sizeof *g->sums[r]));
-        g->codes[r] = need(mem_alloc_array(g->floats, sizeof *g->codes[r]));
-    }
+    g->sums = need(mem_calloc(g->floats, sizeof *g->sums));
+    g->at_level = need(mem_calloc(g->floats, sizeof *g->at_level));
+    g->codes = need(mem_alloc_array(g->floats, sizeof *g->codes));
 }
 
 static void growing_release(struct growing *g)
 {
-    for (int r = 0; r < RECORD_REPLICATES; r++) {
-        mem_free(g->sums[r]);
-        mem_free(g->codes[r]);
-    }
+    mem_free(g->sums);
+    mem_free(g->at_level);
+    mem_free(g->codes);
     mem_free(g->rays);
 }
 
@@ -60,13 +58,11 @@ static void growing_add(struct growing *g, const struct record_head *head, const
 {
     struct tile_rect rect = tile_rect_of(g->width, g->height, head->tile);
 
-    for (uint32_t r = 0; r < RECORD_REPLICATES; r++)
-        for (uint32_t i = 0; i < head->pixels; i++) {
-            double *to = &g->sums[r][((size_t)(rect.y + i / rect.width) * g->width + rect.x + i % rect.width) * 3];
-            const float *from = &sums[((size_t)r * head->pixels + i) * 3];
-            for (int c = 0; c < 3; c++)
-                to[c] += (double)from[c];
-        }
+    for (uint32_t i = 0; i < head->pixels; i++) {
+        double *to = &g->sums[((size_t)(rect.y + i / rect.width) * g->width + rect.x + i % rect.width) * 3];
+        for (int c = 0; c < 3; c++)
+            to[c] += (double)sums[i * 3 + (uint32_t)c];
+    }
     g->rays[head->tile] += head->rays;
     g->samples = head->end;
 }
@@ -77,9 +73,7 @@ static double metered(const struct growing *g)
     double sum = 0, count = 0;
 
     for (size_t i = 0; i < g->floats; i += 3) {
-        double y = 0;
-        for (int r = 0; r < RECORD_REPLICATES; r++)
-            y += 0.2126 * g->sums[r][i] + 0.7152 * g->sums[r][i + 1] + 0.0722 * g->sums[r][i + 2];
+        double y = 0.2126 * g->sums[i] + 0.7152 * g->sums[i + 1] + 0.0722 * g->sums[i + 2];
         if (y > 0) {
             sum += log(y / g->samples);
             count++;
@@ -90,15 +84,13 @@ static double metered(const struct growing *g)
 
 static void encode(struct growing *g, double exposure)
 {
-    double factor = exposure * RECORD_REPLICATES / g->samples;
+    double factor = exposure / g->samples;
 
-    for (int r = 0; r < RECORD_REPLICATES; r++) {
-        for (size_t i = 0; i < g->floats; i++) {
-            double x = g->sums[r][i] * factor;
-            g->codes[r][i] = (float)(x < 0 ? 0 : x > 1 ? 1 : x);
-        }
-        srgb_encode_row(g->codes[r], g->floats);
+    for (size_t i = 0; i < g->floats; i++) {
+        double x = g->sums[i] * factor;
+        g->codes[i] = (float)(x < 0 ? 0 : x > 1 ? 1 : x);
     }
+    srgb_encode_row(g->codes, g->floats);
 }
 
 static void exposed_codes(void *user, const float *rgb, uint32_t count, float *codes)
@@ -110,18 +102,24 @@ static void exposed_codes(void *user, const float *rgb, uint32_t count, float *c
     film_codes_plain(NULL, codes, count, codes);
 }
 
+/* Between two levels, too: there the part since the last one is fewer than half of the samples, and its
+ * distance from the mean is scaled to that of a half. */
 static void measure_tile(const struct growing *g, uint32_t tile, double exposure, struct film_level *out)
 {
     struct tile_rect rect = tile_rect_of(g->width, g->height, tile);
-    double sums[RECORD_REPLICATES * TILE_PIXELS_MAX * 3];
+    double sums[TILE_PIXELS_MAX * 3], later = g->samples - g->level_samples;
+    double scale = g->level_samples > 0 ? sqrt(later / g->level_samples) : 0;
+    float second[TILE_PIXELS_MAX * 3];
     size_t at = 0;
 
-    for (int r = 0; r < RECORD_REPLICATES; r++)
-        for (uint32_t y = rect.y; y < rect.y + rect.height; y++, at += rect.width * 3)
-            memcpy(sums + at, g->sums[r] + ((size_t)y * g->width + rect.x) * 3,
-                   rect.width * 3 * sizeof *sums);
+    for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
+        for (size_t i = 0, from = ((size_t)y * g->width + rect.x) * 3; i < rect.width * 3; i++, from++, at++) {
+            double mean = g->sums[from] / g->samples, b = (g->sums[from] - g->at_level[from]) / later;
+            sums[at] = g->sums[from];
+            second[at] = (float)((mean + (b - mean) * scale) * g->samples / 2);
+        }
     out->rays = g->rays[tile];
-    film_level_measure(out, sums, rect.width, rect.height, g->samples,
+    film_level_measure(out, sums, g->passes > 1 ? second : NULL, rect.width, rect.height, g->samples,
                        &(struct film_codes){exposed_codes, &exposure});
 }
 
@@ -129,24 +127,23 @@ static void keep_errors(struct replay *replay, struct growing *g, uint32_t group
 {
     float *error = need(mem_alloc_array(g->floats, sizeof *error));
 
+    float *mean = need(mem_alloc_array(g->floats, sizeof *mean));
+
     encode(g, replay->shown);
-    for (size_t i = 0; i < g->floats; i++)
-        error[i] = (g->codes[0][i] - g->codes[1][i]) * 127.5f;
-    replay->error[group][passes] = error;
-    for (int r = 0; r < RECORD_REPLICATES; r++) {
-        float *mean = need(mem_alloc_array(g->floats, sizeof *mean));
-        for (size_t i = 0; i < g->floats; i++)
-            mean[i] = (float)(g->sums[r][i] * RECORD_REPLICATES / g->samples);
-        replay->replicates[group][passes][r] = mean;
+    for (size_t i = 0; i < g->floats; i++) {
+        error[i] = g->codes[i] * 255; /* subtract_other() makes it an error */
+        mean[i] = (float)(g->sums[i] / g->samples);
     }
+    replay->error[group][passes] = error;
+    replay->picture[group][passes] = mean;
 }
 
 /* The group's passes are in up to `passes`. */
-static void pass_done(struct replay *replay, struct growing *g, uint32_t group, uint32_t passes,
-                      unsigned keep)
+static void pass_done(struct replay *replay, struct growing *g, uint32_t group, uint32_t passes, unsigned keep)
 {
     struct film_level *tiles = need(mem_alloc_array(replay->tiles, sizeof *tiles));
 
+    g->passes = passes;
     if (passes == 1)
         replay->exposure[group] = replay->shown > 0 ? replay->shown : metered(g);
     for (uint32_t t = 0; t < replay->tiles; t++)
@@ -162,12 +159,16 @@ static void pass_done(struct replay *replay, struct growing *g, uint32_t group, 
     }
     if (keep & REPLAY_ERRORS)
         keep_errors(replay, g, group, passes);
+    if (level_at(passes) >= 0) {
+        memcpy(g->at_level, g->sums, g->floats * sizeof *g->sums);
+        g->level_samples = g->samples;
+    }
 }
 
 /* ---- rendering --------------------------------------------------------------------------------- */
 
-void replay_render(struct replay *out, const struct render_scene *scene,
-                   const struct render_settings *settings, uint32_t seed, uint32_t samples)
+void replay_render(struct replay *out, const struct render_scene *scene, const struct render_settings *settings,
+                   uint32_t seed, uint32_t samples)
 {
     struct record_header h = {.width = settings->width, .height = settings->height};
     struct record_unit *unit = need(mem_calloc(1, sizeof *unit));
@@ -213,7 +214,7 @@ static int next_unit(struct reader *r)
 
     if (fread(&r->unit.head, sizeof r->unit.head, 1, r->file) != 1)
         return 0;
-    floats = (size_t)RECORD_REPLICATES * r->unit.head.pixels * 3;
+    floats = (size_t)r->unit.head.pixels * 3;
     if (r->unit.head.pixels > TILE_PIXELS_MAX || r->unit.head.tail_count > RECORD_TAIL_MAX ||
         r->unit.head.tile >= r->header.tiles || r->unit.head.group >= RECORD_GROUPS ||
         fread(r->unit.sums, sizeof *r->unit.sums, floats, r->file) != floats ||
@@ -254,7 +255,8 @@ static double survey(struct replay *replay, struct reader *r, uint32_t seed)
     return exposure;
 }
 
-void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned keep)
+/* shown: 0: find it. */
+static void read_seed(struct replay *out, const char *path, uint32_t seed, unsigned keep, double shown)
 {
     struct reader *r = need(mem_calloc(1, sizeof *r));
     struct growing groups[RECORD_GROUPS];
@@ -268,6 +270,8 @@ void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned k
     out->passes = r->header.passes;
     out->cpu_ns = need(mem_calloc(out->tiles, sizeof *out->cpu_ns));
     out->shown = survey(out, r, seed);
+    if (shown > 0)
+        out->shown = shown;
     rewind(r->file);
     if (fread(&r->header, sizeof r->header, 1, r->file) != 1)
         give_up(path, "cannot be read again");
@@ -290,14 +294,36 @@ void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned k
     mem_free(r);
 }
 
+/* Codes of one seed less those of another: sqrt(2) times the error of either, in distribution. */
+static void subtract_other(struct replay *replay, const struct replay *other)
+{
+    size_t floats = (size_t)replay->width * replay->height * 3;
+
+    for (int g = 0; g < RECORD_GROUPS; g++)
+        for (uint32_t pass = 1; pass <= replay->passes; pass++)
+            for (size_t i = 0; i < floats; i++)
+                replay->error[g][pass][i] = (replay->error[g][pass][i] - other->error[g][pass][i]) * 0.70710678f;
+}
+
+void replay_read(struct replay *out, const char *path, uint32_t seed, unsigned keep)
+{
+    read_seed(out, path, seed, keep, 0);
+    if (keep & REPLAY_ERRORS) {
+        struct replay *other = need(mem_alloc(sizeof *other));
+        read_seed(other, path, seed + REPLAY_OTHER, REPLAY_ERRORS, out->shown);
+        subtract_other(out, other);
+        replay_release(other);
+        mem_free(other);
+    }
+}
+
 void replay_release(struct replay *replay)
 {
     for (int g = 0; g < RECORD_GROUPS; g++) {
         for (int pass = 0; pass <= RECORD_PASSES_MAX; pass++) {
             mem_free(replay->statistics[g][pass]);
             mem_free(replay->error[g][pass]);
-            for (int r = 0; r < RECORD_REPLICATES; r++)
-                mem_free(replay->replicates[g][pass][r]);
+            mem_free(replay->picture[g][pass]);
             mem_free(replay->mean[g][pass]);
         }
     }
@@ -344,8 +370,8 @@ static void what_decides(const struct replay *r, int group, uint32_t level, enum
 }
 
 int replay_rounds(const struct replay *decides, const struct allocation_rules *rules,
-                   const struct allocation_target *target, uint32_t last_level,
-                   enum replay_fault fault, uint32_t *const passes[RECORD_GROUPS])
+                  const struct allocation_target *target, uint32_t last_level, enum replay_fault fault,
+                  uint32_t *const passes[RECORD_GROUPS])
 {
     struct film_level *tiles[RECORD_GROUPS], *before[RECORD_GROUPS] = {NULL, NULL};
     int ended[RECORD_GROUPS] = {0}, cut = 0;
@@ -358,13 +384,12 @@ int replay_rounds(const struct replay *decides, const struct allocation_rules *r
     for (uint32_t k = 0; k <= last_level; k++) {
         for (int g = 0; g < RECORD_GROUPS; g++)
             for (uint32_t t = 0; t < decides->tiles; t++)
-                if (passes[g][t] < level_passes(k) &&
-                    (!ended[g] || (!ended[1 - g] && fault == REPLAY_ENDED_GROWS)))
+                if (passes[g][t] < level_passes(k) && (!ended[g] || (!ended[1 - g] && fault == REPLAY_ENDED_GROWS)))
                     passes[g][t] = level_passes(k);
         for (int g = 0; g < RECORD_GROUPS; g++)
             what_decides(decides, g, k, fault, passes, tiles[g]);
         for (int g = 0; g < RECORD_GROUPS; g++) {
-            struct allocation_input in = {decides->width, decides->height, k, tiles[g], before[g], passes[g], rules};
+            struct allocation_input in = {decides->width, decides->height, k, tiles[g], k > 1 ? before[g] : NULL, passes[g], rules};
             struct allocation_round round;
             struct error err;
             uint32_t lambda;
@@ -432,37 +457,35 @@ struct replay_errors replay_errors(const struct replay *replay, uint32_t *const 
     return out;
 }
 
-static status codes_of_picture(void *user, const float *rgb, uint32_t width, uint32_t height,
-                               float *codes, struct error *err)
+static status codes_of_picture(void *user, const float *rgb, uint32_t width, uint32_t height, float *codes,
+                               struct error *err)
 {
     (void)err;
     exposed_codes(user, rgb, width * height, codes);
     return STATUS_OK;
 }
 
-void replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS],
-                     struct accuracy_figures *out)
+void replay_reported(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS], struct accuracy_figures *out)
 {
     size_t floats = (size_t)replay->width * replay->height * 3;
-    float *parts[ACCURACY_REPLICATES];
+    float *parts[RECORD_GROUPS];
     struct accuracy_picture picture = {.width = replay->width, .height = replay->height};
     double exposure = replay->shown;
-    struct accuracy_transform transform = {codes_of_picture, &exposure};
+    struct accuracy_transform transform = {.apply = codes_of_picture, .user = &exposure};
     uint32_t across = tiles_across(replay->width);
     struct error err = {0};
 
-    for (int r = 0; r < ACCURACY_REPLICATES; r++) {
-        int group = r / RECORD_REPLICATES;
-        picture.replicates[r] = parts[r] = need(mem_alloc_array(floats, sizeof *parts[r]));
+    for (int g = 0; g < RECORD_GROUPS; g++) {
+        picture.groups[g] = parts[g] = need(mem_alloc_array(floats, sizeof *parts[g]));
         for (size_t i = 0; i < floats; i++) {
             size_t p = i / 3, tile = p / replay->width / TILE_SIZE * across + p % replay->width / TILE_SIZE;
-            parts[r][i] = replay->replicates[group][passes[group][tile]][r % RECORD_REPLICATES][i];
+            parts[g][i] = replay->picture[g][passes[g][tile]][i];
         }
     }
     if (accuracy_figures_of(out, &picture, &transform, NULL, NULL, &err) != STATUS_OK)
         need(NULL);
-    for (int r = 0; r < ACCURACY_REPLICATES; r++)
-        mem_free(parts[r]);
+    for (int g = 0; g < RECORD_GROUPS; g++)
+        mem_free(parts[g]);
 }
 
 double replay_cost(const struct replay *replay, uint32_t *const passes[RECORD_GROUPS])

@@ -8,7 +8,7 @@
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
-#include "tests/support/replicates.h"
+#include "tests/support/groups.h"
 
 static void die(const char *what, const struct error *err)
 {
@@ -73,9 +73,8 @@ static void bound(struct scene_mesh *mesh, const float *positions, uint32_t vert
     }
 }
 
-uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals,
-                      uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
-                      int closed)
+uint32_t builder_mesh(struct scene_builder *b, const float *positions, const float *normals, uint32_t vertex_count,
+                      const uint32_t *indices, uint32_t triangle_count, int closed)
 {
     struct scene_mesh *mesh = &b->scene.meshes[b->scene.mesh_count];
     struct scene_mesh_layout layout;
@@ -108,8 +107,7 @@ uint32_t builder_mesh_mapped(struct scene_builder *b, const struct builder_mappe
     mesh->vertex_count = n;
     mesh->triangle_count = from->triangle_count;
     mesh->arrays = (from->normals ? MESH_NORMALS : 0) | (from->tangents ? MESH_TANGENTS : 0) |
-                   (from->uv0 ? MESH_UV0 : 0) | (from->uv1 ? MESH_UV1 : 0) |
-                   (from->colors ? MESH_COLORS : 0);
+                   (from->uv0 ? MESH_UV0 : 0) | (from->uv1 ? MESH_UV1 : 0) | (from->colors ? MESH_COLORS : 0);
     bound(mesh, from->positions, n);
     scene_mesh_layout(mesh, &layout);
     data = need(mem_calloc(1, layout.total_bytes));
@@ -140,18 +138,16 @@ uint32_t builder_quads(struct scene_builder *b, const float (*quads)[4][3], uint
     return mesh;
 }
 
-uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions,
-                                uint32_t vertex_count, const uint32_t *indices,
-                                uint32_t triangle_count, const struct mesh_influence *influences,
-                                const float *morphs, uint32_t morph_count)
+uint32_t builder_mesh_deforming(struct scene_builder *b, const float *positions, uint32_t vertex_count,
+                                const uint32_t *indices, uint32_t triangle_count,
+                                const struct mesh_influence *influences, const float *morphs, uint32_t morph_count)
 {
-    return builder_mesh_deforming_smooth(b, positions, NULL, vertex_count, indices, triangle_count,
-                                         influences, morphs, NULL, morph_count);
+    return builder_mesh_deforming_smooth(b, positions, NULL, vertex_count, indices, triangle_count, influences, morphs,
+                                         NULL, morph_count);
 }
 
-uint32_t builder_mesh_deforming_smooth(struct scene_builder *b, const float *positions,
-                                       const float *normals, uint32_t vertex_count,
-                                       const uint32_t *indices, uint32_t triangle_count,
+uint32_t builder_mesh_deforming_smooth(struct scene_builder *b, const float *positions, const float *normals,
+                                       uint32_t vertex_count, const uint32_t *indices, uint32_t triangle_count,
                                        const struct mesh_influence *influences, const float *morphs,
                                        const float *morph_normals, uint32_t morph_count)
 {
@@ -176,8 +172,7 @@ uint32_t builder_mesh_deforming_smooth(struct scene_builder *b, const float *pos
         uint8_t *target = data + layout.morphs + i * layout.morph_stride;
         memcpy(target, morphs + (size_t)3 * vertex_count * i, 12u * vertex_count);
         if (normals)
-            memcpy(target + 12u * vertex_count, morph_normals + (size_t)3 * vertex_count * i,
-                   12u * vertex_count);
+            memcpy(target + 12u * vertex_count, morph_normals + (size_t)3 * vertex_count * i, 12u * vertex_count);
     }
     memcpy(data + layout.indices, indices, 12u * triangle_count);
     mesh->blob = add_blob(b, data, layout.total_bytes);
@@ -197,8 +192,8 @@ uint32_t builder_node(struct scene_builder *b, int32_t parent, uint32_t weight_c
     return b->scene.node_count++;
 }
 
-void builder_channel(struct scene_builder *b, uint32_t node, enum scene_channel_path path,
-                     uint32_t key_count, const float *times, const float *values)
+void builder_channel(struct scene_builder *b, uint32_t node, enum scene_channel_path path, uint32_t key_count,
+                     const float *times, const float *values)
 {
     struct scene_channel *c = &b->scene.channels[b->scene.channel_count++];
 
@@ -291,13 +286,10 @@ struct scene_material *builder_lambert(struct scene_builder *b, float albedo)
     return m;
 }
 
-uint32_t builder_last_material(const struct scene_builder *b)
-{
-    return b->scene.material_count - 1;
-}
+uint32_t builder_last_material(const struct scene_builder *b) { return b->scene.material_count - 1; }
 
-struct scene_instance *builder_place(struct scene_builder *b, uint32_t mesh, uint32_t material,
-                                     struct vec3 scale, struct vec3 translate)
+struct scene_instance *builder_place(struct scene_builder *b, uint32_t mesh, uint32_t material, struct vec3 scale,
+                                     struct vec3 translate)
 {
     struct scene_instance *i = &b->scene.instances[b->scene.instance_count++];
 
@@ -350,8 +342,7 @@ void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
     b->scene.environment.radiance[2] = radiance.z;
 }
 
-void builder_room(struct scene_builder *b,
-                  void (*dress)(struct scene_builder *b, struct scene_material *ball))
+void builder_room(struct scene_builder *b, void (*dress)(struct scene_builder *b, struct scene_material *ball))
 {
     struct scene_material *m;
     uint32_t quad, ball, material;
@@ -373,8 +364,7 @@ void builder_room(struct scene_builder *b,
         dress(b, m);
 }
 
-static struct scene_blob add_exr(struct scene_builder *b, const float *rgb, uint32_t width,
-                                 uint32_t height)
+static struct scene_blob add_exr(struct scene_builder *b, const float *rgb, uint32_t width, uint32_t height)
 {
     struct image image = {width, height, 3, NULL};
     struct exr_options options = {0};
@@ -388,8 +378,7 @@ static struct scene_blob add_exr(struct scene_builder *b, const float *rgb, uint
     return add_blob(b, out.data, out.size);
 }
 
-void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width,
-                             uint32_t height)
+void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width, uint32_t height)
 {
     b->scene.environment.present = 1;
     b->scene.environment.constant = 0;
@@ -406,8 +395,8 @@ struct scene_medium *builder_medium(struct scene_builder *b)
     return medium;
 }
 
-void builder_grid(struct scene_builder *b, struct scene_medium *medium, const float *density,
-                  const uint32_t size[3], struct vec3 low, struct vec3 high)
+void builder_grid(struct scene_builder *b, struct scene_medium *medium, const float *density, const uint32_t size[3],
+                  struct vec3 low, struct vec3 high)
 {
     size_t bytes = sizeof *density * size[0] * size[1] * size[2];
 
@@ -419,8 +408,7 @@ void builder_grid(struct scene_builder *b, struct scene_medium *medium, const fl
                                                 {0, 0, high.z - low.z, low.z}}};
 }
 
-uint32_t builder_texture(struct scene_builder *b, const float *rgb, uint32_t width,
-                         uint32_t height)
+uint32_t builder_texture(struct scene_builder *b, const float *rgb, uint32_t width, uint32_t height)
 {
     struct scene_image *image = &b->scene.images[b->scene.image_count];
     struct scene_texture *texture = &b->scene.textures[b->scene.texture_count];
@@ -431,8 +419,8 @@ uint32_t builder_texture(struct scene_builder *b, const float *rgb, uint32_t wid
     return b->scene.texture_count++;
 }
 
-static status find_blob(void *user, const struct digest *digest, const uint8_t **data,
-                        size_t *size_bytes, struct error *err)
+static status find_blob(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                        struct error *err)
 {
     struct scene_builder *b = user;
 
@@ -445,10 +433,7 @@ static status find_blob(void *user, const struct digest *digest, const uint8_t *
     return error_set(err, STATUS_ERR_NOT_FOUND, "no such blob");
 }
 
-struct blob_source builder_source(struct scene_builder *b)
-{
-    return (struct blob_source){find_blob, b};
-}
+struct blob_source builder_source(struct scene_builder *b) { return (struct blob_source){find_blob, b}; }
 
 struct render_scene *builder_build(struct scene_builder *b, const struct render_settings *settings)
 {
@@ -475,8 +460,8 @@ struct render_settings builder_settings(uint32_t width, uint32_t height, uint32_
     return s;
 }
 
-void builder_render(const struct render_scene *scene, const struct render_settings *settings,
-                    uint32_t frame, double *mean, double *variance, struct render_stats *stats)
+void builder_render(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
+                    double *mean, double *variance, struct render_stats *stats)
 {
-    replicates_render(scene, settings, frame, mean, variance, stats);
+    groups_render(scene, settings, frame, mean, variance, stats);
 }

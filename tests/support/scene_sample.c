@@ -30,8 +30,7 @@ void scene_sample_blob(struct scene_mesh *mesh, uint8_t seed)
 
 static struct scene_texture_slot slot(int32_t texture)
 {
-    return (struct scene_texture_slot){texture, (uint32_t)texture % 2,
-                                       {{0.5f, 0.25f, 3}, {-0.25f, 2, -1}}};
+    return (struct scene_texture_slot){texture, (uint32_t)texture % 2, {{0.5f, 0.25f, 3}, {-0.25f, 2, -1}}};
 }
 
 static void fill_materials(struct scene *s)

@@ -1,7 +1,6 @@
 /* scene_sample: a scene with every table filled and every field off its default, without
  * blobs, for tests of the description itself. */
-#ifndef AZULEJO_TESTS_SCENE_SAMPLE_H
-#define AZULEJO_TESTS_SCENE_SAMPLE_H
+#pragma once
 
 #include "common/scene/scene.h"
 
@@ -13,5 +12,3 @@ void scene_sample(struct scene *out);
 
 /* The blob size that the mesh's counts call for; a digest that depends on `seed`. */
 void scene_sample_blob(struct scene_mesh *mesh, uint8_t seed);
-
-#endif

@@ -9,8 +9,9 @@
 
 #include <cmocka.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
+#include "coordinator/pictures/measured.h"
 #include "coordinator/farm/freeze.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/film/store_film.h"
@@ -31,8 +32,7 @@ static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *
     }
 }
 
-static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t frame,
-                   struct unit_name unit)
+static void on_ack(void *user, uint32_t session, const struct job *job, uint32_t frame, struct unit_name unit)
 {
     struct sim *sim = user;
 
@@ -230,8 +230,8 @@ uint32_t sim_random(struct sim *sim, uint32_t limit)
     return (uint32_t)((sim->random >> 33) % limit);
 }
 
-struct job *sim_job(uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame,
-                    uint32_t last_frame, int32_t priority)
+struct job *sim_job(uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame, uint32_t last_frame,
+                    int32_t priority)
 {
     struct job *job = job_new(first_frame, last_frame);
     size_t count;
@@ -244,20 +244,17 @@ struct job *sim_job(uint32_t width, uint32_t height, uint32_t spp, uint32_t firs
     job->priority = priority;
     job->output.exr = job->output.png = 1;
     snprintf(job->name, sizeof job->name, "simulated");
-    assert_int_equal(tonemap_settings_init(&job->output.tonemap, tonemap_operators(&count)[0]->name,
-                                           NULL),
-                     STATUS_OK);
+    assert_int_equal(tonemap_settings_init(&job->output.tonemap, tonemap_operators(&count)[0]->name, NULL), STATUS_OK);
     return job;
 }
 
-struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_t spp,
-                       uint32_t first_frame, uint32_t last_frame, int32_t priority)
+struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame,
+                       uint32_t last_frame, int32_t priority)
 {
     struct job *job = sim_job(width, height, spp, first_frame, last_frame, priority);
     struct error err = {0};
 
-    assert_int_equal(tonemap_settings_init(&job->output.tonemap,
-                                           sim->tonemap ? sim->tonemap : "linear", NULL),
+    assert_int_equal(tonemap_settings_init(&job->output.tonemap, sim->tonemap ? sim->tonemap : "linear", NULL),
                      STATUS_OK);
     if (farm_submit(&sim->farm, job, &err) != STATUS_OK)
         fail_msg("%s", err.text);
@@ -277,7 +274,7 @@ struct sim_worker *sim_connect(struct sim *sim, unsigned index, uint32_t threads
     worker->worker.threads = threads;
     worker->worker.machine = index + 1;
     worker->worker.isa_mask = 7;
-    snprintf(worker->worker.kernel, sizeof worker->worker.kernel, "kernel 1");
+    snprintf(worker->worker.ray_tracer, sizeof worker->worker.ray_tracer, "tracer 1");
     assert_int_equal(farm_worker_add(&sim->farm, &worker->worker, NULL), STATUS_OK);
     worker->worker.credit.threads = threads; /* as if it had shown what it can do */
     return worker;
@@ -310,19 +307,17 @@ size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room)
     while ((lease = scheduler_grant(&sim->farm, &worker->worker, sim->now_ns))) {
         for (uint32_t i = 0; i < lease->unit_count; i++) {
             assert_true(worker->unit_count < SIM_UNITS_MAX);
-            worker->units[worker->unit_count++] =
-                (struct sim_unit){lease->id, lease->epoch, lease->frame->job->id,
-                                  lease->frame->number, lease->units[i], 0};
+            worker->units[worker->unit_count++] = (struct sim_unit){
+                lease->id, lease->epoch, lease->frame->job->id, lease->frame->number, lease->units[i], 0};
         }
     }
     return worker->unit_count - before;
 }
 
-size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name,
-                uint8_t *out)
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out)
 {
     struct tile_rect rect = tile_rect_of(width, height, name.tile);
-    size_t count = (size_t)GROUP_REPLICATES * rect.width * rect.height * 3;
+    size_t count = (size_t)PIXEL_FLOATS * rect.width * rect.height;
 
     for (size_t i = 0; i < count; i++) {
         uint32_t h = (uint32_t)i * 2654435761u ^ name.tile * 40503u ^
@@ -337,8 +332,7 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
     return 4 * count;
 }
 
-struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit,
-                              uint8_t sums[TILE_FLOATS_MAX * 4])
+struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit, uint8_t sums[TILE_FLOATS_MAX * 4])
 {
     const struct job *job = queue_find(&sim->farm.queue, unit->job);
     struct tile_result result = {.lease = unit->lease, .epoch = unit->epoch, .job = unit->job,
@@ -350,8 +344,7 @@ struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit
     rect = tile_rect_of(job->settings.width, job->settings.height, unit->name.tile);
     pass_range(job->settings.spp, unit->name.group, unit->name.pass, &begin, &end);
     result.work.samples = (uint64_t)rect.width * rect.height * (end - begin);
-    result.sums_bytes = sim_sums(job->settings.width, job->settings.height, unit->frame, unit->name,
-                                 sums);
+    result.sums_bytes = sim_sums(job->settings.width, job->settings.height, unit->frame, unit->name, sums);
     return result;
 }
 
@@ -364,16 +357,12 @@ enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i
 
     result.stats.cpu_ns = result.work.samples * cost_ns;
     worker->units[i].sent = 1;
-    if (merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, &err) !=
-        STATUS_OK)
+    if (merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     return outcome;
 }
 
-void sim_forget(struct sim_worker *worker, size_t i)
-{
-    worker->units[i] = worker->units[--worker->unit_count];
-}
+void sim_forget(struct sim_worker *worker, size_t i) { worker->units[i] = worker->units[--worker->unit_count]; }
 
 void sim_commit(struct sim *sim)
 {
@@ -395,6 +384,7 @@ void sim_develop(struct sim *sim)
 {
     while (sim->developing_count > 0) {
         struct job_frame *frame = sim->developing[--sim->developing_count];
+        struct frame_makers makers = {.deliverers = BUFFER_INIT, .done_at = sim->farm.wall_s};
         struct film_coverage coverage;
         struct unit_work work;
         struct error err = {0};
@@ -405,11 +395,16 @@ void sim_develop(struct sim *sim)
             sim->wrong_frames += !sim_frame_is_right(frame->job, frame->number, frame->film);
             coverage = film_coverage(frame->film);
             work = film_work(frame->film);
-            if (sim->store)
-                s = store_frame_done(sim->store, frame->job->id, sim->developing_epoch[sim->developing_count], frame->number,
-                                     sim_revision(frame->job),
-                                     frame->end,
-                                     coverage.samples < job_frame_samples(frame->job) ? &coverage : NULL, &work, &err);
+            s = measured_deliverers(frame->film, &makers.deliverers, &err);
+            if (sim->store && s == STATUS_OK)
+                s = store_frame_done(
+                    sim->store,
+                    &(struct frame_done){.job = frame->job->id, .epoch_floor = sim->developing_epoch[sim->developing_count],
+                                         .frame = frame->number, .revision = sim_revision(frame->job), .end = frame->end,
+                                         .cut = coverage.samples < job_frame_samples(frame->job) ? &coverage : NULL,
+                                         .work = &work, .makers = &makers},
+                    &err);
+            buffer_release(&makers.deliverers);
         }
         farm_frame_developed(&sim->farm, frame, sim_revision(frame->job), s, &err, sim->now_ns);
     }
@@ -436,8 +431,7 @@ static void show(void *user, const float *rgb, uint32_t count, float *codes)
 }
 
 /* Merge what the film has of a tile's group into `reference`, in order. */
-static void merge_in_order(struct film *reference, const struct film *film, uint32_t number,
-                           struct unit_name name)
+static void merge_in_order(struct film *reference, const struct film *film, uint32_t number, struct unit_name name)
 {
     static uint8_t bytes[TILE_FLOATS_MAX * 4];
     static float sums[TILE_FLOATS_MAX];
@@ -455,8 +449,7 @@ static void merge_in_order(struct film *reference, const struct film *film, uint
         memcpy(sums, bytes, unit.count * 4);
         pass_range(film_spp(film), name.group, name.pass, &begin, &end);
         unit.work.samples = (uint64_t)rect.width * rect.height * (end - begin);
-        assert_int_equal(film_merge(reference, &unit,
-                                    film_deliverer(film, name.tile, name.group, name.pass), &result,
+        assert_int_equal(film_merge(reference, &unit, film_deliverer(film, name.tile, name.group, name.pass), &result,
                                     NULL),
                          STATUS_OK);
         film_cost(film, name.tile, name.group, name.pass, &thread, &cpu_ns);
@@ -475,6 +468,7 @@ static struct tonemap_pixels *freeze_in_order(struct film *film, uint32_t group,
     tonemap_stand_in(&settings, &job->output.tonemap);
     assert_int_equal(image_init(&image, film_width(film), film_height(film), 3, NULL), STATUS_OK);
     film_develop_group(film, group, image.pixels);
+    assert_int_equal(image_smooth(&image, FREEZE_RADIUS, NULL), STATUS_OK);
     assert_int_equal(tonemap_measure(&state, &image, &settings, NULL, NULL), STATUS_OK);
     assert_int_equal(tonemap_pixels_new(&pixels, &settings, &state, NULL, NULL), STATUS_OK);
     film_freeze(film, group, &(struct film_codes){show, pixels});
@@ -486,11 +480,12 @@ int sim_frame_is_right(const struct job *job, uint32_t number, const struct film
 {
     const struct render_settings *s = &job->settings;
     struct film *reference = film_new(s->width, s->height, s->spp);
-    int same = film_complete(film) || job->state == JOB_STATE_CANCELLING ||
-               job->state == JOB_STATE_FINISHING;
+    struct film *full = film_new(s->width, s->height, s->spp); /* the film, with the levels that it left out */
+    int same = film_complete(film) || job->state == JOB_STATE_CANCELLING || job->state == JOB_STATE_FINISHING;
     struct tonemap_pixels *pixels[GROUPS] = {NULL};
 
     assert_non_null(reference);
+    assert_non_null(full);
     film_want_all(reference);
     for (uint32_t g = 0; g < GROUPS; g++) {
         if (tonemap_reach(&job->output.tonemap) == TONEMAP_REACH_PIXEL) /* known at the start */
@@ -508,10 +503,14 @@ int sim_frame_is_right(const struct job *job, uint32_t number, const struct film
         assert_int_equal(film_tile_state_size(film, t), size);
         film_tile_save(reference, t, a);
         film_tile_save(film, t, b);
+        assert_int_equal(film_tile_load(full, t, b, size, NULL), STATUS_OK);
+        film_take_levels(full, reference);
+        film_tile_save(full, t, b);
         same = memcmp(a, b, size) == 0;
         free(a);
         free(b);
     }
+    film_free(full);
     film_free(reference);
     for (uint32_t g = 0; g < GROUPS; g++)
         tonemap_pixels_free(pixels[g]);

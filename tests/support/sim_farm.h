@@ -3,8 +3,7 @@
  * Results are a pure function of (frame, tile, pass), so a frame's film can be checked
  * against one that was merged in order (sim_frame_is_right).
  */
-#ifndef AZULEJO_TESTS_SIM_FARM_H
-#define AZULEJO_TESTS_SIM_FARM_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -42,8 +41,8 @@ struct sim {
     size_t developing_count;
     struct freezing *freezing[SIM_FREEZINGS_MAX];
     size_t freezing_count;
-    const char *tonemap;         /* the operator of sim_submit's jobs; NULL: linear, which measures nothing */
-    struct job *picture_job;     /* whose picture_frame shall be developed again; NULL: none */
+    const char *tonemap;     /* the operator of sim_submit's jobs; NULL: linear, which measures nothing */
+    struct job *picture_job; /* whose picture_frame shall be developed again; NULL: none */
     uint32_t picture_frame;
     /* What happened. */
     size_t acks, revokes, notices, changes, developed, wrong_frames;
@@ -70,7 +69,7 @@ struct sim_stored {
     char folder[64];
     struct store *store;
     struct sim *sim;
-    unsigned workers;            /* that the test has connected since the start */
+    unsigned workers; /* that the test has connected since the start */
 };
 int sim_stored_set_up(void **state);
 int sim_stored_tear_down(void **state);
@@ -79,11 +78,11 @@ void sim_stored_restart(struct sim_stored *f);
 
 uint32_t sim_random(struct sim *sim, uint32_t limit); /* 0..limit-1 */
 
-struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_t spp,
-                       uint32_t first_frame, uint32_t last_frame, int32_t priority);
+struct job *sim_submit(struct sim *sim, uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame,
+                       uint32_t last_frame, int32_t priority);
 /* A new job that is in no queue. */
-struct job *sim_job(uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame,
-                    uint32_t last_frame, int32_t priority);
+struct job *sim_job(uint32_t width, uint32_t height, uint32_t spp, uint32_t first_frame, uint32_t last_frame,
+                    int32_t priority);
 
 struct sim_worker *sim_connect(struct sim *sim, unsigned index, uint32_t threads);
 /* It keeps what it holds, and can connect again and send it. */
@@ -96,18 +95,16 @@ void sim_die(struct sim *sim, unsigned index);
 size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room);
 /* Send the result of the worker's i-th unit; cost_ns: CPU time of one pixel sample. */
 /* Its result, whose sums are in `sums`. */
-struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit,
-                              uint8_t sums[TILE_FLOATS_MAX * 4]);
+struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit, uint8_t sums[TILE_FLOATS_MAX * 4]);
 enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns);
 /* Take the unit out of the worker's list. */
 void sim_forget(struct sim_worker *worker, size_t i);
 
 /* The bytes of a unit's result; returns their number. */
-size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name,
-                uint8_t *out);
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out);
 
-void sim_commit(struct sim *sim);   /* write and acknowledge what is dirty */
-void sim_develop(struct sim *sim);  /* end the developments that were begun, checking their films */
+void sim_commit(struct sim *sim);  /* write and acknowledge what is dirty */
+void sim_develop(struct sim *sim); /* end the developments that were begun, checking their films */
 /* Run and end the measurements that were begun (coordinator/farm/freeze.h). */
 void sim_freeze(struct sim *sim);
 /* Make the one picture that was asked for again; 0: none was. */
@@ -116,5 +113,3 @@ int sim_make_picture(struct sim *sim);
 /* Does the film hold exactly what merging its passes in order gives? A film of a job that is not
  * cancelled must be complete. */
 int sim_frame_is_right(const struct job *job, uint32_t number, const struct film *film);
-
-#endif

@@ -1,7 +1,6 @@
 /* slabs: what tests of volumes share: smooth glass, dyed or clear, seen head on (layers.h has the
  * closed forms). */
-#ifndef AZULEJO_TESTS_SLABS_H
-#define AZULEJO_TESTS_SLABS_H
+#pragma once
 
 #include <math.h>
 
@@ -50,5 +49,3 @@ static inline struct render_settings slabs_settings(void)
     s.max_depth = 100;
     return s;
 }
-
-#endif

@@ -152,10 +152,7 @@ static double normal_cdf_2(double x, double unused)
 double normal_quantile(double p) { return quantile(p, 0, normal_cdf_2); }
 double student_quantile(double p, double degrees) { return quantile(p, degrees, student_cdf); }
 
-double chi_square_p_value(double statistic, double degrees)
-{
-    return gamma_q(degrees / 2, statistic / 2);
-}
+double chi_square_p_value(double statistic, double degrees) { return gamma_q(degrees / 2, statistic / 2); }
 
 double mean_test_p_value(const struct running_stats *s, double expected)
 {
@@ -181,12 +178,6 @@ uint64_t test_random_u64(struct test_random *r)
     return z ^ (z >> 31);
 }
 
-float test_random_float(struct test_random *r)
-{
-    return (float)(test_random_u64(r) >> 40) * 0x1p-24f;
-}
+float test_random_float(struct test_random *r) { return (float)(test_random_u64(r) >> 40) * 0x1p-24f; }
 
-double test_random_double(struct test_random *r)
-{
-    return (double)(test_random_u64(r) >> 11) * 0x1p-53;
-}
+double test_random_double(struct test_random *r) { return (double)(test_random_u64(r) >> 11) * 0x1p-53; }

@@ -4,8 +4,7 @@
  * one of m independent tests. All seeds are fixed by the caller, so a test that passes
  * once passes always.
  */
-#ifndef AZULEJO_TEST_STATISTICS_H
-#define AZULEJO_TEST_STATISTICS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -54,5 +53,3 @@ struct test_random {
 uint64_t test_random_u64(struct test_random *r);
 float test_random_float(struct test_random *r);   /* [0,1), 24 bits */
 double test_random_double(struct test_random *r); /* [0,1), 53 bits */
-
-#endif

@@ -41,8 +41,7 @@ void picture_put(struct image *image, size_t x, size_t y, float value)
         image->pixels[(y * image->width + x) * 3 + c] = value;
 }
 
-struct image picture_light_threads(const struct image *in, const struct tonemap_settings *s,
-                                  unsigned threads)
+struct image picture_light_threads(const struct image *in, const struct tonemap_settings *s, unsigned threads)
 {
     struct tonemap_context context = {.threads = threads, .linear = 1};
     struct image out;
@@ -59,10 +58,7 @@ struct image picture_light(const struct image *in, const struct tonemap_settings
     return picture_light_threads(in, s, 1);
 }
 
-float picture_at(const struct image *image, size_t x, size_t y)
-{
-    return image->pixels[(y * image->width + x) * 3];
-}
+float picture_at(const struct image *image, size_t x, size_t y) { return image->pixels[(y * image->width + x) * 3]; }
 
 struct image picture_hard(uint32_t width, uint32_t height)
 {

@@ -1,7 +1,6 @@
 /* tonemap_pictures: pictures for tests of tone mapping, and what an operator makes of them. Every
  * function fails the test when something goes wrong. */
-#ifndef AZULEJO_TESTS_TONEMAP_PICTURES_H
-#define AZULEJO_TESTS_TONEMAP_PICTURES_H
+#pragma once
 
 #include "common/image/image.h"
 #include "common/tonemap/tonemap.h"
@@ -17,8 +16,7 @@ float picture_at(const struct image *image, size_t x, size_t y);        /* its r
 struct image picture_hard(uint32_t width, uint32_t height);
 
 /* Display light, all of it within 0..1. */
-struct image picture_light_threads(const struct image *in, const struct tonemap_settings *s,
-                                   unsigned threads);
+struct image picture_light_threads(const struct image *in, const struct tonemap_settings *s, unsigned threads);
 struct image picture_light(const struct image *in, const struct tonemap_settings *s);
 
 /* One thread and three make the same bits of `in`, which is released. */
@@ -27,5 +25,3 @@ void picture_threads_agree(struct image *in, const struct tonemap_settings *s);
 /* Tone maps `in` again and again, each time with one allocation more that succeeds: every failure is
  * told as such. Returns how many there were; `in` is released. */
 int picture_out_of_memory(struct image *in, const struct tonemap_settings *s);
-
-#endif

@@ -51,8 +51,7 @@ static void add_blob(struct import_result *import, const struct scene_blob *name
 
     if (!MEM_GROW(import->blobs, capacity, import->blob_count + 1))
         give_up("out of memory");
-    import->blobs[import->blob_count++] =
-        (struct import_blob){name->digest, data, (size_t)name->size_bytes};
+    import->blobs[import->blob_count++] = (struct import_blob){name->digest, data, (size_t)name->size_bytes};
 }
 
 /* A table of the arena with one row more, the last of them empty. */
@@ -87,8 +86,7 @@ void transform_add_instance(struct import_result *import, struct scene_instance 
 {
     struct scene *scene = &import->scene;
 
-    scene->instances =
-        grown(import, scene->instances, scene->instance_count, sizeof *scene->instances);
+    scene->instances = grown(import, scene->instances, scene->instance_count, sizeof *scene->instances);
     scene->instances[scene->instance_count++] = instance;
 }
 
@@ -96,8 +94,7 @@ uint32_t transform_add_material(struct import_result *import, struct scene_mater
 {
     struct scene *scene = &import->scene;
 
-    scene->materials =
-        grown(import, scene->materials, scene->material_count, sizeof *scene->materials);
+    scene->materials = grown(import, scene->materials, scene->material_count, sizeof *scene->materials);
     scene->materials[scene->material_count] = material;
     return scene->material_count++;
 }

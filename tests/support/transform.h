@@ -6,8 +6,7 @@
  * without each row, so a new row needs nothing else.
  * A failure (out of memory) aborts the program.
  */
-#ifndef AZULEJO_TESTS_TRANSFORM_H
-#define AZULEJO_TESTS_TRANSFORM_H
+#pragma once
 
 #include "client/import/import.h"
 
@@ -46,5 +45,3 @@ uint32_t transform_very_far_thing(struct import_result *import);
 
 uint32_t transform_copy_faces(struct import_result *import);
 uint32_t transform_near_faces(struct import_result *import);
-
-#endif

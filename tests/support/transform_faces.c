@@ -42,9 +42,9 @@ static const struct way near_ways[] = {
 
 static int is_opaque(const struct scene_material *m)
 {
-    return (m->kind == MATERIAL_SURFACE || m->kind == MATERIAL_CONDUCTOR) &&
-           m->alpha_mode == ALPHA_OPAQUE && scene_color_is(m->emission, 0) && !(m->transmission > 0) &&
-           !(m->diffuse_transmission > 0) && !m->refractive && m->medium < 0 && m->medium_outside < 0;
+    return (m->kind == MATERIAL_SURFACE || m->kind == MATERIAL_CONDUCTOR) && m->alpha_mode == ALPHA_OPAQUE &&
+           scene_color_is(m->emission, 0) && !(m->transmission > 0) && !(m->diffuse_transmission > 0) &&
+           !m->refractive && m->medium < 0 && m->medium_outside < 0;
 }
 
 static int is_still(const struct scene *scene, const struct scene_instance *instance)
@@ -99,8 +99,8 @@ static void copy_array(const struct scene_mesh *mesh, const struct way *way, siz
     }
 }
 
-static uint8_t *write_vertices(const struct scene_mesh *mesh, const struct way *way, const uint8_t *blob,
-                               int own, uint8_t *to)
+static uint8_t *write_vertices(const struct scene_mesh *mesh, const struct way *way, const uint8_t *blob, int own,
+                               uint8_t *to)
 {
     struct scene_mesh_layout l;
     size_t starts[6], end;
@@ -154,8 +154,7 @@ static uint32_t copy_mesh(struct import_result *import, uint32_t number, const s
     uint8_t *data;
 
     out.vertex_count = mesh.vertex_count * (uint32_t)(way->in_mesh && own ? 2 : 1);
-    out.triangle_count = (mesh.triangle_count + way->every - 1) / way->every +
-                         (way->in_mesh ? mesh.triangle_count : 0);
+    out.triangle_count = (mesh.triangle_count + way->every - 1) / way->every + (way->in_mesh ? mesh.triangle_count : 0);
     out.closed = mesh.closed && !way->in_mesh && !way->reversed && way->every == 1;
     scene_mesh_layout(&out, &layout);
     data = mem_calloc(1, layout.total_bytes);
@@ -170,8 +169,7 @@ static uint32_t copy_mesh(struct import_result *import, uint32_t number, const s
  * be turned, too. */
 static int may_reverse(const struct scene *scene, const struct scene_instance *instance)
 {
-    return scene->materials[instance->material].double_sided &&
-           !(scene->meshes[instance->mesh].arrays & MESH_TANGENTS);
+    return scene->materials[instance->material].double_sided && !(scene->meshes[instance->mesh].arrays & MESH_TANGENTS);
 }
 
 static void double_instance(struct import_result *import, uint32_t number, const struct way *chosen)
@@ -196,8 +194,7 @@ static uint32_t double_all(struct import_result *import, const struct way *ways,
 
     for (uint32_t i = 0; i < count; i++) {
         const struct scene_instance *instance = &import->scene.instances[i];
-        if (is_opaque(&import->scene.materials[instance->material]) &&
-            is_still(&import->scene, instance))
+        if (is_opaque(&import->scene.materials[instance->material]) && is_still(&import->scene, instance))
             double_instance(import, i, &ways[done++ % way_count]);
     }
     return done;

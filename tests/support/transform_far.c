@@ -71,12 +71,6 @@ static uint32_t add_card(struct import_result *import, double sizes)
     return 1;
 }
 
-uint32_t transform_far_thing(struct import_result *import)
-{
-    return add_card(import, 1e3);
-}
+uint32_t transform_far_thing(struct import_result *import) { return add_card(import, 1e3); }
 
-uint32_t transform_very_far_thing(struct import_result *import)
-{
-    return add_card(import, 1e7);
-}
+uint32_t transform_very_far_thing(struct import_result *import) { return add_card(import, 1e7); }

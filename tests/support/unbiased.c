@@ -9,8 +9,7 @@ const char *const unbiased_names[UNBIASED_WAYS] = {
     "right", "own samples", "other's all samples", "ended group grows", "joined by counts",
 };
 
-static double joined(const struct replay *r, uint32_t *const passes[RECORD_GROUPS], uint32_t tile,
-                     int by_counts)
+static double joined(const struct replay *r, uint32_t *const passes[RECORD_GROUPS], uint32_t tile, int by_counts)
 {
     double sum = 0, weights = 0;
 
@@ -22,8 +21,8 @@ static double joined(const struct replay *r, uint32_t *const passes[RECORD_GROUP
     return sum / weights;
 }
 
-static void add_way(struct unbiased_way *way, const struct replay *r,
-                    uint32_t *const passes[RECORD_GROUPS], int by_counts)
+static void add_way(struct unbiased_way *way, const struct replay *r, uint32_t *const passes[RECORD_GROUPS],
+                    int by_counts)
 {
     uint32_t all[RECORD_GROUPS][UNBIASED_TILES_MAX];
     double frame = 0, samples = 0;
@@ -62,8 +61,7 @@ void unbiased_measure(const struct unbiased_study *study, struct unbiased_result
     memset(out, 0, sizeof *out);
     out->tests = tile_count(study->width, study->height);
     out->tests += out->tests > 1; /* one tile is the frame */
-    assert(out->tests <= 1 + UNBIASED_TILES_MAX && study->width % TILE_SIZE == 0 &&
-           study->height % TILE_SIZE == 0);
+    assert(out->tests <= 1 + UNBIASED_TILES_MAX && study->width % TILE_SIZE == 0 && study->height % TILE_SIZE == 0);
     imported_file(study->path, &import);
     render_force_general(1);
     scene = imported_build(&import, &settings, 0);

@@ -384,6 +384,7 @@ class Page:
 
     def give_files(self, selector, paths):
         """Choose files in an <input type=file>, which may be hidden."""
+        self.wait("!!document.querySelector(%r)" % selector, selector)
         node = self.call("Runtime.evaluate", {"expression": "document.querySelector(%s)" % json.dumps(selector)})
         self.call("DOM.setFileInputFiles", {"files": list(paths), "objectId": node["result"]["objectId"]})
 

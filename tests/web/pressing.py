@@ -22,6 +22,14 @@ def press_in(page, where, name, words=""):
                 raise
 
 
+def settled(page):
+    """Wait until the shown job has stopped changing: its buttons move with its state, and a press may meet another one."""
+    page.js("window.sideSeen = ''; window.sideStill = 0; 0")
+    page.wait("""(() => { const now = document.querySelector('#side').innerHTML;
+        window.sideStill = now === window.sideSeen ? window.sideStill + 1 : 0; window.sideSeen = now;
+        return window.sideStill >= 4; })()""", "the job's side to stand still")
+
+
 def verb(page, name):
     """Press a verb of the shown job: in front, or in the menu behind "More"."""
     page.wait("[...document.querySelectorAll('#side button')].some(b => b.checkVisibility() && "

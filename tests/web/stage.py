@@ -9,7 +9,7 @@ import threading
 
 from farm import ROOT
 
-ASSETS = os.path.join(ROOT, "coordinator", "web", "assets")
+ASSETS = os.path.join(ROOT, "web", "assets")
 TYPES = {"js": "text/javascript", "css": "text/css", "html": "text/html", "svg": "image/svg+xml"}
 POLICY = "default-src 'self'; img-src 'self' blob:"
 NOTHING = """<!doctype html><html lang="en"><meta charset="utf-8"><title>stage</title>
@@ -43,7 +43,7 @@ class Answering(http.server.BaseHTTPRequestHandler):
     def do_GET(self):
         path = self.path.split("?")[0]
         kind, data = self.server.answers.get(path, (None, None))
-        name = os.path.join(ASSETS, os.path.basename(path))
+        name = os.path.join(ASSETS, *path.split("/")[2:])
         if path == "/":
             kind, data = "text/html", NOTHING.encode()
         elif path == "/stage.css":

@@ -4,7 +4,7 @@ import pathlib
 import re
 import sys
 
-STYLE = pathlib.Path(__file__).resolve().parents[2] / "coordinator/web/assets/style.css"
+STYLE = pathlib.Path(__file__).resolve().parents[2] / "web/assets/style.css"
 TEXT, PART = 4.5, 3.0  # least contrast of text, and of a control's outline or a mark
 
 BACKGROUNDS = ("page", "panel", "hover", "chosen")

@@ -174,7 +174,8 @@ def a_job_is_removed_under_the_hand():
         expect([farm.job(n)["priority"] for n in rest[:3]] == [0] * 3, "others were moved")
 
 
-# Names as a person writes them, or somebody who wants harm. A line break becomes a "?" at the coordinator.
+# Names as a person writes them, or somebody who wants harm. A line break, and what turns text around, becomes a "?" at
+# the coordinator.
 NAMES = {"long": "x" * 255, "words": "kitchen " * 31, "reversed": "\u05de\u05d8\u05d1\u05d7 " * 20, "override": "abc\u202egnp.exe",
          "emoji": "\U0001f469\u200d\U0001f467" * 20, "marks": "e" + "\u0301" * 120, "markup": "<img src=x onerror=alert(1)>",
          "spaces": "     ", "nothing": "\u200b\u2060"}
@@ -236,11 +237,11 @@ def names_that_are_hard_to_show():
         for what, job in jobs.items():
             row, name = "[data-job=\"%d\"] " % job, NAMES[what]
             seen = page.js("[document.querySelector('%sa').title, document.querySelector('%s.name').textContent]" % (row, row))
-            wanted = name if what not in ("spaces", "nothing") else "job %d" % job
+            wanted = name.replace("\u202e", "?") if what not in ("spaces", "nothing") else "job %d" % job
             expect(seen[0].startswith("job %d: %s\n" % (job, wanted)) and seen[1] == wanted, "%s: %s" % (what, seen))
-        page.js("location.hash = '#/job/%d'" % jobs["override"])
+        page.js("location.hash = '#/job/%d'" % jobs["reversed"])
         page.press("P")
-        page.wait("document.querySelector('dialog[open] h2')?.textContent.endsWith('of \\u2068abc\\u202egnp.exe\\u2069')",
+        page.wait("/\\u2068\\u05de.*\\u2069$/.test(document.querySelector('dialog[open] h2')?.textContent)",
                   "the name to turn nothing but itself around")
         chip = page.js("document.querySelector('#workers li a').title")
         expect(chip.startswith(WORKER), "the worker's title: " + chip)

@@ -25,6 +25,7 @@ LOOKS = [
     ("normalize", {}, {}), ("normalize", {"percentile": 90}, {"ev": 2, "kelvin": 3200}),
     ("reinhard02", {}, {}), ("reinhard02", {"key": 0.5, "white": 4}, {"ev": 1.25}),
     ("reinhard02", {}, {"kelvin": 2856, "metering": "key", "ev": -1}),
+    ("reinhard02", {"white": 0}, {}), ("drago03", {"percentile": 100}, {"ev": 1}), ("drago03", {"percentile": 90}, {}),
     ("drago03", {}, {}), ("drago03", {"bias": 0.7, "display": 80}, {"ev": -2}),
     ("aces", {}, {}), ("aces", {}, {"ev": 3}), ("aces", {}, {"ev": -4}), ("aces", {}, {"kelvin": 9000}),
     ("aces-hill", {}, {}), ("aces-hill", {}, {"ev": 2}),
@@ -68,10 +69,10 @@ def farm_codes(exr, cube, look, folder):
 
 
 OPERATE = """(async () => {
-  const {Pixels, eachTile} = await import('/assets/pixels.js');
-  const {Screen} = await import('/assets/gl.js');
-  const {prepare, readCube} = await import('/assets/tonemap.js');
-  const {presetsOf} = await import('/assets/controls.js');
+  const {Pixels, eachTile} = await import('/assets/picture/pixels.js');
+  const {Screen} = await import('/assets/picture/gl.js');
+  const {prepare, readCube} = await import('/assets/picture/tonemap.js');
+  const {presetsOf} = await import('/assets/picture/controls.js');
   const look = %s, operators = %s, cube = %s;
   if (!window.screen3) {
     window.pixels3 = new Pixels(%d, %d);
@@ -115,14 +116,21 @@ def operators_are_the_farms():
         expect(not wrong, "\n".join(wrong))
 
 
-INFO = {"job": 1, "name": "helmet", "state": "done", "owner": "maria@ana", "samples_done": 100, "cores": 2.0,
+INFO = {"job": 1, "name": "helmet", "state": "done", "verbs": ["extend"], "owner": "maria@ana", "samples_done": 100, "cores": 2.0,
         "output": {"tonemap": "linear", "parameters": {}, "exposure_ev": 0.0, "metering": "", "metering_percentile": 0.0,
                    "white_kelvin": 0.0, "camera_ev": 0.0, "formats": ["png"]},
-        "stop": {"measure": 1, "target": 4.0}, "now_frame": 1, "stats": {"accounts": [60, 30, 0, 10]}}
+        "stop": {"measure": "display", "target": 4.0}, "now_frame": 1, "stats": {"accounts": [60, 30, 0, 10]}}
 FIGURES = ((1, 20, 18, 23), (2, 13, 12, 14.5), (4, 9.5, 9, 10.1), (9, 6.1, 0, 0), (16, 4.9, 4.7, 5.1))
 POINTS = [{"core_seconds": c, "samples": 100 * c, "figures": {"display": e, "display_low": lo, "display_high": hi,
                                                             "psnr_db": 30 + c, "psnr_low": 29 + c, "psnr_high": 31 + c}}
           for c, e, lo, hi in FIGURES]
+
+
+def curve(measure, error):
+    """What the coordinator sends of a curve that falls with the root of the cost, from this error at 16 core-seconds on."""
+    return {"measure": measure, "stop": 1.0, "width": 10.0, "points": [{"error": error / (1 + i / 4), "core_seconds": 16 * (1 + i / 4) ** 2,
+                                            "core_seconds_low": 15 * (1 + i / 4) ** 1.9, "core_seconds_high": 17 * (1 + i / 4) ** 2.1}
+                                           for i in range(48)]}
 
 
 def soft_light(width, height):
@@ -134,7 +142,7 @@ def answers(width=67, height=45):
     operators = json.loads(subprocess.run([os.path.join(BIN, "azulejo"), "tonemap", "--list", "--json"], check=True,
                                           stdout=subprocess.PIPE).stdout)
     return {"/operators": operators, "/effects": {"effects": ["diffuse", "glossy", "mirror"]},
-            "/jobs/1/frames/1/history": {"points": POINTS},
+            "/jobs/1/frames/1/history": {"points": POINTS, "curves": [curve("display", 4.9), curve("psnr", 1.278)]},
             "/jobs/1/frames/1/tiles": {
                 "width": width, "height": height, "workers": [{"name": "ana"}, {"name": "<img src=x onerror=alert(1)>"}],
                 "tiles": [{"samples": 16, "error": 1.5 + i, "cpu_ns": (i + 1) * 100000000, "units": 3, "worker": 1 + i % 2,
@@ -162,10 +170,13 @@ def send(page, light, tiles=None):
 def seen(page):
     """The picture as it is on the screen at 1:1: rows of (r, g, b)."""
     page.wait("stage.picture.settled", "all to be drawn")
-    left, top, width, height = page.js("(r => [r.x, r.y, r.width, r.height])(document.querySelector('canvas.picture').getBoundingClientRect())")
-    x, y, pixels, across, down = page.js("(({view: v, canvas: c}) => [v.x, v.y, c.width, ...v.size])(stage.picture)")
-    png = Png(page.screenshot((left, top, width, height)))
-    expect(png.width == pixels, "the canvas has %d pixels across and the screen %d" % (pixels, png.width))
+    left, top, width = page.js("(r => [r.x, r.y, r.width])(document.querySelector('canvas.picture').getBoundingClientRect())")
+    x, y, pixels, dense, across, down = page.js("(({view: v, canvas: c}) => [v.x, v.y, c.width, devicePixelRatio, ...v.size])(stage.picture)")
+    expect(pixels == width * dense, "the canvas has %d pixels across and the screen %g" % (pixels, width * dense))
+    # Whole pixels of the page around the picture.
+    x0, y0 = int(x // dense), int(y // dense)
+    png = Png(page.screenshot((left + x0, top + y0, (x + across) // dense + 1 - x0, (y + down) // dense + 1 - y0)))
+    x, y = x - x0 * dense, y - y0 * dense
     return [[row[png.channels * i:png.channels * i + 3] for i in range(x, x + across)] for row in png.codes[y:y + down]]
 
 
@@ -236,7 +247,8 @@ def changed_tiles_are_drawn_alone():
         page.js("stage.picture.controls.toggleWipe(); stage.picture.setSplit(0.43)")
         same("two operators")
         page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = 'time'; overlay.dispatchEvent(new Event('change')); })()")
-        page.wait("stage.picture.map")
+        page.wait("stage.picture.map && !stage.picture.mapBusy")
+        page.js("stage.picture.mapAsked = Infinity")  # its answer draws all
         same("an overlay")
 
 
@@ -251,9 +263,11 @@ def a_slow_display_is_spared():
         page.js("stage.info = {...stage.info, output: %s}; stage.emit('job')" % look)
         page.click("~Pixel by pixel")
         before = seen(page)
-        page.js("stage.picture.pace.until = Infinity")
+        # An hour: setTimeout takes Infinity for 0.
+        page.js("stage.picture.pace.until = performance.now() + 3.6e6")
         send(page, later, tiles=[3])
         page.wait("stage.picture.timer && stage.picture.screen.isDone && !stage.picture.screen.waiting.size")
+        page.frames()
         page.js("stage.picture.settled = true")
         between = seen(page)
         apart = {(x // 16, y // 16) for y, row in enumerate(between) for x, p in enumerate(row) if p != before[y][x]}
@@ -261,7 +275,7 @@ def a_slow_display_is_spared():
         page.js("clearTimeout(stage.picture.timer); stage.picture.timer = 0; stage.picture.pace.until = 0; stage.picture.redraw()")
         after = seen(page)
         expect(sum(p != q for a, b in zip(after, between) for p, q in zip(a, b)) > 500, "the operator measures no more")
-        page.js("stage.picture.pace.until = Infinity; stage.picture.controls.nudge(1)")
+        page.js("stage.picture.pace.until = performance.now() + 3.6e6; stage.picture.controls.nudge(1)")
         page.wait("stage.picture.screen.isDone && stage.picture.drawn.chosen === stage.picture.chosen()")
         expect(seen(page) != after, "the exposure waits")
 
@@ -273,7 +287,7 @@ def measures_follow_the_tiles():
     with Stage() as site, Browser() as browser:
         page = browser.page(site.url())
         begin(page, first)
-        measure = """(async () => { const {Pixels, eachTile} = await import('/assets/pixels.js');
+        measure = """(async () => { const {Pixels, eachTile} = await import('/assets/picture/pixels.js');
           const fresh = new Pixels(67, 45), old = stage.picture.pixels;
           eachTile(Uint8Array.from(atob('%s'), c => c.charCodeAt(0)).buffer, t => fresh.take(t));
           return [old, fresh].map(p => [p.measured(), p.percentile(99, false), p.percentile(50, true), p.percentile(100, true)]); })()"""
@@ -361,6 +375,38 @@ def overlays_have_a_legend():
             window.second = map.workers[1].name; Object.assign(picture, {map: null, mapAsked: 0});
             const {overlay} = picture.controls; overlay.value = 'workers'; overlay.dispatchEvent(new Event('change')); })()""")
         page.wait("document.querySelector('.legend').textContent === `${second} 15`", "all tiles to be those of the second worker")
+
+
+@tests.add
+def fireflies_are_ringed():
+    """pixels that one group of samples alone found bright get a ring, stars that both have none; the worst part is framed"""
+    fireflies, stars = [(5, 5), (40, 3), (20, 30), (66, 44), (0, 20)], [(28, 14), (55, 24)]
+
+    def value(x, y):
+        if (x, y) in fireflies:
+            return (0.8, 0.8, 0.8, 0.6)  # 1.4 in one group, 0.2 in the other
+        return (0.8, 0.8, 0.8, 0.02) if (x, y) in stars else (0.2, 0.2, 0.2, 0.005)
+
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, Light(67, 45, value))
+        page.click("~Pixel by pixel")
+        expect(not page.find(".rings"), "rings without their overlay")
+        page.js("(() => { const {overlay} = stage.picture.controls; overlay.value = 'fireflies'; overlay.dispatchEvent(new Event('change')); })()")
+        page.wait("document.querySelector('.legend').textContent.includes('5 pixels stand out')", "the number of fireflies")
+        found = page.js("stage.picture.marks")
+        expect(sorted(map(tuple, found)) == sorted(fireflies), found)
+        page.wait("stage.picture.map", "the tiles")
+        page.frames(3)
+        # A ring around the firefly, its colour at its edge; nothing around the star.
+        pink = """([x, y]) => { const {view, rings} = stage.picture, [left, top] = view.screen([x + .5, y + .5]);
+            return [...rings.getContext('2d').getImageData(left - 6, top - 6, 12, 12).data].some((c, i, all) => i % 4 === 0 && c > 200 && all[i + 1] < 150); }"""
+        for places, want in ((fireflies[:3], True), (stars, False)):
+            for place in places:
+                expect(page.js("(%s)(%s)" % (pink, list(place))) is want, (place, want))
+        worst = page.js("import('/assets/picture/overlays.js').then(m => m.worstTiles(stage.picture.map))")
+        errors = page.js("stage.picture.map.tiles.map(t => t.error)")
+        expect(len(worst) >= 1 and max(errors) == errors[worst[-1]], (worst, errors))
 
 
 @tests.add
@@ -568,19 +614,6 @@ def without_webgl_there_is_a_preview():
 
 
 @tests.add
-def the_cost_is_the_farms():
-    """the cost curve gives the numbers of common/accuracy/curve.c"""
-    points = json.dumps([{"cost": c, "error": e, "lo": lo, "hi": hi} for c, e, lo, hi in FIGURES])
-    with Stage() as site, Browser() as browser:
-        page = browser.page(site.url())
-        got = page.js("""import('/assets/cost.js').then(({fit, errorAt, costOf}) => { const c = fit(%s);
-          return [errorAt(c, 100), costOf(c, 2), costOf(c, 4.5), costOf(c, 12)].map(e => [e.value, e.lo, e.hi]); })""" % points)
-        want = [[2.22257835, 1.28655172, 3.8396082], [127.779212, 37.4196554, 537.435557], [19.4227319, 16.630958, 23.2885684],
-                [1.98952217, 0.487805572, 8.1142953]]  # of accuracy_curve_error and accuracy_curve_cost
-        expect(all(abs(a / b - 1) < 1e-8 for g, w in zip(got, want) for a, b in zip(g, w)), got)
-
-
-@tests.add
 def the_price_is_read_first():
     """the target line is moved by keys and by hand, the price is told in words, and the verb is what the job allows"""
     with Stage() as site, Browser() as browser:
@@ -593,7 +626,7 @@ def the_price_is_read_first():
         expect(page.js("document.querySelector('.target').getAttribute('aria-valuetext')").startswith("2.9/255"), "spoken")
         page.click("=Extend to 2.9/255")
         page.wait("stage.acted.length === 1")
-        expect(page.js("stage.acted[0]") == ["extend", [1], {"spp": 0, "stop": {"measure": 1, "target": 2.9, "adaptive": True}}],
+        expect(page.js("stage.acted[0]") == ["extend", [1], {"spp": 0, "stop": {"measure": "display", "target": 2.9, "adaptive": True}}],
                page.js("stage.acted"))
         chart = page.place(".cost-chart")
         page.drag((chart["x"], chart["y"]), (chart["x"], chart["top"] + chart["height"] * 0.15))
@@ -604,7 +637,7 @@ def the_price_is_read_first():
         page.js("document.querySelector('.cost-part button').click()")
         page.wait("stage.acted.length === 2")
         expect(page.js("stage.acted[1]")[0] == "extend", page.js("stage.acted"))
-        page.choose(".cost-part select", "2")
+        page.choose(".cost-part select", "psnr")
         page.wait_text("dB", ".price")
 
 

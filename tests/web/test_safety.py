@@ -13,7 +13,7 @@ from webfarm import WebFarm, assets_bytes, connected  # noqa: E402
 
 tests = Tests()
 LONG = ["--size", "64x64", "--spp", "100000"]
-PAGE_BYTES_MAX = 120 * 1000
+PAGE_BYTES_MAX = 125 * 1000
 
 
 @tests.add

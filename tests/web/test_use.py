@@ -2,6 +2,7 @@
 """The page by keyboard, on a phone, after a reload, for screen readers; axe-core looks at every view."""
 import json
 import os
+import re
 import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -49,6 +50,35 @@ def links_back_and_reload():
         other = browser.page(link, width=1600, height=1000)
         connected(other)
         other.wait_text("frame 7", "#side")
+
+
+@tests.add
+def the_price_is_that_of_the_commands():
+    """what the page says of an error's price is what `azulejo estimate` says of the same frame"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker()
+        made = farm.cli("estimate", farm.scene(), "--size", "640x480", "--pilot-spp", "16", "--json", expect=0).json()
+        number, core = made["job"], made["pilots"][0]["points"][-1]["core_seconds"]
+        history = farm.api("GET", "/jobs/%d/frames/1/history" % number)
+        expect([c["measure"] for c in history["curves"]] == ["display", "psnr", "rmse"], history["curves"])
+        page = farm.page(browser, "#/job/%d" % number, width=1300, height=900)
+        rows = [row for row in made["curve"] if row["core_seconds"] > core]
+        expect(len(rows) >= 3, made["curve"])
+        for row in rows:  # the page draws straight lines between the curve's points
+            told = page.js("import('/assets/cost.js').then(({costOf}) => costOf(%s, %r))" % (
+                json.dumps(history["curves"][0]["points"]), row["display"]))
+            for key, want in (("value", row["core_seconds"]), ("lo", row["core_seconds_low"]), ("hi", row["core_seconds_high"])):
+                expect(abs(told[key] / want - 1) < (1e-3 if key == "value" else 0.005), (row, told))
+        # What is shown: a number, or that it is too early to say one, as the same law's interval has it.
+        page.wait_text("/255.* more", ".price")
+        text, law = page.text(".price"), history["curves"][0]
+        error = float(re.match(r"([\d.]+)/255", text)[1]) * law["stop"]
+        told = page.js("import('/assets/cost.js').then(({costOf}) => costOf(%s, %r))" % (json.dumps(law["points"]), error))
+        least, most = (max(told[key] - core, 0) for key in ("lo", "hi"))
+        expect(("too early to say" in text) == (most > law["width"] * least), (text, least, most))
+        number = re.search(r"([\d.]+) core-seconds more", text)
+        expect(not number or abs(float(number[1]) / (told["value"] - core) - 1) < 0.05, (text, told))
 
 
 @tests.add
@@ -173,6 +203,53 @@ def a_paused_job_keeps_its_figures():
         page.reload()
         connected(page)
         page.wait_text(known + r".*[1-9][0-9.]* ?[kMG]? samples", "#side")
+
+
+def told_job(**more):
+    """As tests/unit/client/test_figures_view.c has it: 7.2 codes after 30 s; 5 codes in 40 s."""
+    end = {"display": 5, "at_end": True, "seconds": 40, "seconds_low": 40, "seconds_high": 40, **more.pop("end", {})}
+    return {"now": {"figures": {"display": 7.2, "reliable": more.pop("reliable", True)}}, "seconds_active": 30, "seconds_left": -1,
+            "forecasts": [end], **more}
+
+
+@tests.add
+def the_line_has_the_words_of_the_terminal():
+    """what the page says of a running job is what `azulejo watch` says, word for word"""
+    cases = [(told_job(), "7.2/255 now -> 5/255 at 1:10"),
+             (told_job(reliable=False, seconds_left=36, end={"seconds_low": 20, "seconds_high": 100}),
+              "36 s left  7.2/255? now -> 5/255 at 1:10 (50 s to 2:10)"),
+             (told_job(end={"seconds_high": 27096}), "7.2/255 now -> 5/255 (too early to say when)"),
+             (told_job(end={"seconds_low": 0, "seconds_high": 93}), "7.2/255 now -> 5/255 (too early to say when)"),
+             (told_job(error_slope=-0.5), "7.2/255\u2198 now -> 5/255 at 1:10"),
+             (told_job(error_slope=0.02), "7.2/255\u2192 now -> 5/255 at 1:10"),
+             (told_job(error_slope=0.3, end={"seconds": -1}), "7.2/255\u2197 now"),
+             ({"seconds_left": 3725, "seconds_active": 1}, "1:02:05 left"), ({"seconds_left": -1}, "")]
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        page = farm.page(browser, "#/")
+        for job, words in cases:
+            said = page.js("import('/assets/format.js').then(m => m.lineWords(%s))" % json.dumps(job))
+            expect(said == words, (job, said, words))
+        farm.start_worker()
+        number = farm.submit(farm.scene(), *LONG)
+        page.js("location.hash = '#/job/%d'" % number)
+        page.wait_text(r"\d left\s+[0-9.]+/255\S* now", "#side")
+        page.wait_text(r"\d left\s+[0-9.]+/255\S* now", "[data-job=\"%d\"]" % number)
+
+
+@tests.add
+def a_missed_target_is_not_good_enough():
+    """of a job that missed its target every line says so, and the cost says nothing before its answer is there"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker()
+        number = farm.submit(farm.scene(), "--size", "64x48", "--spp", "16", "--target-error", "2/255")
+        farm.wait_for_job(number)
+        page = farm.page(browser, "#/job/%d" % number)
+        page.wait_text("target missed", "#side")
+        page.wait_text(r"good enough\s+no: 2/255 is missed", "#side")
+        page.wait("document.querySelector('.cost-chart').checkVisibility()", "the curve")
+        expect("No figures" not in page.js("document.getElementById('side').innerText"), "figures and none")
 
 
 @tests.add

@@ -8,7 +8,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from browser import Browser  # noqa: E402
 from farm import BUILD, Tests, wait_for  # noqa: E402
 from jobs import expect  # noqa: E402
-from pressing import confirm, field, verb  # noqa: E402
+from pressing import confirm, field, settled, verb  # noqa: E402
 from webfarm import WebFarm  # noqa: E402
 
 tests = Tests()
@@ -82,6 +82,26 @@ def verbs_of_a_job_in_work():
 
 
 @tests.add
+def a_button_keeps_its_click():
+    """The job's state changes while the mouse is down on a button that stays"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        farm.start_worker()
+        job = farm.submit(farm.scene(), *LONG)
+        page = farm.page(browser, width=1600, height=1000)
+        until(farm, page, job, "running")
+        show(farm, page, job)
+        at = page.place("#side button[aria-haspopup=menu]")
+        page.mouse("mouseMoved", at["x"], at["y"])
+        page.mouse("mousePressed", at["x"], at["y"], "left", 1, 1)
+        farm.api("POST", "/jobs/%d/pause" % job, {}, expect=(200, 202))
+        page.wait("[...document.querySelectorAll('#side button')].some(b => b.textContent === 'Resume')")
+        page.mouse("mouseReleased", at["x"], at["y"], "left", 1)
+        page.wait("document.querySelector('[role=menu]')", "the menu to open")
+        page.report()
+
+
+@tests.add
 def verbs_of_waiting_and_finished_jobs():
     """start, extend, develop, retry frames; dragging a job and moving it by keys changes the order"""
     with WebFarm() as farm, Browser() as browser:
@@ -98,6 +118,7 @@ def verbs_of_waiting_and_finished_jobs():
         confirm(page, "Extend")
         wait_for(lambda: int(info(farm, done)["samples_done"]) == 16 * 32 * 32, "16 samples a pixel")
         until(farm, page, done, "done")
+        settled(page)
         verb(page, "Develop")
         field(page, "Operator", "gamma")
         confirm(page, "Develop")
@@ -220,7 +241,7 @@ def roles_are_offered_what_they_may():
             for method, path in requests:
                 got = page.js("fetch('/api/v1%s', {method: '%s', headers: {'content-type': 'application/json'}%s})"
                               ".then(r => r.json().then(p => [r.status, p.detail]))" % (
-                                  path, method, "" if method == "GET" else ", body: '{}'"))
+                                  path, method, ", body: '{}'" if method == "POST" else ""))
                 expect(got[0] == 403 and got[1], "%s: %s %s: %s" % (role, method, path, got))
             page.allow("401")  # what it asked before it was signed out
             page.js("fetch('/api/v1/session', {method: 'DELETE'})")

@@ -121,4 +121,4 @@ def axe(page, where, rules_off=()):
 def assets_bytes():
     """Bytes of all that the page is made of."""
     return sum(os.path.getsize(f) for f in glob.glob(
-        os.path.join(ROOT, "coordinator", "web", "assets", "**"), recursive=True) if os.path.isfile(f))
+        os.path.join(ROOT, "web", "assets", "**"), recursive=True) if os.path.isfile(f))

@@ -1,12 +1,10 @@
 /* render: the path tracer as a library without I/O.
  *
- * render_scene_new turns a scene description and its blobs into a render_scene; render_tile renders
- * one work unit of it. A render_scene is immutable: any number of threads may render from it at
- * once, each with its own scratch memory. The result of render_tile is a pure function of the
- * scene, the settings, the frame, the tile, the group and the pass.
+ * render_scene_new turns a scene description and its blobs into a render_scene; render_tile renders one work unit of
+ * it. A render_scene is immutable: any number of threads may render from it at once, each with its own scratch memory.
+ * The result of render_tile is a pure function of the scene, the settings, the frame, the tile, the group and the pass.
  */
-#ifndef AZULEJO_RENDER_RENDER_H
-#define AZULEJO_RENDER_RENDER_H
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -20,34 +18,16 @@
 /* Where the renderer finds a blob's bytes. They must stay valid and unchanged until the
  * render_scene is freed (mesh buffers are used in place). Called from one thread. */
 struct blob_source {
-    status (*get)(void *user, const struct digest *digest, const uint8_t **data,
-                  size_t *size_bytes, struct error *err);
+    status (*get)(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes, struct error *err);
     void *user;
 };
 
 struct render_scene;
 
 struct render_stats {
-    uint64_t samples, rays, vertices;
-    uint64_t leaked_rays;       /* slipped through at a vertex of something closed: traced again */
-    HEALTH_COUNTERS;            /* examples without their frame */
-    /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that
-     * they lost and of what was kept. All 0 where nothing is clamped. */
-    uint64_t clamped_samples;
-    double clamped_luminance, kept_luminance;
-    struct depth_light depth;
-    uint64_t trace_ns;          /* inside Embree; 0 unless measured (render_measure_trace) */
+    struct unit_work work; /* its health's examples without their frame */
+    uint64_t trace_ns;     /* inside Embree; 0 unless measured (render_measure_trace) */
 };
-
-/* What a unit's result holds of it. */
-static inline struct unit_work render_stats_work(const struct render_stats *stats)
-{
-    return (struct unit_work){.samples = stats->samples, .rays = stats->rays,
-                              .vertices = stats->vertices, .leaked_rays = stats->leaked_rays,
-                              .health = stats->health, .clamped_samples = stats->clamped_samples,
-                              .clamped_luminance = stats->clamped_luminance,
-                              .kept_luminance = stats->kept_luminance, .depth = stats->depth};
-}
 
 struct render_scene_info {
     uint64_t triangles, instances;
@@ -55,14 +35,16 @@ struct render_scene_info {
     uint64_t build_ns;
 };
 
-/* Prepare the scene for `frame`; the result can render every frame if nothing moves
- * (scene_is_animated). ERR_INPUT: blobs that are damaged or do not fit, with a message;
- * ERR_UNSUPPORTED: this CPU lacks the settings' instruction set; ERR_NO_MEMORY. `scene` may be
- * released afterwards. */
-status render_scene_new(struct render_scene **out, const struct scene *scene,
-                        const struct render_settings *settings, uint32_t frame,
-                        struct blob_source blobs, struct error *err) MUST_CHECK;
+/* Prepare the scene for `frame`; the result can render every frame if nothing moves (scene_is_animated). ERR_INPUT:
+ * blobs that are damaged or do not fit, with a message; ERR_UNSUPPORTED: this CPU lacks the settings' instruction set;
+ * ERR_NO_MEMORY. `scene` may be released afterwards. */
+status render_scene_new(struct render_scene **out, const struct scene *scene, const struct render_settings *settings,
+                        uint32_t frame, struct blob_source blobs, struct error *err) MUST_CHECK;
 void render_scene_free(struct render_scene *scene);
+
+/* How many threads the calling thread's next render_scene_new may use, itself included; 1 at first. The
+ * scene is the same for any number. */
+void render_build_threads(unsigned threads);
 
 /* Refuse scenes that need more than `bytes`, with ERR_NO_MEMORY. 0, the default: more than the
  * machine has free when the scene is built. */
@@ -71,13 +53,12 @@ void render_memory_limit(uint64_t bytes);
 void render_scene_info(const struct render_scene *scene, struct render_scene_info *info);
 
 /* Render pass `pass` of group `group` of tile `tile` of frame `frame` into `sums`:
- * [GROUP_REPLICATES][pixels of the tile, row-major][3] float32 sums of radiance (not means), then
- * for each AOV of the unit (unit_aovs), in the enum's order, [pixels][its channels]: sums for
- * means, the value of sample 0 for point-sampled ones. *tail gets the largest contributions to it;
- * NULL: not wanted. Returns how many floats were written, tile_floats(...) <= TILE_FLOATS_MAX. Adds
- * to *stats. */
-size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
-                   uint32_t pass, float32 *sums, struct tail *tail, struct render_stats *stats);
+ * [pixels of the tile, row-major][3] float32 sums of radiance (not means), then for each AOV of the unit (unit_aovs),
+ * in the enum's order, [pixels][its channels]: sums for means, the value of sample 0 for point-sampled ones. *tail gets
+ * the largest contributions to it; NULL: not wanted. Returns how many floats were written, tile_floats(...) <=
+ * TILE_FLOATS_MAX. Adds to *stats. */
+size_t render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group, uint32_t pass,
+                   float32 *sums, struct tail *tail, struct render_stats *stats);
 
 /* Run the general kernel instead of the smallest that covers the scene: for the benchmarks, and for
  * the tests that both give the same bits. */
@@ -102,5 +83,3 @@ const char *render_ray_tracer_name(void);
 
 /* What the renderer computes in: "float", or "double" if it was built with DOUBLE=1. */
 const char *render_precision(void);
-
-#endif

@@ -1,10 +1,11 @@
 #include "client/import/builder/bodies.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "client/import/builder/mesh.h"
-#include "client/import/builder/try.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 enum {
@@ -12,8 +13,7 @@ enum {
     BODIES_TRIANGLES_MAX = 1 << 24,
 };
 
-/* An edge with its ends in ascending order, and how often it is used in that direction minus the
- * other. */
+/* An edge with its ends in ascending order, and how often it is used in that direction minus the other. */
 struct edge {
     uint64_t key; /* lower end << 32 | higher end: never 0 */
     int32_t net;
@@ -25,16 +25,16 @@ struct part {
     uint32_t instance;
     const float *positions; /* of its mesh */
     const uint32_t *indices;
-    size_t first_vertex;    /* of its own in the tables below */
-    uint32_t parent;        /* union of parts of one material that share edges */
-    uint32_t joined;        /* union of parts of several materials that share open edges */
-    uint32_t open_edges;    /* of a set, at its root in `parent` */
-    int open;               /* of a set, at its root in `joined`: open although joined */
+    size_t first_vertex; /* of its own in the tables below */
+    uint32_t parent;     /* union of parts of one material that share edges */
+    uint32_t joined;     /* union of parts of several materials that share open edges */
+    uint32_t open_edges; /* of a set, at its root in `parent` */
+    int open;            /* of a set, at its root in `joined`: open although joined */
     int met;
-    uint32_t body;          /* likewise: its lowest material, once one was found */
-    int moves;              /* of a set, at its root in `joined`: one of its parts does, */
-    double volume;          /* and six times the volume of the set */
-    float gap[3];           /* on one of the open edges */
+    uint32_t body; /* likewise: its lowest material, once one was found */
+    int moves;     /* of a set, at its root in `joined`: one of its parts does, */
+    double volume; /* and six times the volume of the set */
+    float gap[3];  /* on one of the open edges */
 };
 
 struct bodies {
@@ -43,14 +43,13 @@ struct bodies {
     struct part *parts;
     uint32_t part_count;
     size_t vertex_count, triangle_count;
-    float *positions;       /* [vertex_count][3] in the world */
-    uint32_t *weld;         /* [vertex_count] the lowest vertex at the same place */
-    struct edge *open;      /* edges that one material leaves open */
+    float *positions;  /* [vertex_count][3] in the world */
+    uint32_t *weld;    /* [vertex_count] the lowest vertex at the same place */
+    struct edge *open; /* edges that one material leaves open */
     size_t open_count, open_capacity;
 };
 
-/* The material whose volume a surface of this material bounds; for a mix its first part that bounds
- * one; NULL: none. */
+/* The material whose volume a surface of this material bounds; for a mix its first part that bounds one; NULL: none. */
 static const struct scene_material *filling_of(const struct scene *scene, uint32_t row)
 {
     const struct scene_material *m = &scene->materials[row];
@@ -59,8 +58,8 @@ static const struct scene_material *filling_of(const struct scene *scene, uint32
         const struct scene_material *first = filling_of(scene, m->mix_material[0]);
         return first ? first : filling_of(scene, m->mix_material[1]);
     }
-    return m->kind == MATERIAL_INTERFACE || (m->kind == MATERIAL_SURFACE && !m->unlit &&
-                                             m->refractive && m->transmission > 0)
+    return m->kind == MATERIAL_INTERFACE ||
+                   (m->kind == MATERIAL_SURFACE && !m->unlit && m->refractive && m->transmission > 0)
                ? m
                : NULL;
 }
@@ -102,9 +101,7 @@ static status find_parts(struct bodies *s)
 {
     const struct scene *scene = s->scene;
 
-    s->parts = mem_calloc(scene->instance_count, sizeof *s->parts);
-    if (!s->parts)
-        return error_no_memory(s->b->err, "the volumes");
+    s->parts = must(mem_calloc(scene->instance_count, sizeof *s->parts));
     for (uint32_t i = 0; i < scene->instance_count; i++)
         if (filling_of(scene, scene->instances[i].material))
             s->parts[s->part_count++].instance = i;
@@ -129,26 +126,23 @@ static status find_parts(struct bodies *s)
 }
 
 /* Where the vertices are in the world. A skin moves all its meshes from one space. */
-static status place_vertices(struct bodies *s)
+static void place_vertices(struct bodies *s)
 {
     const struct transform_d identity = transform_d_identity();
 
-    s->positions = mem_alloc_array(s->vertex_count, 3 * sizeof *s->positions);
-    s->weld = mem_alloc_array(s->vertex_count, sizeof *s->weld);
-    if (!s->positions || !s->weld)
-        return error_no_memory(s->b->err, "the volumes' vertices");
+    s->positions = must(mem_alloc_array(s->vertex_count, 3 * sizeof *s->positions));
+    s->weld = must(mem_alloc_array(s->vertex_count, sizeof *s->weld));
     for (uint32_t i = 0; i < s->part_count; i++) {
         const struct part *part = &s->parts[i];
         const struct scene_instance *instance = &s->scene->instances[part->instance];
         float *out = s->positions + 3 * part->first_vertex;
         size_t floats = 3 * (size_t)s->scene->meshes[instance->mesh].vertex_count;
 
-        transform_points(instance->skin >= 0 ? &identity : &instance->to_world, part->positions,
-                         floats / 3, out);
+        transform_points(instance->skin >= 0 ? &identity : &instance->to_world, part->positions, floats / 3, out);
         for (size_t k = 0; k < floats; k++)
             out[k] += 0.0f; /* -0 is 0 */
     }
-    return vertices_weld(s->positions, 3 * sizeof(float), s->vertex_count, s->weld, s->b->err);
+    vertices_weld(s->positions, 3 * sizeof(float), s->vertex_count, s->weld);
 }
 
 static struct edge *edge_find(struct edge *table, size_t size, uint64_t key)
@@ -192,32 +186,25 @@ static void count_edges(struct bodies *s, uint32_t index, struct edge *table, si
 }
 
 /* Find the open edges of the parts from `first` to `end`, all of one material. */
-static status find_open_edges(struct bodies *s, uint32_t first, uint32_t end)
+static void find_open_edges(struct bodies *s, uint32_t first, uint32_t end)
 {
     size_t triangles = 0, size = 16;
     struct edge *table;
 
     for (uint32_t i = first; i < end; i++)
-        triangles +=
-            s->scene->meshes[s->scene->instances[s->parts[i].instance].mesh].triangle_count;
+        triangles += s->scene->meshes[s->scene->instances[s->parts[i].instance].mesh].triangle_count;
     while (size < 6 * triangles) /* 3 edges a triangle at most, half of the table free */
         size *= 2;
-    table = mem_calloc(size, sizeof *table);
-    if (!table)
-        return error_no_memory(s->b->err, "the volumes' edges");
+    table = must(mem_calloc(size, sizeof *table));
     for (uint32_t i = first; i < end; i++)
         count_edges(s, i, table, size);
     for (size_t i = 0; i < size; i++) {
         if (!table[i].net)
             continue;
-        if (!MEM_GROW(s->open, s->open_capacity, s->open_count + 1)) {
-            mem_free(table);
-            return error_no_memory(s->b->err, "the volumes' edges");
-        }
+        MUST_GROW(s->open, s->open_capacity, s->open_count + 1);
         s->open[s->open_count++] = table[i];
     }
     mem_free(table);
-    return STATUS_OK;
 }
 
 static int compare_edges(const void *a, const void *b)
@@ -231,22 +218,20 @@ static int compare_edges(const void *a, const void *b)
 
 static int fills_alike(const struct scene_material *a, const struct scene_material *b)
 {
-    return a->ior == b->ior && a->priority == b->priority && a->medium == b->medium &&
-           a->dispersion == b->dispersion && a->attenuation_distance == b->attenuation_distance &&
+    return a->ior == b->ior && a->priority == b->priority && a->medium == b->medium && a->dispersion == b->dispersion &&
+           a->attenuation_distance == b->attenuation_distance &&
            memcmp(a->attenuation_color, b->attenuation_color, sizeof a->attenuation_color) == 0;
 }
 
 static int edges_alike(const struct bodies *s, const struct edge *a, const struct edge *b)
 {
-    return fills_alike(filling_of(s->scene, material_of(s, a->part)),
-                       filling_of(s->scene, material_of(s, b->part)));
+    return fills_alike(filling_of(s->scene, material_of(s, a->part)), filling_of(s->scene, material_of(s, b->part)));
 }
 
 static int may_join(const struct bodies *s, const struct edge *a, const struct edge *b)
 {
     return (a->net < 0) != (b->net < 0) &&
-           s->scene->materials[material_of(s, a->part)].kind ==
-               s->scene->materials[material_of(s, b->part)].kind;
+           s->scene->materials[material_of(s, a->part)].kind == s->scene->materials[material_of(s, b->part)].kind;
 }
 
 /* Join the parts that leave one edge open: those that are filled alike, and only what these leave
@@ -261,23 +246,19 @@ static void join_at_edge(struct bodies *s, const struct edge *edges, size_t coun
     }
     for (size_t i = 0; i < count; i++)
         for (size_t k = 0; k < i; k++)
-            if (may_join(s, &edges[i], &edges[k]) &&
-                (edges_alike(s, &edges[i], &edges[k]) || (rest[i] && rest[k])))
-                s->parts[find_joined(s->parts, edges[k].part)].joined =
-                    find_joined(s->parts, edges[i].part);
+            if (may_join(s, &edges[i], &edges[k]) && (edges_alike(s, &edges[i], &edges[k]) || (rest[i] && rest[k])))
+                s->parts[find_joined(s->parts, edges[k].part)].joined = find_joined(s->parts, edges[i].part);
 }
 
 /* Join what shares open edges, and see what stays open all the same. */
-static status join_parts(struct bodies *s)
+static void join_parts(struct bodies *s)
 {
     size_t end;
     int32_t *rest;
 
     if (s->open_count == 0)
-        return STATUS_OK;
-    rest = mem_alloc_array(s->open_count, sizeof *rest);
-    if (!rest)
-        return error_no_memory(s->b->err, "the volumes' edges");
+        return;
+    rest = must(mem_alloc_array(s->open_count, sizeof *rest));
     qsort(s->open, s->open_count, sizeof *s->open, compare_edges);
     for (size_t i = 0; i < s->open_count; i = end) {
         for (end = i + 1; end < s->open_count && s->open[end].key == s->open[i].key;)
@@ -298,7 +279,6 @@ static status join_parts(struct bodies *s)
                 memcpy(set->gap, s->positions + 3 * (s->open[k].key >> 32), sizeof set->gap);
         }
     }
-    return STATUS_OK;
 }
 
 /* The lowest material fills a volume that several close together. */
@@ -338,10 +318,8 @@ static double volume_of(const struct bodies *s, const struct part *part, const f
         double p[3][3];
         for (size_t k = 0; k < 3; k++)
             for (size_t a = 0; a < 3; a++)
-                p[k][a] = (double)positions[3 * (size_t)part->indices[t + k] + a] -
-                          (double)origin[a];
-        sum += p[0][0] * (p[1][1] * p[2][2] - p[1][2] * p[2][1]) +
-               p[0][1] * (p[1][2] * p[2][0] - p[1][0] * p[2][2]) +
+                p[k][a] = (double)positions[3 * (size_t)part->indices[t + k] + a] - (double)origin[a];
+        sum += p[0][0] * (p[1][1] * p[2][2] - p[1][2] * p[2][1]) + p[0][1] * (p[1][2] * p[2][0] - p[1][0] * p[2][2]) +
                p[0][2] * (p[1][0] * p[2][1] - p[1][1] * p[2][0]);
     }
     return is_mirrored(instance) ? -sum : sum;
@@ -360,8 +338,7 @@ static void seal(struct bodies *s)
     }
     for (uint32_t i = 0; i < s->part_count; i++) {
         const struct part *set = &s->parts[find_joined(s->parts, i)];
-        scene->instances[s->parts[i].instance].sealed = !set->open && !set->moves &&
-                                                        set->volume > 0;
+        scene->instances[s->parts[i].instance].sealed = !set->open && !set->moves && set->volume > 0;
     }
 }
 
@@ -387,14 +364,12 @@ static void report(struct bodies *s, uint32_t first, uint32_t end)
         const struct part *part = &s->parts[example];
         const struct part *set = &s->parts[find_root(s->parts, example)];
         snprintf(kind, sizeof kind, "open %s", place);
-        builder_warn_at(
-            s->b, place, 0, kind,
-            "its volume is not closed: '%.80s' has %u open edges, one at %g %g %g%s. "
-            "A ray through the gap continues as if it had not left or entered the volume: it gets "
-            "the wrong colour and refraction. Close the mesh, or make the material a thin wall",
-            scene->instances[part->instance].name, set->open_edges, (double)set->gap[0],
-            (double)set->gap[1], (double)set->gap[2],
-            open > 1 ? ", and other meshes have some too" : "");
+        builder_warn_at(s->b, place, 0, kind,
+                        "its volume is not closed: '%.80s' has %u open edges, one at %g %g %g%s. "
+                        "A ray through the gap continues as if it had not left or entered the volume: it gets "
+                        "the wrong colour and refraction. Close the mesh, or make the material a thin wall",
+                        scene->instances[part->instance].name, set->open_edges, (double)set->gap[0],
+                        (double)set->gap[1], (double)set->gap[2], open > 1 ? ", and other meshes have some too" : "");
     }
     if (volume < 0) {
         snprintf(kind, sizeof kind, "inverted %s", place);
@@ -428,12 +403,12 @@ static status find_bodies(struct bodies *s)
                      s->triangle_count, BODIES_TRIANGLES_MAX);
         return STATUS_OK;
     }
-    TRY(place_vertices(s));
+    place_vertices(s);
     for (uint32_t i = 0; i < s->part_count; i = end) {
         end = group_end(s, i);
-        TRY(find_open_edges(s, i, end));
+        find_open_edges(s, i, end);
     }
-    TRY(join_parts(s));
+    join_parts(s);
     give_bodies(s);
     seal(s);
     for (uint32_t i = 0; i < s->part_count; i = end) {

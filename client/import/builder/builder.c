@@ -1,16 +1,15 @@
 #include "client/import/builder/builder.h"
 
 #include <stdarg.h>
-#include <stdlib.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "client/terminal/format.h"
-#include "common/base/file.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
 
-void builder_init(struct builder *b, struct import_result *out,
-                  const struct import_options *options, struct error *err)
+void builder_init(struct builder *b, struct import_result *out, const struct import_options *options, struct error *err)
 {
     memset(b, 0, sizeof *b);
     scene_environment_default(&b->environment);
@@ -62,16 +61,11 @@ static struct builder_warning *warning_slot(struct builder *b, const char *kind)
     return &b->warnings[b->warning_count];
 }
 
-static void warning_fill(struct builder *b, struct builder_warning *slot, const char *kind,
-                         char *owned_kind, char *text)
+static void warning_fill(struct builder *b, struct builder_warning *slot, const char *kind, char *owned_kind,
+                         char *text)
 {
     text_disarm(text);
-    slot->text = mem_strdup(text);
-    if (!slot->text) {
-        mem_free(owned_kind);
-        b->no_memory = 1;
-        return;
-    }
+    slot->text = must(mem_strdup(text));
     slot->kind = kind;
     slot->owned_kind = owned_kind;
     slot->count = 1;
@@ -92,8 +86,7 @@ void builder_warn(struct builder *b, const char *kind, const char *format, ...)
     warning_fill(b, slot, kind, NULL, text);
 }
 
-void builder_warn_at(struct builder *b, const char *file, uint64_t line, const char *kind,
-                     const char *format, ...)
+void builder_warn_at(struct builder *b, const char *file, uint64_t line, const char *kind, const char *format, ...)
 {
     struct builder_warning *slot = warning_slot(b, kind);
     char text[768], *owned;
@@ -102,11 +95,7 @@ void builder_warn_at(struct builder *b, const char *file, uint64_t line, const c
 
     if (!slot)
         return;
-    owned = mem_strdup(kind);
-    if (!owned) {
-        b->no_memory = 1;
-        return;
-    }
+    owned = must(mem_strdup(kind));
     if (line)
         snprintf(text, sizeof text, "%.255s:%llu: ", file, (unsigned long long)line);
     else
@@ -163,10 +152,8 @@ const char *builder_name(struct builder *b, const char *name)
         p += taken;
     }
     clean[size] = 0;
-    copy = arena_strdup(&b->out->scene.arena, clean);
-    if (!copy)
-        b->no_memory = 1;
-    return copy ? copy : "";
+    copy = must(arena_strdup(&b->out->scene.arena, clean));
+    return copy;
 }
 
 /* ---- blobs -------------------------------------------------------------------------------- */
@@ -179,13 +166,11 @@ static size_t digest_slot(const struct digest *digest, size_t size)
     return (size_t)start & (size - 1);
 }
 
-static int blob_index_grow(struct builder *b)
+static void blob_index_grow(struct builder *b)
 {
     size_t size = b->blob_index_size ? b->blob_index_size * 2 : 64;
-    uint32_t *index = mem_calloc(size, sizeof *index);
+    uint32_t *index = must(mem_calloc(size, sizeof *index));
 
-    if (!index)
-        return 0;
     for (size_t row = 0; row < b->out->blob_count; row++) {
         size_t at = digest_slot(&b->out->blobs[row].digest, size);
         while (index[at])
@@ -195,7 +180,6 @@ static int blob_index_grow(struct builder *b)
     mem_free(b->blob_index);
     b->blob_index = index;
     b->blob_index_size = size;
-    return 1;
 }
 
 static status blob_add(struct builder *b, uint8_t *data, size_t size_bytes, uint32_t *row)
@@ -213,26 +197,22 @@ static status blob_add(struct builder *b, uint8_t *data, size_t size_bytes, uint
         result = error_set(b->err, STATUS_ERR_LIMIT, "too many blobs");
         goto refused;
     }
-    if ((out->blob_count + 1) * 2 > b->blob_index_size && !blob_index_grow(b))
-        goto no_memory;
-    for (at = digest_slot(&digest, b->blob_index_size); b->blob_index[at];
-         at = (at + 1) & (b->blob_index_size - 1))
+    if ((out->blob_count + 1) * 2 > b->blob_index_size)
+        blob_index_grow(b);
+    for (at = digest_slot(&digest, b->blob_index_size); b->blob_index[at]; at = (at + 1) & (b->blob_index_size - 1))
         if (digest_equal(&out->blobs[b->blob_index[at] - 1].digest, &digest)) {
             *row = b->blob_index[at] - 1;
             mem_free(data);
             return STATUS_OK;
         }
-    if (!MEM_GROW(out->blobs, b->blob_capacity, out->blob_count + 1) ||
-        !MEM_GROW(b->blob_mesh, b->blob_mesh_capacity, out->blob_count + 1))
-        goto no_memory;
+    MUST_GROW(out->blobs, b->blob_capacity, out->blob_count + 1);
+    MUST_GROW(b->blob_mesh, b->blob_mesh_capacity, out->blob_count + 1);
     *row = (uint32_t)out->blob_count++;
     out->blobs[*row] = (struct import_blob){digest, data, size_bytes};
     out->blob_bytes += size_bytes;
     b->blob_mesh[*row] = 0;
     b->blob_index[at] = *row + 1;
     return STATUS_OK;
-no_memory:
-    result = error_no_memory(b->err, "the list of blobs");
 refused:
     mem_free(data);
     return result;
@@ -251,8 +231,7 @@ const struct import_blob *builder_blob(const struct builder *b, const struct sce
     return NULL;
 }
 
-status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes,
-                        struct scene_blob *out)
+status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes, struct scene_blob *out)
 {
     uint32_t row;
     status result = blob_add(b, data, size_bytes, &row);
@@ -275,20 +254,17 @@ static status no_room(struct builder *b, const char *table)
     do {                                                                          \
         if (b->count >= (maximum))                                                \
             return no_room(b, #table);                                            \
-        if (!MEM_GROW(b->table, b->capacity, b->count + 1))                       \
-            return error_no_memory(b->err, "the table of " #table);               \
+        MUST_GROW(b->table, b->capacity, b->count + 1);                           \
         b->table[b->count++] = (value);                                           \
     } while (0)
 
-status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_t *data,
-                        size_t size_bytes, uint32_t *row)
+status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_t *data, size_t size_bytes,
+                        uint32_t *row)
 {
     struct scene_mesh added = *mesh;
     uint32_t blob;
-    status result = blob_add(b, data, size_bytes, &blob);
 
-    if (result != STATUS_OK)
-        return result;
+    TRY(blob_add(b, data, size_bytes, &blob));
     if (b->blob_mesh[blob]) {
         const struct scene_mesh *same = &b->meshes[b->blob_mesh[blob] - 1];
         if (same->vertex_count == mesh->vertex_count && same->arrays == mesh->arrays &&
@@ -322,8 +298,7 @@ status builder_add_texture(struct builder *b, const struct scene_texture *textur
     return STATUS_OK;
 }
 
-status builder_add_material(struct builder *b, const struct scene_material *material,
-                            uint32_t *row)
+status builder_add_material(struct builder *b, const struct scene_material *material, uint32_t *row)
 {
     ADD_ROW(materials, material_count, material_capacity, SCENE_MATERIALS_MAX, *material);
     *row = (uint32_t)b->material_count - 1;
@@ -352,20 +327,14 @@ status builder_add_camera(struct builder *b, const struct scene_camera *camera)
 
 /* ---- what moves --------------------------------------------------------------------------- */
 
-/* A copy in the scene's arena; 0 when out of memory. */
-static int keep(struct builder *b, void **array, size_t count, size_t size_bytes)
+/* A copy in the scene's arena; NULL if it is empty. */
+static void keep(struct builder *b, void **array, size_t count, size_t size_bytes)
 {
-    void *copy;
+    void *copy = count ? must(arena_alloc(&b->out->scene.arena, count, size_bytes)) : NULL;
 
-    if (count == 0) {
-        *array = NULL;
-        return 1;
-    }
-    copy = arena_alloc(&b->out->scene.arena, count, size_bytes);
     if (copy)
         memcpy(copy, *array, count * size_bytes);
     *array = copy;
-    return copy != NULL;
 }
 #define KEEP(b, array, count) keep((b), (void **)&(array), (count), sizeof *(array))
 
@@ -373,8 +342,7 @@ status builder_add_node(struct builder *b, const struct scene_node *node, uint32
 {
     struct scene_node added = *node;
 
-    if (!KEEP(b, added.weights, added.weight_count))
-        return error_no_memory(b->err, "a node");
+    KEEP(b, added.weights, added.weight_count);
     ADD_ROW(nodes, node_count, node_capacity, SCENE_NODES_MAX, added);
     *row = (uint32_t)b->node_count - 1;
     return STATUS_OK;
@@ -383,17 +351,13 @@ status builder_add_node(struct builder *b, const struct scene_node *node, uint32
 status builder_add_channel(struct builder *b, const struct scene_channel *channel)
 {
     struct scene_channel added = *channel;
-    size_t values;
+    const size_t values = channel->interpolation == INTERPOLATE_CUBIC ? 3 : 1; /* of a key */
 
     if (channel->key_count > SCENE_KEYS_MAX)
-        return error_set(b->err, STATUS_ERR_LIMIT,
-                         "an animation has %u keys: at most %d are taken", channel->key_count,
+        return error_set(b->err, STATUS_ERR_LIMIT, "an animation has %u keys: at most %d are taken", channel->key_count,
                          SCENE_KEYS_MAX);
-    if (!mem_size_mul((size_t)channel->key_count *
-                          (channel->interpolation == INTERPOLATE_CUBIC ? 3 : 1),
-                      channel->components, &values) ||
-        !KEEP(b, added.times, channel->key_count) || !KEEP(b, added.values, values))
-        return error_no_memory(b->err, "an animation");
+    KEEP(b, added.times, channel->key_count);
+    KEEP(b, added.values, channel->key_count * values * channel->components);
     ADD_ROW(channels, channel_count, channel_capacity, SCENE_CHANNELS_MAX, added);
     return STATUS_OK;
 }
@@ -402,8 +366,8 @@ status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32
 {
     struct scene_skin added = *skin;
 
-    if (!KEEP(b, added.joints, skin->joint_count) || !KEEP(b, added.inverse_bind, skin->joint_count))
-        return error_no_memory(b->err, "a skin");
+    KEEP(b, added.joints, skin->joint_count);
+    KEEP(b, added.inverse_bind, skin->joint_count);
     ADD_ROW(skins, skin_count, skin_capacity, SCENE_SKINS_MAX, added);
     *row = (uint32_t)b->skin_count - 1;
     return STATUS_OK;
@@ -411,15 +375,13 @@ status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32
 
 /* ---- media, portals ----------------------------------------------------------------------- */
 
-status builder_add_medium(struct builder *b, const struct scene_medium *medium, float *grid,
-                          uint32_t *row)
+status builder_add_medium(struct builder *b, const struct scene_medium *medium, float *grid, uint32_t *row)
 {
     struct scene_medium added = *medium;
     size_t cells;
 
     added.has_grid = grid != NULL;
     if (grid) {
-        status result;
         for (int axis = 0; axis < 3; axis++)
             if (medium->grid_size[axis] < 1 || medium->grid_size[axis] > SCENE_GRID_SIDE_MAX) {
                 mem_free(grid);
@@ -428,9 +390,7 @@ status builder_add_medium(struct builder *b, const struct scene_medium *medium, 
                                  medium->grid_size[axis], SCENE_GRID_SIDE_MAX);
             }
         cells = (size_t)medium->grid_size[0] * medium->grid_size[1] * medium->grid_size[2];
-        result = builder_add_blob(b, (uint8_t *)grid, cells * sizeof *grid, &added.grid);
-        if (result != STATUS_OK)
-            return result;
+        TRY(builder_add_blob(b, (uint8_t *)grid, cells * sizeof *grid, &added.grid));
     }
     ADD_ROW(media, medium_count, medium_capacity, SCENE_MEDIA_MAX, added);
     *row = (uint32_t)b->medium_count - 1;

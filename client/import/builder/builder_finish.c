@@ -4,8 +4,10 @@
 
 #include "client/import/builder/bodies.h"
 #include "client/import/builder/builder.h"
+#include "client/import/builder/studio.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
-#include "common/scene/effects.h"
+#include "common/scene/scene_effects.h"
 
 struct ordered_channel {
     struct scene_channel channel;
@@ -28,34 +30,28 @@ static int ordered_compare(const void *a, const void *b)
 }
 
 /* Sort the channels; of two for one property the one that was added first stays. */
-static status sort_channels(struct builder *b)
+static void sort_channels(struct builder *b)
 {
-    struct ordered_channel *list = mem_alloc_array(b->channel_count, sizeof *list);
+    struct ordered_channel *list = must(mem_alloc_array(b->channel_count, sizeof *list));
     size_t kept = 0;
 
-    if (!list)
-        return error_no_memory(b->err, "the animation");
     for (size_t i = 0; i < b->channel_count; i++)
         list[i] = (struct ordered_channel){b->channels[i], i};
     qsort(list, b->channel_count, sizeof *list, ordered_compare);
     for (size_t i = 0; i < b->channel_count; i++) {
         if (kept && channel_compare(&b->channels[kept - 1], &list[i].channel) == 0) {
-            builder_warn(b, "animated twice",
-                         "several animations move the same thing: the first one is taken");
+            builder_warn(b, "animated twice", "several animations move the same thing: the first one is taken");
             continue;
         }
         b->channels[kept++] = list[i].channel;
     }
     b->channel_count = kept;
     mem_free(list);
-    return STATUS_OK;
 }
 
 #define HAND_OVER(type, table, count)                                            \
     do {                                                                         \
-        scene->table = ARENA_ARRAY(&scene->arena, type, b->count);               \
-        if (!scene->table)                                                       \
-            return error_no_memory(b->err, "the scene's " #table);               \
+        scene->table = must(ARENA_ARRAY(&scene->arena, type, b->count));         \
         if (b->count)                                                            \
             memcpy(scene->table, b->table, b->count * sizeof(type));             \
         scene->count = (uint32_t)b->count;                                       \
@@ -64,10 +60,8 @@ static status sort_channels(struct builder *b)
 static status hand_over_tables(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
-    status result = sort_channels(b);
 
-    if (result != STATUS_OK)
-        return result;
+    sort_channels(b);
     HAND_OVER(struct scene_mesh, meshes, mesh_count);
     HAND_OVER(struct scene_image, images, image_count);
     HAND_OVER(struct scene_texture, textures, texture_count);
@@ -82,10 +76,7 @@ static status hand_over_tables(struct builder *b)
     scene->environment.portal_count = (uint32_t)b->portal_count;
     scene->environment.portals = NULL;
     if (b->portal_count) {
-        struct scene_portal *portals =
-            ARENA_ARRAY(&scene->arena, struct scene_portal, b->portal_count);
-        if (!portals)
-            return error_no_memory(b->err, "the portals");
+        struct scene_portal *portals = must(ARENA_ARRAY(&scene->arena, struct scene_portal, b->portal_count));
         memcpy(portals, b->portals, b->portal_count * sizeof *portals);
         scene->environment.portals = portals;
     }
@@ -102,37 +93,30 @@ static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
 
     if (none) {
         struct scene_camera camera;
-        status result;
         scene_camera_default(&camera);
         camera.name = builder_name(b, "framed");
-        result = builder_add_camera(b, &camera);
-        if (result != STATUS_OK)
-            return result;
-        builder_warn(b, "no camera",
-                     "the file has no camera: one was added that looks at the whole scene%s",
-                     b->no_camera_hint);
+        TRY(builder_add_camera(b, &camera));
     }
     HAND_OVER(struct scene_camera, cameras, camera_count);
     *framed = none ? &scene->cameras[0] : NULL;
     return STATUS_OK;
 }
 
-/* A scene without light would be black: warn, and light it evenly unless it has lights, which are
- * then meant to be off. Unlit materials emit by themselves and need no light. */
-static void light_the_dark(struct builder *b)
+/* A scene without light would be black. Unlit materials emit by themselves and need none. */
+static int is_dark(const struct scene *scene)
+{
+    const uint64_t lights = EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT | EFFECT_EMISSIVE_MESH;
+    int needs_light = scene->instance_count == 0;
+
+    for (uint32_t i = 0; i < scene->instance_count && !needs_light; i++)
+        needs_light = !scene->materials[scene->instances[i].material].unlit;
+    return needs_light && !(scene_effects_default(scene, 0) & lights);
+}
+
+static void light_evenly(struct builder *b)
 {
     struct scene *scene = &b->out->scene;
-    const uint64_t lights = EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT | EFFECT_EMISSIVE_MESH;
-    int lit = scene->instance_count == 0;
 
-    for (uint32_t i = 0; i < scene->instance_count && !lit; i++)
-        lit = !scene->materials[scene->instances[i].material].unlit;
-    if (!lit || (scene_effects_default(scene, 0) & lights))
-        return;
-    if (b->has_light || b->environment.present) {
-        builder_warn(b, "no power", "none of the lights has any power: the picture will be black");
-        return;
-    }
     scene_environment_default(&scene->environment);
     scene->environment.present = scene->environment.constant = 1;
     builder_warn(b, "no light",
@@ -141,26 +125,50 @@ static void light_the_dark(struct builder *b)
                  b->no_light_hint);
 }
 
-static status hand_over_warnings(struct builder *b)
+/* Add what the file lacks for a picture, and say so: a camera was `added` if it had none. Lights without power are meant to be off. */
+static status complete(struct builder *b, int added, const struct import_options *options)
+{
+    int dark = is_dark(&b->out->scene), unlit = dark && !b->has_light && !b->environment.present;
+    int studio = unlit && strcmp(options->studio, "on") == 0 && b->out->scene.instance_count > 0;
+
+    if (studio)
+        TRY(studio_light(b));
+    if (studio && added) {
+        builder_warn(b, "no camera, no light",
+                     "the file has neither camera nor light: a camera that looks at the whole scene, a soft studio light and "
+                     "a grey ground were added (--studio off: an even white environment instead)%s%s",
+                     b->no_camera_hint, b->no_light_hint);
+        return studio_ground(b, b->framed_center, b->framed_low_y, b->framed_distance);
+    }
+    if (added)
+        builder_warn(b, "no camera", "the file has no camera: one was added that looks at the whole scene%s",
+                     b->no_camera_hint);
+    if (studio)
+        builder_warn(b, "no light",
+                     "the file has no light: a soft studio light was added (give an environment map, or add lights to the "
+                     "file; --studio off: an even white environment)%s",
+                     b->no_light_hint);
+    else if (unlit)
+        light_evenly(b);
+    else if (dark)
+        builder_warn(b, "no power", "none of the lights has any power: the picture will be black");
+    return STATUS_OK;
+}
+
+static void hand_over_warnings(struct builder *b)
 {
     struct import_result *out = b->out;
     size_t count = b->warning_count + (b->warnings_dropped ? 1 : 0);
     struct buffer text = BUFFER_INIT;
 
     if (count == 0)
-        return STATUS_OK;
-    out->warnings = mem_calloc(count, sizeof *out->warnings);
-    if (!out->warnings)
-        return error_no_memory(b->err, "the warnings");
+        return;
+    out->warnings = must(mem_calloc(count, sizeof *out->warnings));
     for (size_t i = 0; i < b->warning_count; i++) {
         struct builder_warning *w = &b->warnings[i];
         if (w->count > 1) {
-            buffer_printf(&text, "%s (and %llu more of this kind)", w->text,
-                          (unsigned long long)(w->count - 1));
-            if (!buffer_ok(&text)) {
-                buffer_release(&text);
-                return error_no_memory(b->err, "the warnings");
-            }
+            buffer_printf(&text, "%s (and %llu more of this kind)", w->text, (unsigned long long)(w->count - 1));
+            must_hold(&text);
             out->warnings[out->warning_count++] = (char *)text.data;
             buffer_init(&text);
         } else {
@@ -169,15 +177,10 @@ static status hand_over_warnings(struct builder *b)
         }
     }
     if (b->warnings_dropped) {
-        buffer_printf(&text, "%llu further warnings are not shown",
-                      (unsigned long long)b->warnings_dropped);
-        if (!buffer_ok(&text)) {
-            buffer_release(&text);
-            return error_no_memory(b->err, "the warnings");
-        }
+        buffer_printf(&text, "%llu further warnings are not shown", (unsigned long long)b->warnings_dropped);
+        must_hold(&text);
         out->warnings[out->warning_count++] = (char *)text.data;
     }
-    return STATUS_OK;
 }
 
 static int blob_compare(const void *a, const void *b)
@@ -193,10 +196,8 @@ static status prune_blobs(struct builder *b)
     struct import_result *out = b->out;
     struct scene_blob *named = NULL;
     size_t named_count = 0, kept = 0;
-    status result = scene_blobs(&out->scene, &named, &named_count, b->err);
 
-    if (result != STATUS_OK)
-        return result;
+    TRY(scene_blobs(&out->scene, &named, &named_count, b->err));
     qsort(named, named_count, sizeof *named, blob_compare);
     out->blob_bytes = 0;
     for (size_t i = 0; i < out->blob_count; i++) {
@@ -213,8 +214,8 @@ static status prune_blobs(struct builder *b)
     return STATUS_OK;
 }
 
-static status blob_get(void *user, const struct digest *digest, const uint8_t **data,
-                       size_t *size_bytes, struct error *err)
+static status blob_get(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                       struct error *err)
 {
     const struct scene_blob wanted = {.digest = *digest};
     const struct import_blob *blob = builder_blob(user, &wanted);
@@ -226,10 +227,7 @@ static status blob_get(void *user, const struct digest *digest, const uint8_t **
     return STATUS_OK;
 }
 
-struct scene_blob_reader builder_reader(struct builder *b)
-{
-    return (struct scene_blob_reader){blob_get, b};
-}
+struct scene_blob_reader builder_reader(struct builder *b) { return (struct scene_blob_reader){blob_get, b}; }
 
 /* Remove what no picture can show; this also finds damaged images. */
 static status simplify(struct builder *b)
@@ -251,19 +249,13 @@ status builder_finish(struct builder *b, const char *title, const struct import_
                              "camera");
         builder_warn(b, "empty", "the scene has no triangles: only the environment will be seen");
     }
-    if (options->env_path) {
-        result = builder_read_environment(b, options->env_path);
-        if (result != STATUS_OK)
-            return result;
-    }
+    if (options->env_path)
+        TRY(builder_read_environment(b, options->env_path));
     out->scene.name = builder_name(b, title);
     result = hand_over_tables(b);
-    if (result == STATUS_OK)
-        result = hand_over_cameras(b, &framed);
+    THEN(result, hand_over_cameras(b, &framed));
     if (result != STATUS_OK)
         return result;
-    if (b->no_memory)
-        return error_no_memory(b->err, "names and warnings");
     result = scene_validate(&out->scene, b->err);
     if (result == STATUS_OK) {
         scene_rebase(b);
@@ -274,24 +266,17 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     if (result != STATUS_OK)
         return result;
     result = simplify(b);
-    if (result == STATUS_OK)
-        result = bodies_find(b);
-    if (result == STATUS_OK)
-        result = scene_report_views(b);
+    THEN(result, bodies_find(b));
+    THEN(result, scene_report_views(b));
     if (result != STATUS_OK)
         return result;
-    light_the_dark(b);
-    result = prune_blobs(b);
-    if (result != STATUS_OK)
-        return result;
+    TRY(complete(b, framed != NULL, options));
+    TRY(prune_blobs(b));
     if (out->degenerate_triangles)
         builder_warn(b, "degenerate", "%llu triangles without area were left out",
                      (unsigned long long)out->degenerate_triangles);
-    if (b->no_memory)
-        return error_no_memory(b->err, "the warnings");
-    result = hand_over_warnings(b);
-    if (result == STATUS_OK)
-        result = scene_pack(&out->scene, &packed, b->err);
+    hand_over_warnings(b);
+    result = scene_pack(&out->scene, &packed, b->err);
     if (result == STATUS_OK && digest_of(&out->scene_digest, packed.data, packed.size) != STATUS_OK)
         result = error_no_memory(b->err, "the scene's digest");
     if (result == STATUS_OK) {

@@ -1,9 +1,8 @@
-/* builder: images and the environment map. All are measured by their headers before anything is
- * decoded. */
+/* builder: images and the environment map. All are measured by their headers before anything is decoded. */
 #include <math.h>
 
 #include "client/import/builder/builder.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
 #include "common/image/image_size.h"
@@ -24,8 +23,7 @@ status builder_check_pixels(struct builder *b, const char *name, uint64_t width,
                      ceil((double)width * (double)height / (double)million));
 }
 
-status builder_check_image(struct builder *b, const char *name, const uint8_t *data,
-                           size_t size_bytes)
+status builder_check_image(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
 {
     struct image_size size;
 
@@ -34,70 +32,8 @@ status builder_check_image(struct builder *b, const char *name, const uint8_t *d
     return builder_check_pixels(b, name, size.width, size.height);
 }
 
-/* A PFM picture's texels; grey ones become colours, as every EXR here holds R, G and B. */
-static status pfm_to_exr(const char *name, const struct buffer *bytes, struct buffer *out,
-                         struct error *err)
-{
-    const struct exr_options options = {0};
-    struct image pixels = {0}, rgb = {0};
-    status result = pfm_decode(&pixels, bytes->data, bytes->size, name, err);
-
-    if (result == STATUS_OK && pixels.channels == 1) {
-        result = image_init(&rgb, pixels.width, pixels.height, 3, err);
-        for (size_t i = 0; result == STATUS_OK && i < (size_t)rgb.width * rgb.height * 3; i++)
-            rgb.pixels[i] = pixels.pixels[i / 3];
-    }
-    if (result == STATUS_OK)
-        result = exr_encode(out, rgb.pixels ? &rgb : &pixels, &options, err);
-    image_release(&rgb);
-    image_release(&pixels);
-    return result;
-}
-
-static status tga_to_png(const char *name, const struct buffer *bytes, struct buffer *out,
-                         struct error *err)
-{
-    struct image pixels = {0};
-    status result = tga_decode(&pixels, bytes->data, bytes->size, name, err);
-
-    if (result == STATUS_OK)
-        result = png_encode_texture(out, &pixels, 8, err);
-    image_release(&pixels);
-    return result;
-}
-
-status builder_rewrite_image(struct builder *b, const char *name, struct buffer *bytes, int *known,
-                             struct error *err)
-{
-    struct buffer out = BUFFER_INIT;
-    uint32_t width, height;
-    status result = STATUS_OK;
-
-    *known = 1;
-    if (image_format_of(bytes->data, bytes->size) != IMAGE_UNKNOWN)
-        return builder_check_image(b, name, bytes->data, bytes->size);
-    if (pfm_recognise(bytes->data, bytes->size)) {
-        result = pfm_to_exr(name, bytes, &out, err);
-    } else if (tga_recognise(bytes->data, bytes->size, &width, &height)) {
-        result = builder_check_pixels(b, name, width, height);
-        if (result == STATUS_OK)
-            result = tga_to_png(name, bytes, &out, err);
-    } else {
-        *known = 0;
-        return STATUS_OK;
-    }
-    if (result != STATUS_OK) {
-        buffer_release(&out);
-        return result;
-    }
-    buffer_release(bytes);
-    *bytes = out;
-    return STATUS_OK;
-}
-
 /* Add an image's size to the total, and check the limit. */
-static status count_image(struct builder *b, const char *name, const uint8_t *data,
-                          size_t size_bytes)
+static status count_image(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
 {
     const double gib = 1024.0 * 1024 * 1024;
     struct image_size size;
@@ -113,8 +49,7 @@ static status count_image(struct builder *b, const char *name, const uint8_t *da
                      name, (double)b->images_bytes / gib, (double)b->options->images_bytes / gib);
 }
 
-status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes,
-                         uint32_t *row)
+status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes, uint32_t *row)
 {
     struct scene_image image = {.name = builder_name(b, name)};
     size_t before = b->out->blob_count;
@@ -140,44 +75,34 @@ static uint64_t count_too_bright(const struct image *image)
 
     for (size_t i = 0; i < (size_t)image->width * image->height; i++) {
         const float *p = image->pixels + 3 * i;
-        count += p[0] > SCENE_RADIANCE_MAX || p[1] > SCENE_RADIANCE_MAX ||
-                 p[2] > SCENE_RADIANCE_MAX;
+        count += p[0] > SCENE_RADIANCE_MAX || p[1] > SCENE_RADIANCE_MAX || p[2] > SCENE_RADIANCE_MAX;
     }
     return count;
 }
 
-static status check_environment(struct builder *b, const char *name, const uint8_t *data,
-                                size_t size_bytes)
+static status check_environment(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
 {
-    enum image_format format = image_format_of(data, size_bytes);
     struct image_repairs repairs = {0};
     struct image image = {0};
     uint64_t too_bright;
-    status result;
 
-    if (format != IMAGE_EXR && format != IMAGE_HDR)
+    if (!image_format_is_float(image_format_of(data, size_bytes)))
         return error_set(b->err, STATUS_ERR_INPUT,
                          "%s: is not an environment map: give an OpenEXR (.exr) or Radiance "
                          "(.hdr) file in latitude-longitude form",
                          name);
-    result = builder_check_image(b, name, data, size_bytes);
-    if (result != STATUS_OK)
-        return result;
+    TRY(builder_check_image(b, name, data, size_bytes));
     /* Decoded once, to report its faults now and not on a worker. */
-    result = image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err);
-    if (result != STATUS_OK)
-        return result;
+    TRY(image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err));
     if (repairs.nan_pixels || repairs.negative_pixels || repairs.infinite_pixels)
         builder_warn(b, "environment repairs",
                      "%s: the map has %llu pixels that are not numbers, %llu negative and %llu "
                      "infinite: they count as black, black and the brightest finite value",
-                     name, (unsigned long long)repairs.nan_pixels,
-                     (unsigned long long)repairs.negative_pixels,
+                     name, (unsigned long long)repairs.nan_pixels, (unsigned long long)repairs.negative_pixels,
                      (unsigned long long)repairs.infinite_pixels);
     too_bright = count_too_bright(&image);
     if (too_bright)
-        builder_warn(b, "environment radiance",
-                     "%s: the map has %llu pixels above %g: they count as that", name,
+        builder_warn(b, "environment radiance", "%s: the map has %llu pixels above %g: they count as that", name,
                      (unsigned long long)too_bright, (double)SCENE_RADIANCE_MAX);
     if (image.width != 2 * image.height)
         builder_warn(b, "environment shape",
@@ -188,8 +113,7 @@ static status check_environment(struct builder *b, const char *name, const uint8
     return STATUS_OK;
 }
 
-status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data,
-                                   size_t size_bytes)
+status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data, size_t size_bytes)
 {
     status result = check_environment(b, name, data, size_bytes);
 
@@ -210,8 +134,7 @@ status builder_read_environment(struct builder *b, const char *path)
     struct buffer bytes = BUFFER_INIT;
     status result = file_read(path, IMPORT_FILE_BYTES_MAX, &bytes, b->err);
 
-    if (result == STATUS_OK)
-        result = input_files_add(b->files, path, bytes.size, b->err);
+    THEN(result, input_files_add(b->files, path, bytes.size, b->err));
     if (result != STATUS_OK) {
         b->error_is_placed = 1;
         buffer_release(&bytes);

@@ -1,11 +1,11 @@
 #include <string.h>
 
 #include "client/import/builder/mesh.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 enum {
-    /* Larger meshes count as open: the tables below would take gigabytes, only to save the renderer
-     * a sign test. */
+    /* Larger meshes count as open: the tables below would take gigabytes, only to save the renderer a sign test. */
     CLOSED_TRIANGLES_MAX = 1 << 25,
 };
 
@@ -32,15 +32,12 @@ static size_t table_size(size_t entries)
     return size;
 }
 
-status vertices_weld(const void *keys, size_t key_bytes, size_t count, uint32_t *out,
-                     struct error *err)
+void vertices_weld(const void *keys, size_t key_bytes, size_t count, uint32_t *out)
 {
     const uint8_t *rows = keys;
     size_t size = table_size(count);
-    uint32_t *table = mem_calloc(size, sizeof *table); /* vertex + 1, 0 is free */
+    uint32_t *table = must(mem_calloc(size, sizeof *table)); /* vertex + 1, 0 is free */
 
-    if (!table)
-        return error_no_memory(err, "welding vertices");
     for (size_t v = 0; v < count; v++) {
         const uint8_t *key = rows + v * key_bytes;
         size_t at = (size_t)hash_bytes(key, key_bytes) & (size - 1);
@@ -51,22 +48,49 @@ status vertices_weld(const void *keys, size_t key_bytes, size_t count, uint32_t 
         out[v] = table[at] - 1;
     }
     mem_free(table);
-    return STATUS_OK;
 }
 
-/* A directed edge and the triangle on its left. */
-struct edge {
-    uint64_t key; /* from << 32 | to; from != to, so 0 is free */
-    uint32_t triangle;
+/* Do the edges of one direction and those of the other cancel? If not, the surface is open; this is
+ * known without any table. If so, it is probably closed. */
+static int edges_cancel(const struct mesh_source *mesh)
+{
+    uint64_t *hash = must(mem_alloc_array(mesh->vertex_count, sizeof *hash)), sum = 0;
+
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        hash[v] = hash_bytes((const uint8_t *)(mesh->positions + 3 * v), 3 * sizeof(float));
+    for (size_t t = 0; t < mesh->triangle_count; t++)
+        for (int i = 0; i < 3; i++) {
+            uint64_t from = hash[mesh->indices[3 * t + (size_t)i]];
+            uint64_t to = hash[mesh->indices[3 * t + (size_t)((i + 1) % 3)]];
+            uint64_t there = (from + 3 * to) * 0xff51afd7ed558ccdu, back = (to + 3 * from) * 0xff51afd7ed558ccdu;
+            sum += (there ^ there >> 32) - (back ^ back >> 32);
+        }
+    mem_free(hash);
+    return sum == 0;
+}
+
+/* A directed edge is the number of its corner, 3 t + i; the table has it + 1, 0 is free. */
+struct edges {
+    const struct mesh_source *mesh;
+    const uint32_t *weld;
+    uint32_t *table;
+    size_t size;
 };
 
-static struct edge *edge_find(struct edge *table, size_t size, uint64_t key)
+static uint64_t edge_key(const struct edges *e, size_t edge)
 {
-    size_t at = (size_t)((key ^ key >> 29) * 0xff51afd7ed558ccdu >> 20) & (size - 1);
+    const uint32_t *corner = e->mesh->indices + edge / 3 * 3;
 
-    while (table[at].key && table[at].key != key)
-        at = (at + 1) & (size - 1);
-    return &table[at];
+    return (uint64_t)e->weld[corner[edge % 3]] << 32 | e->weld[corner[(edge + 1) % 3]];
+}
+
+static uint32_t *edge_find(const struct edges *e, uint64_t key)
+{
+    size_t at = (size_t)((key ^ key >> 29) * 0xff51afd7ed558ccdu >> 20) & (e->size - 1);
+
+    while (e->table[at] && edge_key(e, e->table[at] - 1) != key)
+        at = (at + 1) & (e->size - 1);
+    return &e->table[at];
 }
 
 static uint32_t part_of(uint32_t *parent, uint32_t triangle)
@@ -79,28 +103,24 @@ static uint32_t part_of(uint32_t *parent, uint32_t triangle)
 }
 
 /* Does every directed edge occur once and have its opposite? Joins neighbours in `parent`. */
-static int edges_match(const struct mesh_source *mesh, const uint32_t *weld, struct edge *table,
-                       size_t size, uint32_t *parent)
+static int edges_match(const struct edges *e, uint32_t *parent)
 {
-    for (size_t t = 0; t < mesh->triangle_count; t++)
-        for (int i = 0; i < 3; i++) {
-            uint64_t from = weld[mesh->indices[3 * t + (size_t)i]];
-            uint64_t to = weld[mesh->indices[3 * t + (size_t)((i + 1) % 3)]];
-            struct edge *edge = edge_find(table, size, from << 32 | to);
-            if (from == to || edge->key)
-                return 0;
-            edge->key = from << 32 | to;
-            edge->triangle = (uint32_t)t;
-        }
-    for (size_t t = 0; t < mesh->triangle_count; t++)
-        for (int i = 0; i < 3; i++) {
-            uint64_t from = weld[mesh->indices[3 * t + (size_t)i]];
-            uint64_t to = weld[mesh->indices[3 * t + (size_t)((i + 1) % 3)]];
-            const struct edge *opposite = edge_find(table, size, to << 32 | from);
-            if (!opposite->key)
-                return 0;
-            parent[part_of(parent, (uint32_t)t)] = part_of(parent, opposite->triangle);
-        }
+    const size_t count = 3 * e->mesh->triangle_count;
+
+    for (size_t edge = 0; edge < count; edge++) {
+        uint64_t key = edge_key(e, edge);
+        uint32_t *slot = edge_find(e, key);
+        if (key >> 32 == (uint32_t)key || *slot)
+            return 0;
+        *slot = (uint32_t)edge + 1;
+    }
+    for (size_t edge = 0; edge < count; edge++) {
+        uint64_t key = edge_key(e, edge);
+        uint32_t opposite = *edge_find(e, key << 32 | key >> 32);
+        if (!opposite)
+            return 0;
+        parent[part_of(parent, (uint32_t)(edge / 3))] = part_of(parent, (opposite - 1) / 3);
+    }
     return 1;
 }
 
@@ -114,8 +134,7 @@ static int volumes_positive(const struct mesh_source *mesh, uint32_t *parent, do
         double p[3][3];
         for (int i = 0; i < 3; i++)
             for (int c = 0; c < 3; c++)
-                p[i][c] = (double)mesh->positions[3 * (size_t)mesh->indices[3 * t + (size_t)i] +
-                                                  (size_t)c] -
+                p[i][c] = (double)mesh->positions[3 * (size_t)mesh->indices[3 * t + (size_t)i] + (size_t)c] -
                           (double)origin[c];
         volume[part_of(parent, (uint32_t)t)] += p[0][0] * (p[1][1] * p[2][2] - p[1][2] * p[2][1]) +
                                                 p[0][1] * (p[1][2] * p[2][0] - p[1][0] * p[2][2]) +
@@ -127,38 +146,31 @@ static int volumes_positive(const struct mesh_source *mesh, uint32_t *parent, do
     return 1;
 }
 
-status mesh_is_closed(const struct mesh_source *mesh, int *closed, struct error *err)
+int mesh_is_closed(const struct mesh_source *mesh)
 {
     size_t triangles = mesh->triangle_count;
-    size_t size = table_size(triangles * 3);
+    struct edges edges = {.mesh = mesh, .size = table_size(triangles * 3)};
     uint32_t *weld = NULL, *parent = NULL;
-    struct edge *table = NULL;
     double *volume = NULL;
-    status result = STATUS_OK;
+    int closed;
 
-    *closed = 0;
     /* A closed surface has 3T/2 edges: T is even, and 4 at least. */
     if (triangles < 4 || triangles % 2 != 0 || triangles > CLOSED_TRIANGLES_MAX)
-        return STATUS_OK;
-    weld = mem_alloc_array(mesh->vertex_count, sizeof *weld);
-    parent = mem_alloc_array(triangles, sizeof *parent);
-    table = mem_calloc(size, sizeof *table);
-    volume = mem_calloc(triangles, sizeof *volume);
-    if (!weld || !parent || !table || !volume) {
-        result = error_no_memory(err, "looking for open edges");
-        goto done;
-    }
-    result = vertices_weld(mesh->positions, 3 * sizeof(float), mesh->vertex_count, weld, err);
-    if (result != STATUS_OK)
-        goto done;
+        return 0;
+    if (!edges_cancel(mesh))
+        return 0;
+    weld = must(mem_alloc_array(mesh->vertex_count, sizeof *weld));
+    parent = must(mem_alloc_array(triangles, sizeof *parent));
+    edges.table = must(mem_calloc(edges.size, sizeof *edges.table));
+    volume = must(mem_calloc(triangles, sizeof *volume));
+    vertices_weld(mesh->positions, 3 * sizeof(float), mesh->vertex_count, weld);
     for (size_t t = 0; t < triangles; t++)
         parent[t] = (uint32_t)t;
-    *closed = edges_match(mesh, weld, table, size, parent) &&
-              volumes_positive(mesh, parent, volume);
-done:
+    edges.weld = weld;
+    closed = edges_match(&edges, parent) && volumes_positive(mesh, parent, volume);
     mem_free(volume);
-    mem_free(table);
+    mem_free(edges.table);
     mem_free(parent);
     mem_free(weld);
-    return result;
+    return closed;
 }

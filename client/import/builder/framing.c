@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "client/import/builder/builder.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "common/scene/pose.h"
@@ -30,17 +31,14 @@ struct boxes {
 };
 
 /* Around the vertices that pose_deform makes. */
-static status find_deformed(struct builder *b, const struct scene_pose *pose, uint32_t instance,
-                            struct box *box)
+static status find_deformed(struct builder *b, const struct scene_pose *pose, uint32_t instance, struct box *box)
 {
     const struct scene *scene = &b->out->scene;
     const struct scene_mesh *mesh = &scene->meshes[scene->instances[instance].mesh];
     const struct import_blob *blob = builder_blob(b, &mesh->blob);
-    float *positions = mem_alloc_array(mesh->vertex_count, 3 * sizeof *positions);
+    float *positions = must(mem_alloc_array(mesh->vertex_count, 3 * sizeof *positions));
     status result;
 
-    if (!positions)
-        return error_no_memory(b->err, "a deformed mesh");
     if (!blob) {
         mem_free(positions);
         return error_set(b->err, STATUS_ERR_INTERNAL, "a mesh's blob is missing");
@@ -58,8 +56,7 @@ static status find_deformed(struct builder *b, const struct scene_pose *pose, ui
     return result;
 }
 
-static status add_boxes(struct builder *b, const struct scene_pose *pose, int only_moving,
-                        struct boxes *out)
+static status add_boxes(struct builder *b, const struct scene_pose *pose, int only_moving, struct boxes *out)
 {
     const struct scene *scene = &b->out->scene;
 
@@ -69,16 +66,13 @@ static status add_boxes(struct builder *b, const struct scene_pose *pose, int on
         struct box *box;
         if (only_moving && instance->node < 0 && instance->skin < 0)
             continue;
-        if (!MEM_GROW(out->list, out->capacity, out->count + 1))
-            return error_no_memory(b->err, "the scene's bounds");
+        MUST_GROW(out->list, out->capacity, out->count + 1);
         box = &out->list[out->count++];
         box->to_world = pose_instance(pose, scene, i);
         memcpy(box->low, mesh->bounds_min, sizeof box->low);
         memcpy(box->high, mesh->bounds_max, sizeof box->high);
         if (instance->skin >= 0 || mesh->morph_count) {
-            status result = find_deformed(b, pose, i, box);
-            if (result != STATUS_OK)
-                return result;
+            TRY(find_deformed(b, pose, i, box));
         }
     }
     return STATUS_OK;
@@ -115,8 +109,7 @@ static status find_boxes(struct builder *b, struct boxes *out)
         result = scene_pose_init(&pose, scene, duration * m / (MOMENTS - 1), b->err);
         if (result == STATUS_OK && m == 0)
             place_followers(scene, &pose);
-        if (result == STATUS_OK)
-            result = add_boxes(b, &pose, m > 0, out);
+        THEN(result, add_boxes(b, &pose, m > 0, out));
         scene_pose_release(&pose);
     }
     return result;
@@ -129,12 +122,12 @@ static void box_corner(const struct box *box, int corner, double out[3])
     for (int r = 0; r < 3; r++) {
         out[r] = box->to_world.m[r][3];
         for (int c = 0; c < 3; c++)
-            out[r] += box->to_world.m[r][c] *
-                      (double)(corner >> c & 1 ? box->high[c] : box->low[c]);
+            out[r] += box->to_world.m[r][c] * (double)(corner >> c & 1 ? box->high[c] : box->low[c]);
     }
 }
 
-static void find_center(const struct boxes *boxes, double center[3])
+/* *low_y: the lowest height. */
+static void find_center(const struct boxes *boxes, double center[3], double *low_y)
 {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
 
@@ -151,12 +144,12 @@ static void find_center(const struct boxes *boxes, double center[3])
         if (!isfinite(center[c]))
             center[c] = 0;
     }
+    *low_y = isfinite(low[1]) ? low[1] : 0;
 }
 
-/* The distance from the centre at which the corners of every box are in the picture. `axes` are the
- * camera's. */
-static double distance_needed(const struct boxes *boxes, const double center[3],
-                              const struct transform_d *axes, double tangent)
+/* The distance from the centre at which the corners of every box are in the picture. `axes` are the camera's. */
+static double distance_needed(const struct boxes *boxes, const double center[3], const struct transform_d *axes,
+                              double tangent)
 {
     double needed = 0;
 
@@ -169,15 +162,14 @@ static double distance_needed(const struct boxes *boxes, const double center[3],
             seen[c] = at[0] * axes->m[0][c] + at[1] * axes->m[1][c] + at[2] * axes->m[2][c];
         /* In the frame when max(|x|, |y|) <= (distance - z) * tangent: a square frame, which every
          * landscape picture contains. */
-        needed = fmax(needed,
-                      seen[2] + fmax(fabs(seen[0]), fabs(seen[1])) * frame_margin / tangent);
+        needed = fmax(needed, seen[2] + fmax(fabs(seen[0]), fabs(seen[1])) * frame_margin / tangent);
     }
     return needed > 0 && isfinite(needed) ? needed : 1;
 }
 
-static void frame_boxes(const struct boxes *boxes, struct scene_camera *out)
+static void frame_boxes(struct builder *b, const struct boxes *boxes, struct scene_camera *out)
 {
-    double center[3], distance;
+    double *center = b->framed_center, distance;
     struct transform_d view = transform_d_identity();
     float sin_a, cos_a, sin_e, cos_e;
 
@@ -191,8 +183,8 @@ static void frame_boxes(const struct boxes *boxes, struct scene_camera *out)
     out->yfov_rad = frame_fov_rad;
     if (!transform_d_rigid(&view, &out->to_world)) /* constants: cannot happen */
         return;
-    find_center(boxes, center);
-    distance = distance_needed(boxes, center, &out->to_world, (double)det_tan(frame_fov_rad / 2));
+    find_center(boxes, center, &b->framed_low_y);
+    b->framed_distance = distance = distance_needed(boxes, center, &out->to_world, (double)det_tan(frame_fov_rad / 2));
     for (int i = 0; i < 3; i++)
         out->to_world.m[i][3] = center[i] + view.m[i][2] * distance;
 }
@@ -206,7 +198,7 @@ status scene_place(struct builder *b, struct scene_camera *framed)
         return STATUS_OK;
     result = find_boxes(b, &boxes);
     if (result == STATUS_OK && framed)
-        frame_boxes(&boxes, framed);
+        frame_boxes(b, &boxes, framed);
     mem_free(boxes.list);
     return result;
 }

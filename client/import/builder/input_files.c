@@ -10,14 +10,13 @@
 #include <unistd.h>
 
 #include "client/terminal/format.h"
-#include "client/import/builder/builder.h"
-#include "common/base/file.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 
 /* ---- folders ------------------------------------------------------------------------------ */
 
-static status folder_add(struct input_files *f, const char *path, status otherwise,
-                         const char *what, struct error *err)
+static status folder_add(struct input_files *f, const char *path, status otherwise, const char *what, struct error *err)
 {
     char *whole = realpath(path, NULL);
     struct stat info;
@@ -26,15 +25,11 @@ static status folder_add(struct input_files *f, const char *path, status otherwi
     if (!whole || stat(whole, &info) != 0 || !S_ISDIR(info.st_mode)) {
         int why = whole ? ENOTDIR : errno;
         free(whole); /* libc's own memory */
-        return error_set(err, otherwise, "%s%s: %s: name a folder that exists", what, path,
-                         strerror(why));
+        return error_set(err, otherwise, "%s%s: %s: name a folder that exists", what, path, strerror(why));
     }
-    copy = mem_strdup(whole);
+    copy = must(mem_strdup(whole));
     free(whole);
-    if (!copy || !MEM_GROW(f->folders, f->folder_capacity, f->folder_count + 1)) {
-        mem_free(copy);
-        return error_no_memory(err, "the folders of a scene");
-    }
+    MUST_GROW(f->folders, f->folder_capacity, f->folder_count + 1);
     f->folders[f->folder_count++] = copy;
     return STATUS_OK;
 }
@@ -121,28 +116,23 @@ static void put_quoted(struct buffer *out, const char *word)
 
 static status refuse(const char *path, const char *whole, struct error *err)
 {
-    char *folder = file_dirname(whole);
+    char *folder = must(file_dirname(whole));
     struct buffer option = BUFFER_INIT;
-    status result;
 
-    if (folder)
-        put_quoted(&option, folder);
-    if (!folder || !buffer_ok(&option))
-        result = error_no_memory(err, "a path");
-    else
-        result = error_set(err, STATUS_ERR_FORBIDDEN,
-                           "%.240s: lies outside the scene's folder, at %.240s, and is not read: "
-                           "to allow it, add --allow-outside %.300s",
-                           path, whole, buffer_text(&option));
+    put_quoted(&option, folder);
+    must_hold(&option);
+    error_set(err, STATUS_ERR_FORBIDDEN,
+              "%.240s: lies outside the scene's folder, at %.240s, and is not read: "
+              "to allow it, add --allow-outside %.300s",
+              path, whole, buffer_text(&option));
     buffer_release(&option);
     mem_free(folder);
-    return result;
+    return STATUS_ERR_FORBIDDEN;
 }
 
 /* Use the descriptor itself to find out what was opened and where it is. O_PATH opens without
  * waiting for the other end of a pipe and without touching a device. */
-static status check_place(const struct input_files *f, const char *path, int place, char link[32],
-                          struct error *err)
+static status check_place(const struct input_files *f, const char *path, int place, char link[32], struct error *err)
 {
     char whole[PATH_MAX];
     struct stat info;
@@ -155,15 +145,14 @@ static status check_place(const struct input_files *f, const char *path, int pla
     snprintf(link, 32, "/proc/self/fd/%d", place);
     length = readlink(link, whole, sizeof whole);
     if (length < 0 || (size_t)length >= sizeof whole)
-        return error_set(err, STATUS_ERR_INPUT,
-                         "%s: its path cannot be read from %s (%s): is /proc mounted?", path,
+        return error_set(err, STATUS_ERR_INPUT, "%s: its path cannot be read from %s (%s): is /proc mounted?", path,
                          link, length < 0 ? strerror(errno) : "the path is too long");
     whole[length] = 0;
     return is_allowed(f, whole) ? STATUS_OK : refuse(path, whole, err);
 }
 
-status input_files_read(struct input_files *f, const char *path, size_t limit_bytes,
-                        struct buffer *out, struct error *err)
+status input_files_read(struct input_files *f, const char *path, size_t limit_bytes, struct buffer *out,
+                        struct error *err)
 {
     size_t before = out->size;
     char link[32];
@@ -178,27 +167,21 @@ status input_files_read(struct input_files *f, const char *path, size_t limit_by
         return error_set(err, STATUS_ERR_INPUT, "%s: cannot be opened: %s", path,
                          f->is_confined ? "it is not below the folder of --only-below" : strerror(errno));
     result = check_place(f, path, place, link, err);
-    if (result == STATUS_OK)
-        result = file_read_as(link, path, limit_bytes, out, err);
+    THEN(result, file_read_as(link, path, limit_bytes, out, err));
     close(place);
     return result == STATUS_OK ? input_files_add(f, path, out->size - before, err) : result;
 }
 
 /* ---- the list ----------------------------------------------------------------------------- */
 
-status input_files_add(struct input_files *f, const char *name, uint64_t size_bytes,
-                       struct error *err)
+status input_files_add(struct input_files *f, const char *name, uint64_t size_bytes, struct error *err)
 {
     char *copy;
 
     if (f->count >= INPUT_FILES_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "the scene reads more than %d files",
-                         INPUT_FILES_MAX);
-    copy = mem_strdup(name);
-    if (!copy || !MEM_GROW(f->files, f->capacity, f->count + 1)) {
-        mem_free(copy);
-        return error_no_memory(err, "the list of files");
-    }
+        return error_set(err, STATUS_ERR_LIMIT, "the scene reads more than %d files", INPUT_FILES_MAX);
+    copy = must(mem_strdup(name));
+    MUST_GROW(f->files, f->capacity, f->count + 1);
     text_disarm(copy);
     f->files[f->count++] = (struct input_file){copy, size_bytes};
     return STATUS_OK;

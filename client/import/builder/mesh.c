@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/base/safeguard.h"
 #include "common/math/vec.h"
@@ -57,8 +58,7 @@ static double median_of(const double *points, size_t count, int axis, double *sp
     return middle;
 }
 
-void mesh_origin_near(const double *points, size_t count, const double shared[3], double metre,
-                      struct mesh_origin *out)
+void mesh_origin_near(const double *points, size_t count, const double shared[3], double metre, struct mesh_origin *out)
 {
     const double grid = ORIGIN_GRID * metre;
     double own[3], away = 0, extent = 0;
@@ -105,51 +105,40 @@ void mesh_source_release(struct mesh_source *mesh)
     memset(mesh, 0, sizeof *mesh);
 }
 
-static int deforms(const struct mesh_source *mesh)
-{
-    return mesh->influences || mesh->morph_count;
-}
+static int deforms(const struct mesh_source *mesh) { return mesh->influences || mesh->morph_count; }
 
-static int gather_bytes(void **array, size_t row_bytes, const uint32_t *from, size_t count)
+static void gather_bytes(void **array, size_t row_bytes, const uint32_t *from, size_t count)
 {
     uint8_t *gathered;
 
     if (!*array)
-        return 1;
-    gathered = mem_alloc_array(count, row_bytes);
-    if (!gathered)
-        return 0;
+        return;
+    gathered = must(mem_alloc_array(count, row_bytes));
     for (size_t i = 0; i < count; i++)
-        memcpy(gathered + i * row_bytes, (const uint8_t *)*array + (size_t)from[i] * row_bytes,
-               row_bytes);
+        memcpy(gathered + i * row_bytes, (const uint8_t *)*array + (size_t)from[i] * row_bytes, row_bytes);
     mem_free(*array);
     *array = gathered;
-    return 1;
 }
 
-static int gather_array(float **array, size_t width, const uint32_t *from, size_t count)
+static void gather_array(float **array, size_t width, const uint32_t *from, size_t count)
 {
-    return gather_bytes((void **)array, width * sizeof **array, from, count);
+    gather_bytes((void **)array, width * sizeof **array, from, count);
 }
 
-status mesh_source_gather(struct mesh_source *mesh, const uint32_t *from, size_t count,
-                          struct error *err)
+void mesh_source_gather(struct mesh_source *mesh, const uint32_t *from, size_t count)
 {
-    int good = gather_array(&mesh->positions, 3, from, count) &&
-               gather_array(&mesh->normals, 3, from, count) &&
-               gather_array(&mesh->tangents, 4, from, count) &&
-               gather_array(&mesh->uv[0], 2, from, count) &&
-               gather_array(&mesh->uv[1], 2, from, count) &&
-               gather_array(&mesh->colors, 4, from, count) &&
-               gather_bytes((void **)&mesh->influences, sizeof *mesh->influences, from, count);
-
-    for (size_t i = 0; good && i < mesh->morph_count; i++)
-        good = gather_array(&mesh->morphs[i].positions, 3, from, count) &&
-               gather_array(&mesh->morphs[i].normals, 3, from, count);
-    if (!good)
-        return error_no_memory(err, "vertices");
+    gather_array(&mesh->positions, 3, from, count);
+    gather_array(&mesh->normals, 3, from, count);
+    gather_array(&mesh->tangents, 4, from, count);
+    gather_array(&mesh->uv[0], 2, from, count);
+    gather_array(&mesh->uv[1], 2, from, count);
+    gather_array(&mesh->colors, 4, from, count);
+    gather_bytes((void **)&mesh->influences, sizeof *mesh->influences, from, count);
+    for (size_t i = 0; i < mesh->morph_count; i++) {
+        gather_array(&mesh->morphs[i].positions, 3, from, count);
+        gather_array(&mesh->morphs[i].normals, 3, from, count);
+    }
     mesh->vertex_count = count;
-    return STATUS_OK;
 }
 
 static struct vec3 position(const struct mesh_source *mesh, uint32_t v)
@@ -184,17 +173,12 @@ static size_t drop_degenerate(struct mesh_source *mesh)
 }
 
 /* Primitives of one mesh often share one long vertex buffer: keep only the used vertices. */
-static status drop_unused_vertices(struct mesh_source *mesh, struct error *err)
+static void drop_unused_vertices(struct mesh_source *mesh)
 {
-    uint32_t *to = mem_calloc(mesh->vertex_count, sizeof *to);
-    uint32_t *from = mem_alloc_array(mesh->vertex_count, sizeof *from);
-    status result = STATUS_OK;
+    uint32_t *to = must(mem_calloc(mesh->vertex_count, sizeof *to));
+    uint32_t *from = must(mem_alloc_array(mesh->vertex_count, sizeof *from));
     size_t kept = 0;
 
-    if (!to || !from) {
-        result = error_no_memory(err, "vertices");
-        goto done;
-    }
     for (size_t i = 0; i < mesh->triangle_count * 3; i++)
         to[mesh->indices[i]] = 1;
     for (size_t v = 0; v < mesh->vertex_count; v++)
@@ -206,11 +190,10 @@ static status drop_unused_vertices(struct mesh_source *mesh, struct error *err)
         goto done;
     for (size_t i = 0; i < mesh->triangle_count * 3; i++)
         mesh->indices[i] = to[mesh->indices[i]];
-    result = mesh_source_gather(mesh, from, kept, err);
+    mesh_source_gather(mesh, from, kept);
 done:
     mem_free(from);
     mem_free(to);
-    return result;
 }
 
 /* Unit normals; those without a direction get the normal of a triangle that uses them. */
@@ -258,18 +241,16 @@ static int mend_tangents(struct mesh_source *mesh)
     return 1;
 }
 
-static status prepare_tangents(struct builder *b, struct mesh_source *mesh, const char *name,
-                               const struct mesh_tangents *wanted)
+static void prepare_tangents(struct builder *b, struct mesh_source *mesh, const char *name,
+                             const struct mesh_tangents *wanted)
 {
     if (!wanted->wanted || !mesh->normals) {
         /* Flat shading ignores supplied tangents (glTF 2.0, 3.7.2.1). */
         mem_free(mesh->tangents);
         mesh->tangents = NULL;
     }
-    if (!wanted->wanted)
-        return STATUS_OK;
-    if (mesh->tangents && mend_tangents(mesh))
-        return STATUS_OK;
+    if (!wanted->wanted || (mesh->tangents && mend_tangents(mesh)))
+        return;
     if (mesh->tangents)
         builder_warn(b, "tangents", "%s: a tangent has no direction: new ones were made", name);
     if (!mesh->uv[wanted->uv_set]) {
@@ -279,9 +260,9 @@ static status prepare_tangents(struct builder *b, struct mesh_source *mesh, cons
                      name);
         mem_free(mesh->tangents);
         mesh->tangents = NULL;
-        return STATUS_OK;
+        return;
     }
-    return tangents_generate(mesh, wanted, b->err);
+    tangents_generate(mesh, wanted);
 }
 
 static void find_bounds(const struct mesh_source *mesh, struct scene_mesh *out)
@@ -304,8 +285,7 @@ static void copy_array(uint8_t *blob, size_t offset, const float *array, size_t 
         memcpy(blob + offset, array, floats * sizeof *array);
 }
 
-static void write_morphs(uint8_t *blob, const struct scene_mesh_layout *layout,
-                         const struct mesh_source *mesh)
+static void write_morphs(uint8_t *blob, const struct scene_mesh_layout *layout, const struct mesh_source *mesh)
 {
     size_t bytes = mesh->vertex_count * 3 * sizeof(float);
 
@@ -319,8 +299,8 @@ static void write_morphs(uint8_t *blob, const struct scene_mesh_layout *layout,
     }
 }
 
-static status write_blob(struct builder *b, const struct mesh_source *mesh,
-                         struct scene_mesh *row, uint8_t **data, size_t *size_bytes)
+static status write_blob(struct builder *b, const struct mesh_source *mesh, struct scene_mesh *row, uint8_t **data,
+                         size_t *size_bytes)
 {
     struct scene_mesh_layout layout;
     size_t vertices = mesh->vertex_count;
@@ -328,9 +308,7 @@ static status write_blob(struct builder *b, const struct mesh_source *mesh,
     scene_mesh_layout(row, &layout);
     if (layout.total_bytes > SCENE_BLOB_BYTES_MAX)
         return error_set(b->err, STATUS_ERR_LIMIT, "%s: the mesh is too large", row->name);
-    *data = mem_alloc(layout.total_bytes);
-    if (!*data)
-        return error_no_memory(b->err, "a mesh");
+    *data = must(mem_alloc(layout.total_bytes));
     *size_bytes = layout.total_bytes;
     copy_array(*data, layout.positions, mesh->positions, vertices * 3);
     copy_array(*data, layout.normals, mesh->normals, vertices * 3);
@@ -346,8 +324,8 @@ static status write_blob(struct builder *b, const struct mesh_source *mesh,
     return STATUS_OK;
 }
 
-status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name,
-                   const struct mesh_tangents *tangents, int64_t *row)
+status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name, const struct mesh_tangents *tangents,
+                   int64_t *row)
 {
     struct scene_mesh out = {.name = name};
     uint8_t *data = NULL;
@@ -362,41 +340,30 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
     if (mesh->triangle_count == 0)
         goto done;
     if (mesh->triangle_count > SCENE_TRIANGLES_MAX) {
-        result = error_set(b->err, STATUS_ERR_LIMIT, "%s: has %zu triangles: at most %d are taken",
-                           name, mesh->triangle_count, SCENE_TRIANGLES_MAX);
+        result = error_set(b->err, STATUS_ERR_LIMIT, "%s: has %zu triangles: at most %d are taken", name,
+                           mesh->triangle_count, SCENE_TRIANGLES_MAX);
         goto done;
     }
     if (mesh->morph_count > SCENE_MORPHS_MAX) {
-        result = error_set(b->err, STATUS_ERR_LIMIT,
-                           "%s: has %zu morph targets: at most %d are taken", name,
+        result = error_set(b->err, STATUS_ERR_LIMIT, "%s: has %zu morph targets: at most %d are taken", name,
                            mesh->morph_count, SCENE_MORPHS_MAX);
         goto done;
     }
-    result = drop_unused_vertices(mesh, b->err);
-    if (result != STATUS_OK)
-        goto done;
+    drop_unused_vertices(mesh);
     repaired = repair_normals(mesh);
     if (repaired)
-        builder_warn(b, "normals", "%s: %zu normals have no direction: made from the triangles",
-                     name, repaired);
-    result = prepare_tangents(b, mesh, name, tangents);
-    if (result != STATUS_OK)
-        goto done;
-    if (!deforms(mesh))
-        result = mesh_is_closed(mesh, &out.closed, b->err);
-    if (result != STATUS_OK)
-        goto done;
+        builder_warn(b, "normals", "%s: %zu normals have no direction: made from the triangles", name, repaired);
+    prepare_tangents(b, mesh, name, tangents);
+    out.closed = !deforms(mesh) && mesh_is_closed(mesh);
     out.vertex_count = (uint32_t)mesh->vertex_count;
     out.triangle_count = (uint32_t)mesh->triangle_count;
     out.arrays = (mesh->normals ? MESH_NORMALS : 0u) | (mesh->tangents ? MESH_TANGENTS : 0u) |
-                 (mesh->uv[0] ? MESH_UV0 : 0u) | (mesh->uv[1] ? MESH_UV1 : 0u) |
-                 (mesh->colors ? MESH_COLORS : 0u) | (mesh->influences ? MESH_SKIN : 0u) |
-                 mesh->stands_in;
+                 (mesh->uv[0] ? MESH_UV0 : 0u) | (mesh->uv[1] ? MESH_UV1 : 0u) | (mesh->colors ? MESH_COLORS : 0u) |
+                 (mesh->influences ? MESH_SKIN : 0u) | mesh->stands_in;
     out.morph_count = (uint32_t)mesh->morph_count;
     find_bounds(mesh, &out);
     result = write_blob(b, mesh, &out, &data, &size_bytes);
-    if (result == STATUS_OK)
-        result = builder_add_mesh(b, &out, data, size_bytes, &added);
+    THEN(result, builder_add_mesh(b, &out, data, size_bytes, &added));
     if (result == STATUS_OK)
         *row = added;
 done:

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 void polygon_scratch_release(struct polygon_scratch *scratch)
@@ -15,8 +16,7 @@ void polygon_scratch_release(struct polygon_scratch *scratch)
 /* Fill scratch->flat with the face as seen along the largest axis of its Newell normal, so that it
  * runs counter-clockwise; 0 when it has no normal. Coordinates are not scaled, so that the signs of
  * cross products are as exact as doubles allow. */
-static int flatten(struct polygon_scratch *scratch, const float *positions, const uint32_t *corners,
-                   size_t count)
+static int flatten(struct polygon_scratch *scratch, const float *positions, const uint32_t *corners, size_t count)
 {
     double normal[3] = {0, 0, 0};
     int axis = 0, x, y;
@@ -107,11 +107,9 @@ static int is_empty_ear(const struct polygon_scratch *s, uint32_t ear, uint64_t 
         if (*budget == 0)
             return 0;
         --*budget;
-        if (side(s->flat, a, ear, p) < 0 || side(s->flat, ear, c, p) < 0 ||
-            side(s->flat, c, a, p) < 0)
+        if (side(s->flat, a, ear, p) < 0 || side(s->flat, ear, c, p) < 0 || side(s->flat, c, a, p) < 0)
             continue;
-        if (!same_place(s->flat, p, a) && !same_place(s->flat, p, ear) &&
-            !same_place(s->flat, p, c))
+        if (!same_place(s->flat, p, a) && !same_place(s->flat, p, ear) && !same_place(s->flat, p, c))
             return 0;
     }
     return 1;
@@ -119,8 +117,7 @@ static int is_empty_ear(const struct polygon_scratch *s, uint32_t ear, uint64_t 
 
 /* The first corner after `start` that can be cut off, or `left` if there is none. A straight corner
  * is cut only if there is no better one: its triangle has no area. */
-static uint32_t find_ear(const struct polygon_scratch *s, uint32_t start, size_t left,
-                         uint64_t *budget, int *found)
+static uint32_t find_ear(const struct polygon_scratch *s, uint32_t start, size_t left, uint64_t *budget, int *found)
 {
     uint32_t at = start, straight = start;
 
@@ -162,8 +159,7 @@ static void clip(struct polygon_scratch *s, size_t count, uint32_t *out)
         *out++ = s->next[ear];
         s->next[s->previous[ear]] = s->next[ear];
         s->previous[s->next[ear]] = s->previous[ear];
-        /* Skipping the next corner avoids a fan, and so slivers.
-         */
+        /* Skipping the next corner avoids a fan, and so slivers. */
         at = s->next[s->next[ear]];
         left--;
     }
@@ -174,17 +170,16 @@ static void clip(struct polygon_scratch *s, size_t count, uint32_t *out)
     }
 }
 
-status polygon_triangulate(struct polygon_scratch *scratch, const float *positions,
-                           const uint32_t *corners, size_t count, uint32_t *out, struct error *err)
+void polygon_triangulate(struct polygon_scratch *scratch, const float *positions, const uint32_t *corners, size_t count,
+                         uint32_t *out)
 {
     if (count == 3) {
         fan(count, out);
-        return STATUS_OK;
+        return;
     }
-    if (!MEM_GROW(scratch->flat, scratch->flat_capacity, 2 * count) ||
-        !MEM_GROW(scratch->next, scratch->next_capacity, count) ||
-        !MEM_GROW(scratch->previous, scratch->previous_capacity, count))
-        return error_no_memory(err, "a face");
+    MUST_GROW(scratch->flat, scratch->flat_capacity, 2 * count);
+    MUST_GROW(scratch->next, scratch->next_capacity, count);
+    MUST_GROW(scratch->previous, scratch->previous_capacity, count);
     if (!flatten(scratch, positions, corners, count) || is_strictly_convex(scratch->flat, count)) {
         fan(count, out);
     } else if (count > POLYGON_CLIP_CORNERS_MAX) {
@@ -193,5 +188,4 @@ status polygon_triangulate(struct polygon_scratch *scratch, const float *positio
     } else {
         clip(scratch, count, out);
     }
-    return STATUS_OK;
 }

@@ -1,5 +1,4 @@
-/* The scene's own origin: positions are moved to it in double, and remaining losses of float are
- * reported. */
+/* The scene's own origin: positions are moved to it in double, and remaining losses of float are reported. */
 #include <math.h>
 
 #include "client/import/builder/builder.h"
@@ -82,12 +81,11 @@ static void report_losses(struct builder *b)
         spacing = spacing_of(own.low, own.high);
         size = size_of(own.low, own.high);
         if (spacing > rough_share * size)
-            builder_warn(
-                b, "digits of a mesh",
-                "\"%.80s\": the file gives its positions in steps of %.2g at a size of %.2g, "
-                "because they are far from the mesh's own origin: move the mesh to its origin and "
-                "its node to the place, and export again",
-                instance->name, spacing, size);
+            builder_warn(b, "digits of a mesh",
+                         "\"%.80s\": the file gives its positions in steps of %.2g at a size of %.2g, "
+                         "because they are far from the mesh's own origin: move the mesh to its origin and "
+                         "its node to the place, and export again",
+                         instance->name, spacing, size);
     }
 }
 
@@ -97,11 +95,8 @@ static status report_view(struct builder *b, const struct scene_pose *pose, uint
     const struct scene *scene = &b->out->scene;
     double origin[3], detail_m, distance_m, aspect = (double)scene->cameras[camera].aspect;
     struct scene_sight *sight;
-    status s = scene_sight_new(&sight, scene, pose, camera, aspect > 0 ? aspect : 16.0 / 9, builder_reader(b),
-                               b->err);
 
-    if (s != STATUS_OK)
-        return s;
+    TRY(scene_sight_new(&sight, scene, pose, camera, aspect > 0 ? aspect : 16.0 / 9, builder_reader(b), b->err));
     (void)scene_sight_origin(sight, origin);
     if (scene_sight_blur(sight, origin, USUAL_HEIGHT, &detail_m, &distance_m) > BLUR_PIXELS)
         builder_warn(b, "near and far",

@@ -14,10 +14,7 @@ enum {
 };
 #define EXACT_MANTISSA_MAX ((uint64_t)1 << 53)
 
-static int is_digit(char c)
-{
-    return c >= '0' && c <= '9';
-}
+static int is_digit(char c) { return c >= '0' && c <= '9'; }
 
 size_t scan_integer(const char *text, const char *end, int64_t *out)
 {
@@ -30,8 +27,7 @@ size_t scan_integer(const char *text, const char *end, int64_t *out)
     if (p == end || !is_digit(*p))
         return 0;
     for (; p < end && is_digit(*p); p++)
-        if (__builtin_mul_overflow(value, 10, &value) ||
-            __builtin_add_overflow(value, *p - '0', &value))
+        if (__builtin_mul_overflow(value, 10, &value) || __builtin_add_overflow(value, *p - '0', &value))
             return 0;
     *out = negative ? -value : value;
     return (size_t)(p - text);
@@ -61,8 +57,7 @@ static size_t scan_special(const char *text, const char *end, int negative, doub
     return 0;
 }
 
-/* By strtod, which needs a terminator and uses the locale's decimal point.
- */
+/* By strtod, which needs a terminator and uses the locale's decimal point. */
 static double round_slowly(const char *text, size_t length)
 {
     char copy[NUMBER_CHARS_MAX + 32];

@@ -1,7 +1,5 @@
-/* scan: numbers from text in memory without a terminator. Independent of the locale, correctly
- * rounded. */
-#ifndef AZULEJO_IMPORT_SCAN_H
-#define AZULEJO_IMPORT_SCAN_H
+/* scan: numbers from text in memory without a terminator. Independent of the locale, correctly rounded. */
+#pragma once
 
 #include <stddef.h>
 #include <stdint.h>
@@ -13,5 +11,3 @@ size_t scan_double(const char *text, const char *end, double *out);
 
 /* A decimal integer with an optional sign; 0 if there is none or it exceeds 64 bits. */
 size_t scan_integer(const char *text, const char *end, int64_t *out);
-
-#endif

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 void mesh_source_reverse(struct mesh_source *mesh)
@@ -21,30 +22,24 @@ status shape_check_numbers(const float *values, size_t count, const char *what, 
 {
     for (size_t i = 0; i < count; i++)
         if (!shape_is_coordinate((double)values[i]))
-            return error_set(err, STATUS_ERR_INPUT,
-                             "%s %zu is %g: only finite numbers up to 1e15 are taken", what, i,
+            return error_set(err, STATUS_ERR_INPUT, "%s %zu is %g: only finite numbers up to 1e15 are taken", what, i,
                              (double)values[i]);
     return STATUS_OK;
 }
 
-status shape_reserve(struct mesh_source *mesh, uint64_t vertices, uint64_t triangles,
-                     struct error *err)
+status shape_reserve(struct mesh_source *mesh, uint64_t vertices, uint64_t triangles, struct error *err)
 {
     if (triangles > SHAPE_TRIANGLES_MAX || vertices > UINT32_MAX)
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "the shape would have %llu triangles: at most %d are made",
+        return error_set(err, STATUS_ERR_LIMIT, "the shape would have %llu triangles: at most %d are made",
                          (unsigned long long)triangles, SHAPE_TRIANGLES_MAX);
-    mesh->positions = mem_alloc_array((size_t)vertices, 3 * sizeof *mesh->positions);
-    mesh->normals = mem_alloc_array((size_t)vertices, 3 * sizeof *mesh->normals);
-    mesh->uv[0] = mem_alloc_array((size_t)vertices, 2 * sizeof *mesh->uv[0]);
-    mesh->indices = mem_alloc_array((size_t)triangles, 3 * sizeof *mesh->indices);
-    if (!mesh->positions || !mesh->normals || !mesh->uv[0] || !mesh->indices)
-        return error_no_memory(err, "a shape");
+    mesh->positions = must(mem_alloc_array((size_t)vertices, 3 * sizeof *mesh->positions));
+    mesh->normals = must(mem_alloc_array((size_t)vertices, 3 * sizeof *mesh->normals));
+    mesh->uv[0] = must(mem_alloc_array((size_t)vertices, 2 * sizeof *mesh->uv[0]));
+    mesh->indices = must(mem_alloc_array((size_t)triangles, 3 * sizeof *mesh->indices));
     return STATUS_OK;
 }
 
-void shape_add_vertex(struct mesh_source *mesh, const double position[3], const double normal[3],
-                      double u, double v)
+void shape_add_vertex(struct mesh_source *mesh, const double position[3], const double normal[3], double u, double v)
 {
     size_t at = mesh->vertex_count++;
 
@@ -79,10 +74,7 @@ void shape_add_grid(struct mesh_source *mesh, size_t base, size_t columns, size_
         }
 }
 
-double dot3(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 void cross3(const double a[3], const double b[3], double out[3])
 {

@@ -40,8 +40,8 @@ static void basis_weights(const struct shape_curve *curve, double t, double w[4]
     }
 }
 
-static void curve_point(const struct shape_curve *curve, size_t segment, double t,
-                        double position[3], double tangent[3])
+static void curve_point(const struct shape_curve *curve, size_t segment, double t, double position[3],
+                        double tangent[3])
 {
     size_t first = segment * (curve->basis == CURVE_BEZIER ? curve->degree : 1);
     double w[4], d[4];
@@ -159,9 +159,8 @@ static void ribbon_normal(const struct shape_curve *curve, size_t segment, doubl
         out[c] = wa * a[c] + wb * b[c];
 }
 
-static void add_ribbon_step(const struct shape_curve *curve, size_t segment, double t,
-                            const struct curve_walk *walk, double width, double u,
-                            struct mesh_source *out)
+static void add_ribbon_step(const struct shape_curve *curve, size_t segment, double t, const struct curve_walk *walk,
+                            double width, double u, struct mesh_source *out)
 {
     double normal[3], across[3], position[3];
 
@@ -199,8 +198,7 @@ static void add_tube_step(const struct curve_walk *walk, double width, double u,
     }
 }
 
-static void add_curve(const struct shape_curve *curve, uint32_t pieces, uint32_t sides,
-                      struct mesh_source *out)
+static void add_curve(const struct shape_curve *curve, uint32_t pieces, uint32_t sides, struct mesh_source *out)
 {
     size_t segments = shape_curve_segments(curve), steps = segments * pieces;
     size_t across = curve->kind == CURVE_RIBBON ? 2 : sides + 1, base = out->vertex_count;
@@ -231,16 +229,13 @@ static status check_curve(const struct shape_curve *curve, size_t row, struct er
     size_t segments = shape_curve_segments(curve);
 
     if (segments == 0)
-        return error_set(err, STATUS_ERR_INPUT,
-                         "curve %zu: %zu control points make no chain of %s of degree %u", row,
-                         curve->point_count,
-                         curve->basis == CURVE_BEZIER ? "Bezier segments" : "B-spline segments",
+        return error_set(err, STATUS_ERR_INPUT, "curve %zu: %zu control points make no chain of %s of degree %u", row,
+                         curve->point_count, curve->basis == CURVE_BEZIER ? "Bezier segments" : "B-spline segments",
                          curve->degree);
-    if (!(curve->width_start >= 0 && curve->width_end >= 0) ||
-        !shape_is_coordinate((double)curve->width_start) ||
+    if (!(curve->width_start >= 0 && curve->width_end >= 0) || !shape_is_coordinate((double)curve->width_start) ||
         !shape_is_coordinate((double)curve->width_end))
-        return error_set(err, STATUS_ERR_INPUT, "curve %zu: the widths %g and %g must be 0 or more",
-                         row, (double)curve->width_start, (double)curve->width_end);
+        return error_set(err, STATUS_ERR_INPUT, "curve %zu: the widths %g and %g must be 0 or more", row,
+                         (double)curve->width_start, (double)curve->width_end);
     TRY(shape_check_numbers(curve->points, 3 * curve->point_count, "curve coordinate", err));
     if (curve->kind == CURVE_RIBBON && !curve->normals)
         return error_set(err, STATUS_ERR_INPUT, "curve %zu: a ribbon needs normals", row);
@@ -249,15 +244,14 @@ static status check_curve(const struct shape_curve *curve, size_t row, struct er
     return STATUS_OK;
 }
 
-static status curves_all(const struct shape_curve *curves, size_t count, uint32_t pieces,
-                         uint32_t sides, struct mesh_source *out, struct error *err)
+static status curves_all(const struct shape_curve *curves, size_t count, uint32_t pieces, uint32_t sides,
+                         struct mesh_source *out, struct error *err)
 {
     uint64_t vertices = 0, triangles = 0;
 
     if (pieces < 1 || pieces > SHAPE_SEGMENTS_MAX || sides < 3 || sides > SHAPE_CURVE_SIDES_MAX)
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "%u pieces and %u sides of a curve: 1 to %d and 3 to %d are made", pieces,
-                         sides, SHAPE_SEGMENTS_MAX, SHAPE_CURVE_SIDES_MAX);
+        return error_set(err, STATUS_ERR_LIMIT, "%u pieces and %u sides of a curve: 1 to %d and 3 to %d are made",
+                         pieces, sides, SHAPE_SEGMENTS_MAX, SHAPE_CURVE_SIDES_MAX);
     for (size_t i = 0; i < count; i++) {
         uint64_t steps, across = curves[i].kind == CURVE_RIBBON ? 2 : sides + 1;
         TRY(check_curve(&curves[i], i, err));

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "client/import/builder/shapes.h"
-#include "client/import/builder/try.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 
@@ -32,36 +32,23 @@ static void loop_release(struct loop *loop)
     memset(loop, 0, sizeof *loop);
 }
 
-static status loop_reserve(struct loop *loop, size_t vertices, size_t triangles, int uv,
-                           struct error *err)
+static void loop_reserve(struct loop *loop, size_t vertices, size_t triangles, int uv)
 {
-    loop->positions = mem_alloc_array(vertices, 3 * sizeof *loop->positions);
-    loop->uv = uv ? mem_alloc_array(vertices, 2 * sizeof *loop->uv) : NULL;
-    loop->corners = mem_alloc_array(triangles, 3 * sizeof *loop->corners);
-    loop->opposite = mem_alloc_array(triangles, 3 * sizeof *loop->opposite);
-    loop->start = mem_alloc_array(vertices, sizeof *loop->start);
-    if (!loop->positions || (uv && !loop->uv) || !loop->corners || !loop->opposite || !loop->start)
-        return error_no_memory(err, "a subdivided surface");
+    loop->positions = must(mem_alloc_array(vertices, 3 * sizeof *loop->positions));
+    loop->uv = uv ? must(mem_alloc_array(vertices, 2 * sizeof *loop->uv)) : NULL;
+    loop->corners = must(mem_alloc_array(triangles, 3 * sizeof *loop->corners));
+    loop->opposite = must(mem_alloc_array(triangles, 3 * sizeof *loop->opposite));
+    loop->start = must(mem_alloc_array(vertices, sizeof *loop->start));
     loop->vertex_count = vertices;
     loop->triangle_count = triangles;
-    return STATUS_OK;
 }
 
-static uint32_t next_half(uint32_t h)
-{
-    return h % 3 == 2 ? h - 2 : h + 1;
-}
+static uint32_t next_half(uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
 
-static uint32_t previous_half(uint32_t h)
-{
-    return h % 3 == 0 ? h + 2 : h - 1;
-}
+static uint32_t previous_half(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 
 /* The next half-edge that leaves the same vertex, counter-clockwise; LOOP_NONE: the boundary. */
-static uint32_t turn(const struct loop *loop, uint32_t h)
-{
-    return loop->opposite[previous_half(h)];
-}
+static uint32_t turn(const struct loop *loop, uint32_t h) { return loop->opposite[previous_half(h)]; }
 
 /* ---- the control mesh ----------------------------------------------------------------------- */
 
@@ -81,13 +68,11 @@ static int compare_half_keys(const void *a, const void *b)
 }
 
 /* Join the half-edges of every edge that has exactly two, running against each other. */
-static status find_opposites(struct loop *loop, struct error *err)
+static void find_opposites(struct loop *loop)
 {
     size_t count = 3 * loop->triangle_count;
-    struct half_key *keys = mem_alloc_array(count, sizeof *keys);
+    struct half_key *keys = must(mem_alloc_array(count, sizeof *keys));
 
-    if (!keys)
-        return error_no_memory(err, "a subdivided surface");
     for (uint32_t h = 0; h < count; h++) {
         uint64_t from = loop->corners[h], to = loop->corners[next_half(h)];
         keys[h] = (struct half_key){
@@ -104,7 +89,6 @@ static status find_opposites(struct loop *loop, struct error *err)
         }
     }
     mem_free(keys);
-    return STATUS_OK;
 }
 
 /* Give every fan of triangles its own vertex: `from[new]` is the control vertex. Afterwards the
@@ -112,10 +96,8 @@ static status find_opposites(struct loop *loop, struct error *err)
 static size_t part_vertices(struct loop *loop, uint32_t *from)
 {
     size_t halves = 3 * loop->triangle_count, vertices = 0;
-    uint32_t *fan = mem_alloc_array(halves, sizeof *fan); /* the new vertex of a half-edge */
+    uint32_t *fan = must(mem_alloc_array(halves, sizeof *fan)); /* the new vertex of a half-edge */
 
-    if (!fan)
-        return 0;
     memset(fan, 0xff, halves * sizeof *fan);
     for (uint32_t h = 0; h < halves; h++) {
         uint32_t first = h, at;
@@ -140,27 +122,22 @@ static size_t part_vertices(struct loop *loop, uint32_t *from)
 }
 
 /* The control mesh as a loop, without triangles that repeat a corner. */
-static status loop_init(struct loop *loop, const struct shape_control *control, struct error *err)
+static void loop_init(struct loop *loop, const struct shape_control *control)
 {
     size_t kept = 0;
     uint32_t *from;
 
     /* At most one vertex for each corner, once the fans are split. */
-    TRY(loop_reserve(loop, 3 * control->triangle_count, control->triangle_count,
-                     control->uv != NULL, err));
+    loop_reserve(loop, 3 * control->triangle_count, control->triangle_count, control->uv != NULL);
     for (size_t t = 0; t < control->triangle_count; t++) {
         const uint32_t *c = control->indices + 3 * t;
         if (c[0] != c[1] && c[1] != c[2] && c[2] != c[0])
             memcpy(loop->corners + 3 * kept++, c, 3 * sizeof *c);
     }
     loop->triangle_count = kept;
-    TRY(find_opposites(loop, err));
-    from = mem_alloc_array(3 * kept, sizeof *from);
-    loop->vertex_count = from ? part_vertices(loop, from) : 0;
-    if (kept && loop->vertex_count == 0) {
-        mem_free(from);
-        return error_no_memory(err, "a subdivided surface");
-    }
+    find_opposites(loop);
+    from = must(mem_alloc_array(3 * kept, sizeof *from));
+    loop->vertex_count = part_vertices(loop, from);
     for (size_t v = 0; v < loop->vertex_count; v++) {
         for (size_t c = 0; c < 3; c++)
             loop->positions[3 * v + c] = (double)control->positions[3 * (size_t)from[v] + c];
@@ -168,7 +145,6 @@ static status loop_init(struct loop *loop, const struct shape_control *control, 
             loop->uv[2 * v + c] = (double)control->uv[2 * (size_t)from[v] + c];
     }
     mem_free(from);
-    return STATUS_OK;
 }
 
 /* ---- masks ---------------------------------------------------------------------------------- */
@@ -185,8 +161,7 @@ struct ring {
     int boundary;
 };
 
-static status ring_fill(struct ring *ring, const struct loop *loop, size_t vertex,
-                        struct error *err)
+static void ring_fill(struct ring *ring, const struct loop *loop, size_t vertex)
 {
     uint32_t first = loop->start[vertex], h = first;
 
@@ -194,20 +169,19 @@ static status ring_fill(struct ring *ring, const struct loop *loop, size_t verte
     ring->boundary = is_boundary(loop, vertex);
     for (;;) {
         uint32_t turned = turn(loop, h);
-        if (!MEM_GROW(ring->vertices, ring->capacity, ring->count + 2))
-            return error_no_memory(err, "a subdivided surface");
+        MUST_GROW(ring->vertices, ring->capacity, ring->count + 2);
         ring->vertices[ring->count++] = loop->corners[next_half(h)];
         if (turned == LOOP_NONE)
             ring->vertices[ring->count++] = loop->corners[previous_half(h)];
         if (turned == LOOP_NONE || turned == first)
-            return STATUS_OK;
+            return;
         h = turned;
     }
 }
 
 /* (1 - n w) p + w (sum of the neighbours); at a boundary of the two on it. */
-static void ring_mean(const struct ring *ring, const struct loop *loop, size_t vertex,
-                      double inner_weight, double boundary_weight, double out[3])
+static void ring_mean(const struct ring *ring, const struct loop *loop, size_t vertex, double inner_weight,
+                      double boundary_weight, double out[3])
 {
     for (size_t c = 0; c < 3; c++) {
         double p = loop->positions[3 * vertex + c], sum = 0;
@@ -224,14 +198,10 @@ static void ring_mean(const struct ring *ring, const struct loop *loop, size_t v
 }
 
 /* Warren's weight of a neighbour of a vertex with n. */
-static double loop_beta(size_t n)
-{
-    return n == 3 ? 3.0 / 16 : 3.0 / (8 * (double)n);
-}
+static double loop_beta(size_t n) { return n == 3 ? 3.0 / 16 : 3.0 / (8 * (double)n); }
 
-/* Weights of neighbour i of n in the two limit tangents: the normal is along x cross y. At a
- * boundary x leads to its first neighbour and y inwards (Hoppe et al. 1994). With the weight
- * of the vertex itself each adds up to 0. */
+/* Weights of neighbour i of n in the two limit tangents: the normal is along x cross y. At a boundary x leads to its
+ * first neighbour and y inwards (Hoppe et al. 1994). With the weight of the vertex itself each adds up to 0. */
 static void tangent_weights(size_t i, size_t n, int boundary, double *x, double *y)
 {
     float sine, cosine;
@@ -258,8 +228,7 @@ static void tangent_weights(size_t i, size_t n, int boundary, double *x, double 
         *y = (2 - 2 * (double)cosine) * (double)det_sin((float)((double)i * theta));
 }
 
-static void limit_normal(const struct ring *ring, const struct loop *loop, size_t vertex,
-                         double out[3])
+static void limit_normal(const struct ring *ring, const struct loop *loop, size_t vertex, double out[3])
 {
     const double *p = loop->positions + 3 * vertex;
     double tangent[2][3] = {{0}}, length;
@@ -275,8 +244,7 @@ static void limit_normal(const struct ring *ring, const struct loop *loop, size_
         }
     }
     for (size_t c = 0; c < 3; c++)
-        out[c] = tangent[0][(c + 1) % 3] * tangent[1][(c + 2) % 3] -
-                 tangent[0][(c + 2) % 3] * tangent[1][(c + 1) % 3];
+        out[c] = tangent[0][(c + 1) % 3] * tangent[1][(c + 2) % 3] - tangent[0][(c + 2) % 3] * tangent[1][(c + 1) % 3];
     length = sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]);
     for (size_t c = 0; c < 3; c++)
         out[c] = length > 0 && length < INFINITY ? out[c] / length : 0;
@@ -329,10 +297,8 @@ static void split_triangles(const struct loop *loop, const uint32_t *edge_of, st
             out->corners[child + 2] = (uint32_t)loop->vertex_count + edge_of[3 * t + before];
             out->corners[centre + i] = middle;
             /* The first half of h lies against the second half of its opposite, and so on. */
-            out->opposite[child] =
-                ahead == LOOP_NONE ? LOOP_NONE : 3 * (4 * (ahead / 3) + next_half(ahead) % 3) + 2;
-            out->opposite[child + 2] =
-                behind == LOOP_NONE ? LOOP_NONE : 3 * (4 * (behind / 3) + behind % 3);
+            out->opposite[child] = ahead == LOOP_NONE ? LOOP_NONE : 3 * (4 * (ahead / 3) + next_half(ahead) % 3) + 2;
+            out->opposite[child + 2] = behind == LOOP_NONE ? LOOP_NONE : 3 * (4 * (behind / 3) + behind % 3);
             out->opposite[child + 1] = centre + before;
             out->opposite[centre + before] = child + 1;
         }
@@ -350,51 +316,39 @@ static void find_starts(const struct loop *loop, const uint32_t *edge_of, struct
             out->start[loop->vertex_count + edge_of[h]] = 3 * (4 * (h / 3) + next_half(h) % 3) + 2;
 }
 
-static status subdivide(const struct loop *loop, struct loop *out, struct ring *ring,
-                        struct error *err)
+static void subdivide(const struct loop *loop, struct loop *out, struct ring *ring)
 {
     size_t halves = 3 * loop->triangle_count, edges;
-    uint32_t *edge_of = mem_alloc_array(halves, sizeof *edge_of);
-    status result = STATUS_OK;
+    uint32_t *edge_of = must(mem_alloc_array(halves, sizeof *edge_of));
 
-    if (!edge_of)
-        return error_no_memory(err, "a subdivided surface");
     edges = number_edges(loop, edge_of);
-    result = loop_reserve(out, loop->vertex_count + edges, 4 * loop->triangle_count,
-                          loop->uv != NULL, err);
-    for (size_t v = 0; v < loop->vertex_count && result == STATUS_OK; v++) {
-        result = ring_fill(ring, loop, v, err);
-        if (result == STATUS_OK)
-            ring_mean(ring, loop, v, loop_beta(ring->count), 1.0 / 8, out->positions + 3 * v);
+    loop_reserve(out, loop->vertex_count + edges, 4 * loop->triangle_count, loop->uv != NULL);
+    for (size_t v = 0; v < loop->vertex_count; v++) {
+        ring_fill(ring, loop, v);
+        ring_mean(ring, loop, v, loop_beta(ring->count), 1.0 / 8, out->positions + 3 * v);
     }
-    if (result == STATUS_OK) {
-        if (loop->uv)
-            memcpy(out->uv, loop->uv, loop->vertex_count * 2 * sizeof *loop->uv);
-        for (uint32_t h = 0; h < halves; h++)
-            if (loop->opposite[h] == LOOP_NONE || loop->opposite[h] > h)
-                add_middle(loop, h, out, loop->vertex_count + edge_of[h]);
-        split_triangles(loop, edge_of, out);
-        find_starts(loop, edge_of, out);
-    }
+    if (loop->uv)
+        memcpy(out->uv, loop->uv, loop->vertex_count * 2 * sizeof *loop->uv);
+    for (uint32_t h = 0; h < halves; h++)
+        if (loop->opposite[h] == LOOP_NONE || loop->opposite[h] > h)
+            add_middle(loop, h, out, loop->vertex_count + edge_of[h]);
+    split_triangles(loop, edge_of, out);
+    find_starts(loop, edge_of, out);
     mem_free(edge_of);
-    return result;
 }
 
 /* Every vertex at its limit, with its limit normal. */
-static status write_limit(const struct loop *loop, struct ring *ring, struct mesh_source *out,
-                          struct error *err)
+static void write_limit(const struct loop *loop, struct ring *ring, struct mesh_source *out)
 {
-    out->positions = mem_alloc_array(loop->vertex_count, 3 * sizeof *out->positions);
-    out->normals = mem_alloc_array(loop->vertex_count, 3 * sizeof *out->normals);
-    out->uv[0] = loop->uv ? mem_alloc_array(loop->vertex_count, 2 * sizeof *out->uv[0]) : NULL;
-    out->indices = mem_memdup(loop->corners, loop->triangle_count * 3 * sizeof *loop->corners);
-    if (!out->positions || !out->normals || (loop->uv && !out->uv[0]) || !out->indices)
-        return error_no_memory(err, "a subdivided surface");
+    out->positions = must(mem_alloc_array(loop->vertex_count, 3 * sizeof *out->positions));
+    out->normals = must(mem_alloc_array(loop->vertex_count, 3 * sizeof *out->normals));
+    out->uv[0] = loop->uv ? must(mem_alloc_array(loop->vertex_count, 2 * sizeof *out->uv[0])) : NULL;
+    out->indices = must(mem_memdup(loop->corners, loop->triangle_count * 3 * sizeof *loop->corners));
     out->vertex_count = loop->vertex_count;
     out->triangle_count = loop->triangle_count;
     for (size_t v = 0; v < loop->vertex_count; v++) {
         double limit[3], normal[3], n;
-        TRY(ring_fill(ring, loop, v, err));
+        ring_fill(ring, loop, v);
         n = (double)ring->count;
         ring_mean(ring, loop, v, 1 / (n + 3 / (8 * loop_beta(ring->count))), 1.0 / 6, limit);
         limit_normal(ring, loop, v, normal);
@@ -405,7 +359,6 @@ static status write_limit(const struct loop *loop, struct ring *ring, struct mes
         for (size_t c = 0; out->uv[0] && c < 2; c++)
             out->uv[0][2 * v + c] = (float)loop->uv[2 * v + c];
     }
-    return STATUS_OK;
 }
 
 /* ---- the whole ------------------------------------------------------------------------------ */
@@ -413,20 +366,18 @@ static status write_limit(const struct loop *loop, struct ring *ring, struct mes
 static status check_control(const struct shape_control *control, uint32_t levels, struct error *err)
 {
     if (levels > SHAPE_LOOP_LEVELS_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%u levels of subdivision: at most %d are made",
-                         levels, SHAPE_LOOP_LEVELS_MAX);
+        return error_set(err, STATUS_ERR_LIMIT, "%u levels of subdivision: at most %d are made", levels,
+                         SHAPE_LOOP_LEVELS_MAX);
     if (control->triangle_count > ((size_t)SHAPE_TRIANGLES_MAX >> (2 * levels)))
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "%zu triangles subdivided %u times: more than %d triangles",
+        return error_set(err, STATUS_ERR_LIMIT, "%zu triangles subdivided %u times: more than %d triangles",
                          control->triangle_count, levels, SHAPE_TRIANGLES_MAX);
     for (size_t i = 0; i < 3 * control->triangle_count; i++)
         if (control->indices[i] >= control->vertex_count)
-            return error_set(err, STATUS_ERR_INPUT, "index %zu is %u, but there are %zu vertices",
-                             i, control->indices[i], control->vertex_count);
+            return error_set(err, STATUS_ERR_INPUT, "index %zu is %u, but there are %zu vertices", i,
+                             control->indices[i], control->vertex_count);
     for (size_t i = 0; i < 3 * control->vertex_count; i++)
         if (!(fabsf(control->positions[i]) <= SCENE_COORDINATE_MAX))
-            return error_set(err, STATUS_ERR_INPUT,
-                             "coordinate %zu is %g: only finite numbers up to 1e15 are taken", i,
+            return error_set(err, STATUS_ERR_INPUT, "coordinate %zu is %g: only finite numbers up to 1e15 are taken", i,
                              (double)control->positions[i]);
     for (size_t i = 0; control->uv && i < 2 * control->vertex_count; i++)
         if (!isfinite(control->uv[i]))
@@ -434,28 +385,22 @@ static status check_control(const struct shape_control *control, uint32_t levels
     return STATUS_OK;
 }
 
-status shape_loop(const struct shape_control *control, uint32_t levels, struct mesh_source *out,
-                  struct error *err)
+status shape_loop(const struct shape_control *control, uint32_t levels, struct mesh_source *out, struct error *err)
 {
     struct loop loop = {0}, finer = {0};
     struct ring ring = {0};
-    status result;
 
     memset(out, 0, sizeof *out);
-    result = check_control(control, levels, err);
-    if (result == STATUS_OK)
-        result = loop_init(&loop, control, err);
-    for (uint32_t level = 0; level < levels && result == STATUS_OK; level++) {
-        result = subdivide(&loop, &finer, &ring, err);
+    TRY(check_control(control, levels, err));
+    loop_init(&loop, control);
+    for (uint32_t level = 0; level < levels; level++) {
+        subdivide(&loop, &finer, &ring);
         loop_release(&loop);
         loop = finer;
         memset(&finer, 0, sizeof finer);
     }
-    if (result == STATUS_OK)
-        result = write_limit(&loop, &ring, out, err);
+    write_limit(&loop, &ring, out);
     mem_free(ring.vertices);
     loop_release(&loop);
-    if (result != STATUS_OK)
-        mesh_source_release(out);
-    return result;
+    return STATUS_OK;
 }

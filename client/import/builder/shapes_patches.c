@@ -11,8 +11,8 @@ static double mix(double a, double b, uint32_t k, uint32_t n)
 }
 
 /* Value `c` of a table of `width` at (i, j) / n of the patch. */
-static double patch_value(const float *table, size_t width, const uint32_t corners[4], size_t c,
-                          uint32_t i, uint32_t j, uint32_t n)
+static double patch_value(const float *table, size_t width, const uint32_t corners[4], size_t c, uint32_t i, uint32_t j,
+                          uint32_t n)
 {
     double v[4];
 
@@ -36,10 +36,9 @@ static int is_affine(const float *table, size_t width, const uint32_t corners[4]
     return off <= 1e-5 * size;
 }
 
-/* The normal of the surface itself; if it has none (a corner shared by two points), that of a point
- * slightly inside. */
-static void patch_normal(const struct shape_patches *patches, const uint32_t corners[4], double u,
-                         double v, double out[3])
+/* The normal of the surface itself; if it has none (a corner shared by two points), that of a point slightly inside. */
+static void patch_normal(const struct shape_patches *patches, const uint32_t corners[4], double u, double v,
+                         double out[3])
 {
     for (int attempt = 0; attempt < 2; attempt++) {
         double du[3], dv[3];
@@ -83,32 +82,29 @@ static void add_patch(const struct shape_patches *patches, const uint32_t corner
     shape_add_grid(out, base, n, n, POLE_NONE);
 }
 
-static status bilinear(const struct shape_patches *patches, struct mesh_source *out,
-                       struct error *err)
+static status bilinear(const struct shape_patches *patches, struct mesh_source *out, struct error *err)
 {
     uint64_t n = patches->divisions, count = patches->patch_count;
     int affine = 1;
 
     if (n < 1 || n > SHAPE_SEGMENTS_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%u divisions of a patch: 1 to %d are made",
-                         patches->divisions, SHAPE_SEGMENTS_MAX);
+        return error_set(err, STATUS_ERR_LIMIT, "%u divisions of a patch: 1 to %d are made", patches->divisions,
+                         SHAPE_SEGMENTS_MAX);
     TRY(shape_check_numbers(patches->positions, 3 * patches->vertex_count, "coordinate", err));
     if (patches->normals)
-        TRY(shape_check_numbers(patches->normals, 3 * patches->vertex_count, "normal component",
-                                err));
+        TRY(shape_check_numbers(patches->normals, 3 * patches->vertex_count, "normal component", err));
     if (patches->uv)
         TRY(shape_check_numbers(patches->uv, 2 * patches->vertex_count, "texture coordinate", err));
     for (size_t i = 0; i < 4 * patches->patch_count; i++)
         if (patches->corners[i] >= patches->vertex_count)
-            return error_set(err, STATUS_ERR_INPUT, "index %zu is %u, but there are %zu vertices",
-                             i, patches->corners[i], patches->vertex_count);
+            return error_set(err, STATUS_ERR_INPUT, "index %zu is %u, but there are %zu vertices", i,
+                             patches->corners[i], patches->vertex_count);
     for (size_t i = 0; affine && i < patches->patch_count; i++)
         affine = is_affine(patches->positions, 3, patches->corners + 4 * i) &&
                  (!patches->uv || is_affine(patches->uv, 2, patches->corners + 4 * i));
     n = affine ? 1 : n;
     if (count > SHAPE_TRIANGLES_MAX / (2 * n * n))
-        return error_set(err, STATUS_ERR_LIMIT,
-                         "%llu patches in %llu divisions: more than %d triangles",
+        return error_set(err, STATUS_ERR_LIMIT, "%llu patches in %llu divisions: more than %d triangles",
                          (unsigned long long)count, (unsigned long long)n, SHAPE_TRIANGLES_MAX);
     TRY(shape_reserve(out, count * (n + 1) * (n + 1), count * 2 * n * n, err));
     for (size_t i = 0; i < patches->patch_count; i++)
@@ -116,8 +112,7 @@ static status bilinear(const struct shape_patches *patches, struct mesh_source *
     return STATUS_OK;
 }
 
-status shape_bilinear(const struct shape_patches *patches, struct mesh_source *out,
-                      struct error *err)
+status shape_bilinear(const struct shape_patches *patches, struct mesh_source *out, struct error *err)
 {
     memset(out, 0, sizeof *out);
     return shape_finish(bilinear(patches, out, err), out);

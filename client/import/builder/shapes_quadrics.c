@@ -4,7 +4,6 @@
 
 #include "client/import/builder/shapes_parts.h"
 #include "common/math/elementary.h"
-#include "common/math/vec.h"
 
 /* The columns of a surface of revolution. */
 struct sweep {
@@ -13,17 +12,14 @@ struct sweep {
     uint32_t columns;
 };
 
-static status sweep_init(struct sweep *sweep, double radius, double phi_max_rad, uint32_t segments,
-                         struct error *err)
+static status sweep_init(struct sweep *sweep, double radius, double phi_max_rad, uint32_t segments, struct error *err)
 {
     if (!(radius > 0) || !shape_is_coordinate(radius))
         return error_set(err, STATUS_ERR_INPUT, "the radius is %g: it must be above 0", radius);
     if (!(phi_max_rad > 0))
-        return error_set(err, STATUS_ERR_INPUT, "phimax is %g radians: it must be above 0",
-                         phi_max_rad);
+        return error_set(err, STATUS_ERR_INPUT, "phimax is %g radians: it must be above 0", phi_max_rad);
     if (segments < 3 || segments > SHAPE_SEGMENTS_MAX)
-        return error_set(err, STATUS_ERR_LIMIT, "%u segments: 3 to %d are made", segments,
-                         SHAPE_SEGMENTS_MAX);
+        return error_set(err, STATUS_ERR_LIMIT, "%u segments: 3 to %d are made", segments, SHAPE_SEGMENTS_MAX);
     /* A full turn in degrees may be slightly smaller after rounding to float. */
     sweep->full = phi_max_rad >= 2 * PI_D * (1 - 1e-6);
     sweep->phi_max = sweep->full ? 2 * PI_D : phi_max_rad;
@@ -45,8 +41,8 @@ static void sweep_column(const struct sweep *sweep, uint32_t column, double *cos
 
 /* One row of vertices: a circle of radius r at height z, whose normal is (across outwards,
  * along z). A pole's vertices take the u of the middle of their triangle: `shift`. */
-static void sweep_row(const struct sweep *sweep, struct mesh_source *mesh, double r, double z,
-                      double across, double along, double v, double shift)
+static void sweep_row(const struct sweep *sweep, struct mesh_source *mesh, double r, double z, double across,
+                      double along, double v, double shift)
 {
     for (uint32_t i = 0; i <= sweep->columns; i++) {
         double cosine, sine, position[3], normal[3];
@@ -61,8 +57,8 @@ static void sweep_row(const struct sweep *sweep, struct mesh_source *mesh, doubl
     }
 }
 
-static status sphere(double radius, double z_min, double z_max, double phi_max_rad,
-                     uint32_t segments, struct mesh_source *out, struct error *err)
+static status sphere(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
+                     struct mesh_source *out, struct error *err)
 {
     struct sweep sweep;
     double low = fmax(-1, fmin(z_min, z_max) / radius), high = fmin(1, fmax(z_min, z_max) / radius);
@@ -72,16 +68,14 @@ static status sphere(double radius, double z_min, double z_max, double phi_max_r
 
     TRY(sweep_init(&sweep, radius, phi_max_rad, segments, err));
     if (!(low < high))
-        return error_set(err, STATUS_ERR_INPUT,
-                         "zmin %g and zmax %g leave nothing of a sphere of radius %g", z_min, z_max,
-                         radius);
+        return error_set(err, STATUS_ERR_INPUT, "zmin %g and zmax %g leave nothing of a sphere of radius %g", z_min,
+                         z_max, radius);
     poles = (low == -1 ? POLE_FIRST : 0) | (high == 1 ? POLE_LAST : 0);
     theta_low = low == -1 ? PI_D : (double)det_acos((float)low);
     theta_high = high == 1 ? 0 : (double)det_acos((float)high);
     rows = (uint32_t)ceil(segments * (theta_low - theta_high) / (2 * PI_D) - 1e-6);
     rows = rows > 2 ? rows : 2;
-    TRY(shape_reserve(out, (uint64_t)(sweep.columns + 1) * (rows + 1),
-                      (uint64_t)sweep.columns * rows * 2, err));
+    TRY(shape_reserve(out, (uint64_t)(sweep.columns + 1) * (rows + 1), (uint64_t)sweep.columns * rows * 2, err));
     for (uint32_t j = 0; j <= rows; j++) {
         double theta = theta_low + (theta_high - theta_low) * j / rows, shift = 0;
         float s, c;
@@ -90,8 +84,7 @@ static status sphere(double radius, double z_min, double z_max, double phi_max_r
             s = 0, c = -1, shift = 0.5;
         if (j == rows && (poles & POLE_LAST))
             s = 0, c = 1, shift = -0.5;
-        sweep_row(&sweep, out, radius * (double)s, radius * (double)c, (double)s, (double)c,
-                  (double)j / rows, shift);
+        sweep_row(&sweep, out, radius * (double)s, radius * (double)c, (double)s, (double)c, (double)j / rows, shift);
     }
     shape_add_grid(out, 0, sweep.columns, rows, poles);
     if (sweep.full && poles == (POLE_FIRST | POLE_LAST)) {
@@ -102,23 +95,22 @@ static status sphere(double radius, double z_min, double z_max, double phi_max_r
     return STATUS_OK;
 }
 
-status shape_sphere(double radius, double z_min, double z_max, double phi_max_rad,
-                    uint32_t segments, struct mesh_source *out, struct error *err)
+status shape_sphere(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
+                    struct mesh_source *out, struct error *err)
 {
     memset(out, 0, sizeof *out);
     return shape_finish(sphere(radius, z_min, z_max, phi_max_rad, segments, out, err), out);
 }
 
-static status cylinder(double radius, double z_min, double z_max, double phi_max_rad,
-                       uint32_t segments, struct mesh_source *out, struct error *err)
+static status cylinder(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
+                       struct mesh_source *out, struct error *err)
 {
     struct sweep sweep;
     double low = fmin(z_min, z_max), high = fmax(z_min, z_max);
 
     TRY(sweep_init(&sweep, radius, phi_max_rad, segments, err));
     if (!(low < high) || !shape_is_coordinate(low) || !shape_is_coordinate(high))
-        return error_set(err, STATUS_ERR_INPUT, "zmin %g and zmax %g make no cylinder", z_min,
-                         z_max);
+        return error_set(err, STATUS_ERR_INPUT, "zmin %g and zmax %g make no cylinder", z_min, z_max);
     TRY(shape_reserve(out, 2 * ((uint64_t)sweep.columns + 1), 2 * (uint64_t)sweep.columns, err));
     sweep_row(&sweep, out, radius, low, 1, 0, 0, 0);
     sweep_row(&sweep, out, radius, high, 1, 0, 1, 0);
@@ -126,22 +118,21 @@ static status cylinder(double radius, double z_min, double z_max, double phi_max
     return STATUS_OK;
 }
 
-status shape_cylinder(double radius, double z_min, double z_max, double phi_max_rad,
-                      uint32_t segments, struct mesh_source *out, struct error *err)
+status shape_cylinder(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
+                      struct mesh_source *out, struct error *err)
 {
     memset(out, 0, sizeof *out);
     return shape_finish(cylinder(radius, z_min, z_max, phi_max_rad, segments, out, err), out);
 }
 
-static status disk(double height, double radius, double inner_radius, double phi_max_rad,
-                   uint32_t segments, struct mesh_source *out, struct error *err)
+static status disk(double height, double radius, double inner_radius, double phi_max_rad, uint32_t segments,
+                   struct mesh_source *out, struct error *err)
 {
     struct sweep sweep;
 
     TRY(sweep_init(&sweep, radius, phi_max_rad, segments, err));
     if (!(inner_radius >= 0 && inner_radius < radius) || !shape_is_coordinate(height))
-        return error_set(err, STATUS_ERR_INPUT,
-                         "height %g, radius %g and inner radius %g make no disk", height, radius,
+        return error_set(err, STATUS_ERR_INPUT, "height %g, radius %g and inner radius %g make no disk", height, radius,
                          inner_radius);
     TRY(shape_reserve(out, 2 * ((uint64_t)sweep.columns + 1), 2 * (uint64_t)sweep.columns, err));
     sweep_row(&sweep, out, radius, height, 0, 1, 0, 0);
@@ -150,8 +141,8 @@ static status disk(double height, double radius, double inner_radius, double phi
     return STATUS_OK;
 }
 
-status shape_disk(double height, double radius, double inner_radius, double phi_max_rad,
-                  uint32_t segments, struct mesh_source *out, struct error *err)
+status shape_disk(double height, double radius, double inner_radius, double phi_max_rad, uint32_t segments,
+                  struct mesh_source *out, struct error *err)
 {
     memset(out, 0, sizeof *out);
     return shape_finish(disk(height, radius, inner_radius, phi_max_rad, segments, out, err), out);

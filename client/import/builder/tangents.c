@@ -20,6 +20,7 @@
 #include <string.h>
 
 #include "client/import/builder/mesh.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
@@ -32,29 +33,29 @@ struct key {
 
 struct group {
     double sum[3];
-    int hand;              /* 0: w = +1, 1: w = -1 */
-    struct vec3 tangent;   /* of the sum */
+    int hand;            /* 0: w = +1, 1: w = -1 */
+    struct vec3 tangent; /* of the sum */
 };
 
 /* One side of a triangle, for finding neighbours. */
 struct side {
-    uint32_t low, high;    /* its welded vertices */
-    uint32_t corner;       /* 3 * triangle + the corner that it starts from */
-    int forward;           /* from low to high */
+    uint32_t low, high; /* its welded vertices */
+    uint32_t corner;    /* 3 * triangle + the corner that it starts from */
+    int forward;        /* from low to high */
 };
 
 struct work {
     struct mesh_source *mesh;
-    struct key *keys;        /* a vertex */
-    uint32_t *weld;          /* a vertex: the first vertex like it */
-    struct vec3 *direction;  /* a triangle: where u grows, unit */
-    uint8_t *hand;           /* a triangle */
-    uint8_t *any;            /* a triangle: no area in the texture, or none at all */
-    int32_t *neighbor;       /* a corner: the triangle across the side that starts there */
-    int32_t *group_of;       /* a corner */
+    struct key *keys;       /* a vertex */
+    uint32_t *weld;         /* a vertex: the first vertex like it */
+    struct vec3 *direction; /* a triangle: where u grows, unit */
+    uint8_t *hand;          /* a triangle */
+    uint8_t *any;           /* a triangle: no area in the texture, or none at all */
+    int32_t *neighbor;      /* a corner: the triangle across the side that starts there */
+    int32_t *group_of;      /* a corner */
     struct group *groups;
     size_t group_count, group_capacity;
-    int32_t *group_at;       /* a welded vertex: its first group, for corners without */
+    int32_t *group_at; /* a welded vertex: its first group, for corners without */
 };
 
 static struct vec3 at(const float *array, size_t i)
@@ -63,15 +64,13 @@ static struct vec3 at(const float *array, size_t i)
 }
 
 /* Give each triangle its own vertices: flat shading has no normals to share. */
-static status unshare(struct mesh_source *mesh, struct error *err)
+static void unshare(struct mesh_source *mesh)
 {
     size_t corners = mesh->triangle_count * 3;
-    status result = mesh_source_gather(mesh, mesh->indices, corners, err);
 
-    if (result == STATUS_OK)
-        for (size_t i = 0; i < corners; i++)
-            mesh->indices[i] = (uint32_t)i;
-    return result;
+    mesh_source_gather(mesh, mesh->indices, corners);
+    for (size_t i = 0; i < corners; i++)
+        mesh->indices[i] = (uint32_t)i;
 }
 
 static void fill_keys(struct work *w, const struct mesh_tangents *wanted)
@@ -100,10 +99,7 @@ static void fill_keys(struct work *w, const struct mesh_tangents *wanted)
     }
 }
 
-static uint32_t vertex_of(const struct work *w, size_t corner)
-{
-    return w->weld[w->mesh->indices[corner]];
-}
+static uint32_t vertex_of(const struct work *w, size_t corner) { return w->weld[w->mesh->indices[corner]]; }
 
 /* ---- triangles ------------------------------------------------------------------------------ */
 
@@ -168,8 +164,7 @@ static void pair_sides(struct work *w, const struct side *sides, size_t count)
     for (size_t i = 0; i < count; i++) {
         int against = !sides[i].forward;
         size_t *first = &open[against];
-        while (*first < i && (sides[*first].forward != against ||
-                              w->neighbor[sides[*first].corner] != NO_TRIANGLE))
+        while (*first < i && (sides[*first].forward != against || w->neighbor[sides[*first].corner] != NO_TRIANGLE))
             ++*first;
         if (*first >= i)
             continue;
@@ -178,13 +173,11 @@ static void pair_sides(struct work *w, const struct side *sides, size_t count)
     }
 }
 
-static status find_neighbors(struct work *w, struct error *err)
+static void find_neighbors(struct work *w)
 {
     size_t corners = w->mesh->triangle_count * 3, count = 0;
-    struct side *sides = mem_alloc_array(corners, sizeof *sides);
+    struct side *sides = must(mem_alloc_array(corners, sizeof *sides));
 
-    if (!sides)
-        return error_no_memory(err, "tangents");
     for (size_t c = 0; c < corners; c++) {
         uint32_t from = vertex_of(w, c), to = vertex_of(w, c % 3 == 2 ? c - 2 : c + 1);
         w->neighbor[c] = NO_TRIANGLE;
@@ -195,14 +188,11 @@ static status find_neighbors(struct work *w, struct error *err)
     }
     qsort(sides, count, sizeof *sides, side_compare);
     for (size_t i = 0, end; i < count; i = end) {
-        for (end = i + 1; end < count && sides[end].low == sides[i].low &&
-                          sides[end].high == sides[i].high;
-             end++)
+        for (end = i + 1; end < count && sides[end].low == sides[i].low && sides[end].high == sides[i].high; end++)
             ;
         pair_sides(w, sides + i, end - i);
     }
     mem_free(sides);
-    return STATUS_OK;
 }
 
 /* ---- groups --------------------------------------------------------------------------------- */
@@ -243,7 +233,7 @@ static void walk(struct work *w, int32_t group, uint32_t vertex, size_t start, i
     }
 }
 
-static status make_groups(struct work *w, struct error *err)
+static void make_groups(struct work *w)
 {
     size_t corners = w->mesh->triangle_count * 3;
 
@@ -254,8 +244,7 @@ static status make_groups(struct work *w, struct error *err)
         int32_t group = (int32_t)w->group_count;
         if (w->group_of[c] != NO_GROUP || w->any[c / 3])
             continue;
-        if (!MEM_GROW(w->groups, w->group_capacity, w->group_count + 1))
-            return error_no_memory(err, "tangents");
+        MUST_GROW(w->groups, w->group_capacity, w->group_count + 1);
         w->groups[w->group_count++] = (struct group){.hand = w->hand[c / 3]};
         w->group_of[c] = group;
         if (w->group_at[vertex] == NO_GROUP)
@@ -263,14 +252,10 @@ static status make_groups(struct work *w, struct error *err)
         walk(w, group, vertex, c, 0);
         walk(w, group, vertex, c, 1);
     }
-    return STATUS_OK;
 }
 
 /* The part of v square to the unit vector n, unit. */
-static struct vec3 project(struct vec3 v, struct vec3 n)
-{
-    return vec3_normalize(vec3_mad(v, n, -vec3_dot(n, v)));
-}
+static struct vec3 project(struct vec3 v, struct vec3 n) { return vec3_normalize(vec3_mad(v, n, -vec3_dot(n, v))); }
 
 /* The contribution of a corner to its group. */
 static void accumulate(struct work *w, size_t corner)
@@ -282,8 +267,7 @@ static void accumulate(struct work *w, size_t corner)
     struct vec3 next = at(mesh->positions, mesh->indices[3 * t + (i + 1) % 3]);
     struct vec3 previous = at(mesh->positions, mesh->indices[3 * t + (i + 2) % 3]);
     struct vec3 tangent = project(w->direction[t], n);
-    double angle = (double)det_acos(
-        vec3_dot(project(vec3_sub(next, p), n), project(vec3_sub(previous, p), n)));
+    double angle = (double)det_acos(vec3_dot(project(vec3_sub(next, p), n), project(vec3_sub(previous, p), n)));
     double *sum = w->groups[w->group_of[corner]].sum;
 
     sum[0] += (double)tangent.x * angle;
@@ -298,8 +282,7 @@ static void finish_groups(struct work *w)
             accumulate(w, c);
     for (size_t g = 0; g < w->group_count; g++) {
         const double *sum = w->groups[g].sum;
-        w->groups[g].tangent =
-            vec3_normalize(vec3_make((float)sum[0], (float)sum[1], (float)sum[2]));
+        w->groups[g].tangent = vec3_normalize(vec3_make((float)sum[0], (float)sum[1], (float)sum[2]));
     }
 }
 
@@ -337,27 +320,20 @@ static struct corner_key corner_key(const struct work *w, size_t corner)
 
 /* Split the vertices whose corners differ in their tangents. The new vertices keep the order of the
  * old ones, and within one old vertex the order of its corners. */
-static status split_vertices(struct work *w, struct error *err)
+static void split_vertices(struct work *w)
 {
     struct mesh_source *mesh = w->mesh;
     size_t corners = mesh->triangle_count * 3, count = 0;
-    struct corner_key *keys = mem_alloc_array(corners, sizeof *keys);
-    uint32_t *same = mem_alloc_array(corners, sizeof *same);
-    uint32_t *start = mem_calloc(mesh->vertex_count + 1, sizeof *start);
-    uint32_t *number = mem_alloc_array(corners, sizeof *number);
-    uint32_t *from = NULL;
-    float *tangents = NULL;
-    status result = STATUS_OK;
+    struct corner_key *keys = must(mem_alloc_array(corners, sizeof *keys));
+    uint32_t *same = must(mem_alloc_array(corners, sizeof *same));
+    uint32_t *start = must(mem_calloc(mesh->vertex_count + 1, sizeof *start));
+    uint32_t *number = must(mem_alloc_array(corners, sizeof *number));
+    uint32_t *from;
+    float *tangents;
 
-    if (!keys || !same || !start || !number) {
-        result = error_no_memory(err, "tangents");
-        goto done;
-    }
     for (size_t c = 0; c < corners; c++)
         keys[c] = corner_key(w, c);
-    result = vertices_weld(keys, sizeof *keys, corners, same, err);
-    if (result != STATUS_OK)
-        goto done;
+    vertices_weld(keys, sizeof *keys, corners, same);
     for (size_t c = 0; c < corners; c++)
         if (same[c] == c) {
             start[keys[c].vertex + 1]++;
@@ -365,12 +341,8 @@ static status split_vertices(struct work *w, struct error *err)
         }
     for (size_t v = 0; v < mesh->vertex_count; v++)
         start[v + 1] += start[v];
-    from = mem_alloc_array(count, sizeof *from);
-    tangents = mem_alloc_array(count, 4 * sizeof *tangents);
-    if (!from || !tangents) {
-        result = error_no_memory(err, "tangents");
-        goto done;
-    }
+    from = must(mem_alloc_array(count, sizeof *from));
+    tangents = must(mem_alloc_array(count, 4 * sizeof *tangents));
     for (size_t c = 0; c < corners; c++) {
         if (same[c] == c) {
             number[c] = start[keys[c].vertex]++;
@@ -379,19 +351,13 @@ static status split_vertices(struct work *w, struct error *err)
         }
         mesh->indices[c] = number[same[c]];
     }
-    result = mesh_source_gather(mesh, from, count, err);
-    if (result == STATUS_OK) {
-        mesh->tangents = tangents;
-        tangents = NULL;
-    }
-done:
-    mem_free(tangents);
+    mesh_source_gather(mesh, from, count);
+    mesh->tangents = tangents;
     mem_free(from);
     mem_free(number);
     mem_free(start);
     mem_free(same);
     mem_free(keys);
-    return result;
 }
 
 static void work_release(struct work *w)
@@ -407,52 +373,38 @@ static void work_release(struct work *w)
     mem_free(w->group_at);
 }
 
-static status work_init(struct work *w, struct error *err)
+static void work_init(struct work *w)
 {
     size_t vertices = w->mesh->vertex_count, triangles = w->mesh->triangle_count;
 
-    w->keys = mem_calloc(vertices, sizeof *w->keys);
-    w->weld = mem_alloc_array(vertices, sizeof *w->weld);
-    w->group_at = mem_alloc_array(vertices, sizeof *w->group_at);
-    w->direction = mem_calloc(triangles, sizeof *w->direction);
-    w->hand = mem_calloc(triangles, sizeof *w->hand);
-    w->any = mem_calloc(triangles, sizeof *w->any);
-    w->neighbor = mem_alloc_array(triangles, 3 * sizeof *w->neighbor);
-    w->group_of = mem_alloc_array(triangles, 3 * sizeof *w->group_of);
-    if (!w->keys || !w->weld || !w->group_at || !w->direction || !w->hand || !w->any ||
-        !w->neighbor || !w->group_of)
-        return error_no_memory(err, "tangents");
+    w->keys = must(mem_calloc(vertices, sizeof *w->keys));
+    w->weld = must(mem_alloc_array(vertices, sizeof *w->weld));
+    w->group_at = must(mem_alloc_array(vertices, sizeof *w->group_at));
+    w->direction = must(mem_calloc(triangles, sizeof *w->direction));
+    w->hand = must(mem_calloc(triangles, sizeof *w->hand));
+    w->any = must(mem_calloc(triangles, sizeof *w->any));
+    w->neighbor = must(mem_alloc_array(triangles, 3 * sizeof *w->neighbor));
+    w->group_of = must(mem_alloc_array(triangles, 3 * sizeof *w->group_of));
     for (size_t v = 0; v < vertices; v++)
         w->group_at[v] = NO_GROUP;
-    return STATUS_OK;
 }
 
-status tangents_generate(struct mesh_source *mesh, const struct mesh_tangents *wanted,
-                         struct error *err)
+void tangents_generate(struct mesh_source *mesh, const struct mesh_tangents *wanted)
 {
     struct work w = {.mesh = mesh};
-    status result = STATUS_OK;
 
     mem_free(mesh->tangents);
     mesh->tangents = NULL;
     if (!mesh->normals)
-        result = unshare(mesh, err);
-    if (result == STATUS_OK)
-        result = work_init(&w, err);
-    if (result == STATUS_OK) {
-        fill_keys(&w, wanted);
-        result = vertices_weld(w.keys, sizeof *w.keys, mesh->vertex_count, w.weld, err);
-    }
-    for (size_t t = 0; result == STATUS_OK && t < mesh->triangle_count; t++)
+        unshare(mesh);
+    work_init(&w);
+    fill_keys(&w, wanted);
+    vertices_weld(w.keys, sizeof *w.keys, mesh->vertex_count, w.weld);
+    for (size_t t = 0; t < mesh->triangle_count; t++)
         read_triangle(&w, t);
-    if (result == STATUS_OK)
-        result = find_neighbors(&w, err);
-    if (result == STATUS_OK)
-        result = make_groups(&w, err);
-    if (result == STATUS_OK) {
-        finish_groups(&w);
-        result = split_vertices(&w, err);
-    }
+    find_neighbors(&w);
+    make_groups(&w);
+    finish_groups(&w);
+    split_vertices(&w);
     work_release(&w);
-    return result;
 }

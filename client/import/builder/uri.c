@@ -7,15 +7,13 @@
 #include <strings.h>
 
 #include "client/import/builder/input_files.h"
-#include "common/base/file.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 
 enum { MESSAGE_URI_CHARS = 80 }; /* how much of a URI a message repeats */
 
-int uri_is_data(const char *uri)
-{
-    return strncasecmp(uri, "data:", 5) == 0;
-}
+int uri_is_data(const char *uri) { return strncasecmp(uri, "data:", 5) == 0; }
 
 /* Decode %XX; a '%' without two digits after it stays as it is. */
 static void percent_decode(const char *text, size_t size, struct buffer *out)
@@ -53,14 +51,11 @@ static status base64_decode(const char *text, size_t size, struct buffer *out, s
         size--;
     if (size % 4 == 1)
         return error_set(err, STATUS_ERR_INPUT, "the base64 data is cut short");
-    to = buffer_append_space(out, size / 4 * 3 + (size % 4 ? size % 4 - 1 : 0));
-    if (!to)
-        return error_no_memory(err, "a data URI");
+    to = must(buffer_append_space(out, size / 4 * 3 + (size % 4 ? size % 4 - 1 : 0)));
     for (size_t i = 0; i < size; i++) {
         int digit = base64_digit(text[i]);
         if (digit < 0)
-            return error_set(err, STATUS_ERR_INPUT,
-                             "the base64 data has an invalid character at position %zu", i);
+            return error_set(err, STATUS_ERR_INPUT, "the base64 data has an invalid character at position %zu", i);
         bits = bits << 6 | (uint32_t)digit;
         held += 6;
         if (held >= 8) {
@@ -80,12 +75,12 @@ status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out, 
         return error_set(err, STATUS_ERR_INPUT, "the data URI has no comma before its data");
     size = strlen(comma + 1);
     if (size > limit_bytes)
-        return error_set(err, STATUS_ERR_LIMIT, "the data URI has %zu bytes: at most %zu are taken",
-                         size, limit_bytes);
+        return error_set(err, STATUS_ERR_LIMIT, "the data URI has %zu bytes: at most %zu are taken", size, limit_bytes);
     if (comma - uri >= 7 + 5 && strncasecmp(comma - 7, ";base64", 7) == 0)
         return base64_decode(comma + 1, size, out, err);
     percent_decode(comma + 1, size, out);
-    return buffer_ok(out) ? STATUS_OK : error_no_memory(err, "a data URI");
+    must_hold(out);
+    return STATUS_OK;
 }
 
 /* Does it have a scheme ("http:", "C:")? */
@@ -103,19 +98,17 @@ static int has_scheme(const char *uri)
 static status check_name(const char *uri, const char *path, size_t size, struct error *err)
 {
     if (size == 0 || strlen(path) != size)
-        return error_set(err, STATUS_ERR_INPUT, "the URI \"%.*s\" does not name a file",
-                         MESSAGE_URI_CHARS, uri);
+        return error_set(err, STATUS_ERR_INPUT, "the URI \"%.*s\" does not name a file", MESSAGE_URI_CHARS, uri);
     return STATUS_OK;
 }
 
 /* An absolute path is not changed: the reader checks where it leads. */
 static char *path_below(const char *folder, const char *path)
 {
-    return *path == '/' ? mem_strdup(path) : file_join(folder, path);
+    return *path == '/' ? must(mem_strdup(path)) : must(file_join(folder, path));
 }
 
-status uri_to_path(const char *uri, const char *folder, const struct input_files *files, char **path,
-                   struct error *err)
+status uri_to_path(const char *uri, const char *folder, const struct input_files *files, char **path, struct error *err)
 {
     struct buffer decoded = BUFFER_INIT;
     char *other;
@@ -128,18 +121,11 @@ status uri_to_path(const char *uri, const char *folder, const struct input_files
                          "are read",
                          MESSAGE_URI_CHARS, uri);
     percent_decode(uri, strlen(uri), &decoded);
-    if (!buffer_ok(&decoded)) {
-        result = error_no_memory(err, "a URI");
-        goto done;
-    }
+    must_hold(&decoded);
     result = check_name(uri, buffer_text(&decoded), decoded.size, err);
     if (result != STATUS_OK)
         goto done;
     *path = path_below(folder, buffer_text(&decoded));
-    if (!*path) {
-        result = error_no_memory(err, "a path");
-        goto done;
-    }
     if (input_files_exist(files, *path))
         goto done;
     /* Names that were never encoded, and names written with the other slash. */
@@ -152,11 +138,11 @@ status uri_to_path(const char *uri, const char *folder, const struct input_files
                 if (decoded.data[i] == '\\')
                     decoded.data[i] = '/';
         }
-        if (!buffer_ok(&decoded) ||
-            check_name(uri, buffer_text(&decoded), decoded.size, NULL) != STATUS_OK)
+        must_hold(&decoded);
+        if (check_name(uri, buffer_text(&decoded), decoded.size, NULL) != STATUS_OK)
             break;
         other = path_below(folder, buffer_text(&decoded));
-        if (other && input_files_exist(files, other)) {
+        if (input_files_exist(files, other)) {
             mem_free(*path);
             *path = other;
             break;

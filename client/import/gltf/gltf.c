@@ -3,8 +3,9 @@
 #include <string.h>
 #include <strings.h>
 
+#include "client/terminal/must.h"
 #include "common/base/bytes.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 
 enum {
@@ -22,8 +23,7 @@ enum support {
     SUPPORT_FULL,       /* done */
     SUPPORT_WITHOUT,    /* a warning names what is missing, where it is used */
     SUPPORT_NOTHING,    /* says nothing about the picture */
-    SUPPORT_FALLBACK,   /* only if the file offers another form as well */
-    SUPPORT_COMPRESSED, /* the same, and can be decompressed beforehand */
+    SUPPORT_FALLBACK, /* only if the file offers another form as well */
 };
 
 static const struct {
@@ -48,9 +48,9 @@ static const struct {
     {"EXT_lights_image_based", SUPPORT_WITHOUT},
     {"KHR_texture_basisu", SUPPORT_FALLBACK},
     {"EXT_texture_webp", SUPPORT_FULL},
-    {"KHR_draco_mesh_compression", SUPPORT_COMPRESSED},
-    {"EXT_meshopt_compression", SUPPORT_COMPRESSED},
-    {"KHR_meshopt_compression", SUPPORT_COMPRESSED},
+    {"KHR_draco_mesh_compression", SUPPORT_FULL},
+    {"EXT_meshopt_compression", SUPPORT_FULL},
+    {"KHR_meshopt_compression", SUPPORT_FULL},
     {"KHR_xmp", SUPPORT_NOTHING},
     {"KHR_xmp_json_ld", SUPPORT_NOTHING},
     {"KHR_node_selectability", SUPPORT_NOTHING},
@@ -72,11 +72,6 @@ static status refuse_extension(struct gltf *g, const char *name, int known)
     char clean[GLTF_KEY_MAX];
 
     snprintf(clean, sizeof clean, "%s", name);
-    if (known >= 0 && extensions[known].support == SUPPORT_COMPRESSED)
-        return error_set(g->err, STATUS_ERR_UNSUPPORTED,
-                         "the file requires %s, which is not supported: decompress it first, for "
-                         "example with \"gltf-transform copy in.glb out.glb\"",
-                         clean);
     if (known >= 0)
         return error_set(g->err, STATUS_ERR_UNSUPPORTED,
                          "the file requires %s, which is not supported: convert its textures to "
@@ -100,12 +95,10 @@ static status check_extensions(struct gltf *g)
         const char *name = json_string_value(json_array_get(required, i));
         int known = name ? extension_find(name) : -1;
         if (!name)
-            return error_set(g->err, STATUS_ERR_INPUT, "extensionsRequired[%zu] must be a string",
-                             i);
+            return error_set(g->err, STATUS_ERR_INPUT, "extensionsRequired[%zu] must be a string", i);
         if (gltf_reads_material_extension(name))
             continue;
-        if (known < 0 || extensions[known].support == SUPPORT_FALLBACK ||
-            extensions[known].support == SUPPORT_COMPRESSED)
+        if (known < 0 || extensions[known].support == SUPPORT_FALLBACK)
             return refuse_extension(g, name, known);
     }
     for (size_t i = 0; i < json_array_size(used); i++) {
@@ -150,12 +143,9 @@ static status read_variants(struct gltf *g, const char *wanted)
     if (count > SCENE_MATERIALS_MAX)
         return error_set(g->err, STATUS_ERR_LIMIT, "the file has %zu material variants: at most %d "
                          "are taken", count, SCENE_MATERIALS_MAX);
-    out->variants = ARENA_ARRAY(&out->scene.arena, const char *, count);
-    if (!out->variants)
-        return error_no_memory(g->err, "the variants' names");
+    out->variants = must(ARENA_ARRAY(&out->scene.arena, const char *, count));
     for (size_t i = 0; i < count; i++)
-        out->variants[i] = builder_name(
-            g->b, json_string_value(json_object_get(json_array_get(list, i), "name")));
+        out->variants[i] = builder_name(g->b, json_string_value(json_object_get(json_array_get(list, i), "name")));
     out->variant_count = count;
     if (!wanted)
         return STATUS_OK;
@@ -178,16 +168,13 @@ static status check_asset(struct gltf *g)
     json_t *asset = json_object_get(g->root, "asset");
 
     if (!json_is_object(g->root) || !json_is_object(asset))
-        return error_set(g->err, STATUS_ERR_INPUT,
-                         "is not glTF 2.0: it has no \"asset\" with a version");
+        return error_set(g->err, STATUS_ERR_INPUT, "is not glTF 2.0: it has no \"asset\" with a version");
     TRY(gltf_text(g, asset, &at, "version", &version));
     TRY(gltf_text(g, asset, &at, "minVersion", &least));
     if (strncmp(version, "2.", 2) != 0)
-        return error_set(g->err, STATUS_ERR_UNSUPPORTED,
-                         "has glTF version \"%.16s\": version 2.0 is read", version);
+        return error_set(g->err, STATUS_ERR_UNSUPPORTED, "has glTF version \"%.16s\": version 2.0 is read", version);
     if (*least && strcmp(least, "2.0") != 0)
-        return error_set(g->err, STATUS_ERR_UNSUPPORTED,
-                         "requires glTF version \"%.16s\": version 2.0 is read", least);
+        return error_set(g->err, STATUS_ERR_UNSUPPORTED, "requires glTF version \"%.16s\": version 2.0 is read", least);
     return STATUS_OK;
 }
 
@@ -211,15 +198,14 @@ static status open_tables(struct gltf *g)
     TRY(gltf_array(g, g->root, &at, "skins", &g->skins));
     if (punctual)
         TRY(gltf_array(g, punctual, &at, "lights", &g->lights));
-    g->buffer_data = mem_calloc(json_array_size(g->buffers), sizeof *g->buffer_data);
-    g->mesh_data = mem_calloc(json_array_size(g->meshes), sizeof *g->mesh_data);
-    g->image_rows = mem_alloc_array(json_array_size(g->images), sizeof *g->image_rows);
-    g->texture_rows = mem_alloc_array(json_array_size(g->textures), sizeof *g->texture_rows);
-    g->skin_rows = mem_alloc_array(json_array_size(g->skins), sizeof *g->skin_rows);
-    g->material_rows = mem_alloc_array(json_array_size(g->materials) + 1, sizeof *g->material_rows);
-    if (!g->buffer_data || !g->mesh_data || !g->image_rows || !g->texture_rows ||
-        !g->skin_rows || !g->material_rows)
-        return error_no_memory(g->err, "the file's tables");
+    g->buffer_data = must(mem_calloc(json_array_size(g->buffers), sizeof *g->buffer_data));
+    g->view_data = must(mem_calloc(json_array_size(g->views), sizeof *g->view_data));
+    g->accessor_data = must(mem_calloc(json_array_size(g->accessors), sizeof *g->accessor_data));
+    g->mesh_data = must(mem_calloc(json_array_size(g->meshes), sizeof *g->mesh_data));
+    g->image_rows = must(mem_alloc_array(json_array_size(g->images), sizeof *g->image_rows));
+    g->texture_rows = must(mem_alloc_array(json_array_size(g->textures), sizeof *g->texture_rows));
+    g->skin_rows = must(mem_alloc_array(json_array_size(g->skins), sizeof *g->skin_rows));
+    g->material_rows = must(mem_alloc_array(json_array_size(g->materials) + 1, sizeof *g->material_rows));
     for (size_t i = 0; i < json_array_size(g->images); i++)
         g->image_rows[i] = GLTF_ROW_UNREAD;
     for (size_t i = 0; i < json_array_size(g->textures); i++)
@@ -228,13 +214,18 @@ static status open_tables(struct gltf *g)
         g->skin_rows[i] = GLTF_ROW_UNREAD;
     for (size_t i = 0; i <= json_array_size(g->materials); i++)
         g->material_rows[i] = GLTF_ROW_UNREAD;
-    return gltf_open_nodes(g);
+    gltf_open_nodes(g);
+    return STATUS_OK;
 }
 
 static void close_tables(struct gltf *g)
 {
     for (size_t i = 0; g->buffer_data && i < json_array_size(g->buffers); i++)
         buffer_release(&g->buffer_data[i].owned);
+    for (size_t i = 0; g->view_data && i < json_array_size(g->views); i++)
+        buffer_release(&g->view_data[i]);
+    for (size_t i = 0; g->accessor_data && i < json_array_size(g->accessors); i++)
+        mem_free(g->accessor_data[i]);
     for (size_t i = 0; g->mesh_data && i < json_array_size(g->meshes); i++)
         gltf_mesh_free(g->mesh_data[i]);
     for (size_t i = 0; i < g->channel_count; i++) {
@@ -245,6 +236,8 @@ static void close_tables(struct gltf *g)
     mem_free(g->node_data);
     mem_free(g->skin_rows);
     mem_free(g->buffer_data);
+    mem_free(g->view_data);
+    mem_free(g->accessor_data);
     mem_free(g->mesh_data);
     mem_free(g->image_rows);
     mem_free(g->texture_rows);
@@ -253,27 +246,24 @@ static void close_tables(struct gltf *g)
 }
 
 /* Find the JSON and the binary chunk of a GLB. */
-static status open_glb(struct gltf *g, const uint8_t *data, size_t size, const uint8_t **json,
-                       size_t *json_bytes)
+static status open_glb(struct gltf *g, const uint8_t *data, size_t size, const uint8_t **json, size_t *json_bytes)
 {
     size_t at = GLB_HEADER_BYTES, total;
 
     if (size < GLB_HEADER_BYTES + GLB_CHUNK_HEADER_BYTES)
         return error_set(g->err, STATUS_ERR_INPUT, "the GLB file is cut short");
     if (bytes_get32(data + 4) != 2)
-        return error_set(g->err, STATUS_ERR_UNSUPPORTED,
-                         "is a GLB file of version %u: version 2 is read", bytes_get32(data + 4));
+        return error_set(g->err, STATUS_ERR_UNSUPPORTED, "is a GLB file of version %u: version 2 is read",
+                         bytes_get32(data + 4));
     total = bytes_get32(data + 8);
     if (total > size)
-        return error_set(g->err, STATUS_ERR_INPUT,
-                         "the GLB file is cut short: it has %zu of %zu bytes", size, total);
+        return error_set(g->err, STATUS_ERR_INPUT, "the GLB file is cut short: it has %zu of %zu bytes", size, total);
     for (int chunk = 0; total - at >= GLB_CHUNK_HEADER_BYTES && at <= total; chunk++) {
         size_t length = bytes_get32(data + at);
         uint32_t type = bytes_get32(data + at + 4);
         at += GLB_CHUNK_HEADER_BYTES;
         if (length > total - at)
-            return error_set(g->err, STATUS_ERR_INPUT,
-                             "chunk %d of the GLB file is cut short: it has %zu of %zu bytes",
+            return error_set(g->err, STATUS_ERR_INPUT, "chunk %d of the GLB file is cut short: it has %zu of %zu bytes",
                              chunk, total - at, length);
         if (chunk == 0 && type != GLB_CHUNK_JSON)
             return error_set(g->err, STATUS_ERR_INPUT, "the GLB file does not start with JSON");
@@ -300,23 +290,20 @@ static status parse_json(struct gltf *g, const uint8_t *json, size_t size)
         size -= 3;
     }
     if (size > JSON_BYTES_MAX)
-        return error_set(g->err, STATUS_ERR_LIMIT, "the JSON has %zu bytes: at most %d are taken",
-                         size, JSON_BYTES_MAX);
+        return error_set(g->err, STATUS_ERR_LIMIT, "the JSON has %zu bytes: at most %d are taken", size,
+                         JSON_BYTES_MAX);
     /* jansson limits the nesting depth itself. */
     g->root = json_loadb((const char *)json, size, 0, &error);
     if (g->root)
         return STATUS_OK;
     /* When memory runs out, jansson does not always set the code, but then its text is empty. */
     if (json_error_code(&error) == json_error_out_of_memory || !*error.text)
-        return error_no_memory(g->err, "the JSON");
-    return error_set(g->err, STATUS_ERR_INPUT, "line %d, column %d: is not JSON: %s", error.line,
-                     error.column, error.text);
+        must_(0);
+    return error_set(g->err, STATUS_ERR_INPUT, "line %d, column %d: is not JSON: %s", error.line, error.column,
+                     error.text);
 }
 
-static int is_glb(const uint8_t *data, size_t size)
-{
-    return size >= 4 && bytes_get32(data) == GLB_MAGIC;
-}
+static int is_glb(const uint8_t *data, size_t size) { return size >= 4 && bytes_get32(data) == GLB_MAGIC; }
 
 static int gltf_recognise(const void *data, size_t size_bytes, const char *name)
 {
@@ -331,9 +318,8 @@ static int gltf_recognise(const void *data, size_t size_bytes, const char *name)
     return at < size_bytes && bytes[at] == '{';
 }
 
-static status gltf_import(const void *data, size_t size_bytes, const char *name,
-                          const char *folder, const struct import_options *options,
-                          struct builder *b)
+static status gltf_import(const void *data, size_t size_bytes, const char *name, const char *folder,
+                          const struct import_options *options, struct builder *b)
 {
     struct gltf g = {.b = b, .err = b->err, .name = name, .folder = folder};
     const uint8_t *json = data;
@@ -348,26 +334,17 @@ static status gltf_import(const void *data, size_t size_bytes, const char *name,
         result = error_set(b->err, STATUS_ERR_INPUT, "is not a GLB file: it does not start with "
                                                      "\"glTF\"");
     }
-    if (result == STATUS_OK)
-        result = parse_json(&g, json, json_bytes);
-    if (result == STATUS_OK)
-        result = check_asset(&g);
-    if (result == STATUS_OK)
-        result = check_extensions(&g);
-    if (result == STATUS_OK)
-        result = open_tables(&g);
+    THEN(result, parse_json(&g, json, json_bytes));
+    THEN(result, check_asset(&g));
+    THEN(result, check_extensions(&g));
+    THEN(result, open_tables(&g));
     if (result == STATUS_OK)
         gltf_light_units(&g, options->light_units);
-    if (result == STATUS_OK)
-        result = read_variants(&g, options->variant);
-    if (result == STATUS_OK)
-        result = gltf_animations(&g, options->animation);
-    if (result == STATUS_OK)
-        result = gltf_walk(&g, options->scene_index, &title);
-    if (result == STATUS_OK)
-        result = gltf_add_channels(&g);
-    if (result == STATUS_OK)
-        result = builder_finish(b, *title ? title : file_basename(name), options);
+    THEN(result, read_variants(&g, options->variant));
+    THEN(result, gltf_animations(&g, options->animation));
+    THEN(result, gltf_walk(&g, options->scene_index, &title));
+    THEN(result, gltf_add_channels(&g));
+    THEN(result, builder_finish(b, *title ? title : file_basename(name), options));
     close_tables(&g);
     return result;
 }

@@ -3,8 +3,7 @@
  * One struct gltf lives for one import. Rows of the file's tables are read when something reachable
  * needs them, and only once: the *_row arrays hold the builder's rows.
  */
-#ifndef AZULEJO_IMPORT_GLTF_H
-#define AZULEJO_IMPORT_GLTF_H
+#pragma once
 
 #include <stdint.h>
 
@@ -12,7 +11,6 @@
 
 #include "client/import/builder/builder.h"
 #include "client/import/builder/mesh.h"
-#include "client/import/builder/try.h"
 
 enum {
     GLTF_DEPTH_MAX = 4096,             /* of the node hierarchy */
@@ -26,7 +24,7 @@ enum {
 /* Return the failed status. */
 /* "materials[3].pbrMetallicRoughness": the place of a value, for messages. */
 struct gltf_place {
-    const char *table;       /* "": the file itself */
+    const char *table; /* "": the file itself */
     size_t row;
     char part[GLTF_KEY_MAX]; /* "" or ".pbrMetallicRoughness" */
 };
@@ -40,16 +38,16 @@ struct gltf_buffer {
 
 /* The result of one primitive. */
 struct gltf_primitive {
-    int64_t mesh;           /* builder's row, BUILDER_NO_ROW: nothing to render */
+    int64_t mesh; /* builder's row, BUILDER_NO_ROW: nothing to render */
     int64_t material;
-    uint32_t joint_max;     /* the highest joint that moves a vertex; 0 without a skin */
+    uint32_t joint_max; /* the highest joint that moves a vertex; 0 without a skin */
 };
 
 /* How a node uses its mesh. */
 struct gltf_use {
-    int skinned;            /* its vertices follow a skin */
-    int morphing;           /* its morph targets are kept, because the weights change */
-    const float *weights;   /* [weight_count]: its static shape, unless morphing */
+    int skinned;          /* its vertices follow a skin */
+    int morphing;         /* its morph targets are kept, because the weights change */
+    const float *weights; /* [weight_count]: its static shape, unless morphing */
     size_t weight_count;
 };
 
@@ -59,7 +57,7 @@ struct gltf_mesh {
     struct gltf_primitive *primitives;
     size_t count;
     int skinned, morphing;
-    float *weights;         /* [weight_count] */
+    float *weights; /* [weight_count] */
     size_t weight_count;
 };
 
@@ -70,41 +68,44 @@ struct gltf_channel {
 };
 
 struct gltf_node {
-    int64_t parent;                 /* -1: none */
-    int64_t row;                    /* the builder's, GLTF_ROW_UNREAD */
-    uint32_t animated;              /* bit 1 << enum scene_channel_path: it changes */
-    int32_t channels[PATH_COUNT];   /* rows of gltf.channels, -1 */
+    int64_t parent;               /* -1: none */
+    int64_t row;                  /* the builder's, GLTF_ROW_UNREAD */
+    uint32_t animated;            /* bit 1 << enum scene_channel_path: it changes */
+    int32_t channels[PATH_COUNT]; /* rows of gltf.channels, -1 */
 };
 
 /* A node's place in its parent. */
 struct gltf_local {
     int has_matrix;
-    struct transform_d matrix;      /* of all three, or the file's matrix */
+    struct transform_d matrix; /* of all three, or the file's matrix */
     double translation[3], rotation[4], scale[3];
 };
 
 struct gltf {
     struct builder *b;
     struct error *err;
-    const char *name;       /* of the file, for messages */
-    const char *folder;     /* of the file; NULL: no other files */
+    const char *name;   /* of the file, for messages */
+    const char *folder; /* of the file; NULL: no other files */
     json_t *root;
-    const uint8_t *bin;     /* the GLB's binary chunk, not owned */
+    const uint8_t *bin; /* the GLB's binary chunk, not owned */
     size_t bin_bytes;
 
     /* the file's tables; NULL when absent */
-    json_t *accessors, *buffers, *views, *images, *samplers, *textures, *materials, *meshes,
-        *nodes, *scenes, *cameras, *lights, *animations, *skins;
+    json_t *accessors, *buffers, *views, *images, *samplers, *textures, *materials, *meshes, *nodes, *scenes, *cameras,
+        *lights, *animations, *skins;
     struct gltf_buffer *buffer_data;
-    struct gltf_mesh **mesh_data;   /* a mesh: the uses that were read, NULL: none yet */
+    size_t decompressed_bytes;    /* of all views */
+    struct buffer *view_data;     /* of views: what their compressed form holds, once it was read */
+    uint8_t **accessor_data;      /* of accessors: elements that come of a Draco stream, NULL: those of their view */
+    struct gltf_mesh **mesh_data; /* a mesh: the uses that were read, NULL: none yet */
     struct gltf_node *node_data;
     struct gltf_channel *channels;
     size_t channel_count, channel_capacity, key_floats;
     int64_t *skin_rows;
     int64_t *image_rows, *texture_rows;
-    int variant;            /* -1: none chosen */
+    int variant;                               /* -1: none chosen */
     double light_scale[LIGHT_DIRECTIONAL + 1]; /* of intensities, by kind */
-    int64_t *material_rows; /* one more than the file has: the last is the default material */
+    int64_t *material_rows;                    /* one more than the file has: the last is the default material */
 };
 
 /* ---- gltf_lights.c ------------------------------------------------------------------------ */
@@ -114,8 +115,8 @@ struct gltf {
 void gltf_light_units(struct gltf *g, const char *units);
 
 /* The scene's light for row `index` of the file's, placed by `to_world`. */
-status gltf_light(struct gltf *g, size_t index, const char *node_name,
-                  const struct transform_d *to_world, struct scene_light *out) MUST_CHECK;
+status gltf_light(struct gltf *g, size_t index, const char *node_name, const struct transform_d *to_world,
+                  struct scene_light *out) MUST_CHECK;
 
 /* ---- gltf_json.c: typed reading, with errors that name the place -------------------------- */
 
@@ -124,30 +125,23 @@ struct gltf_place gltf_at(const char *table, size_t row, const char *part);
 struct gltf_place gltf_within(const struct gltf_place *place, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-status gltf_fail(struct gltf *g, status code, const struct gltf_place *place, const char *format,
-                 ...) __attribute__((format(printf, 4, 5)));
+status gltf_fail(struct gltf *g, status code, const struct gltf_place *place, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
 
 /* Each leaves *out untouched when the key is absent, and fails on a value of another kind. */
-status gltf_object(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                   json_t **out) MUST_CHECK;
-status gltf_array(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                  json_t **out) MUST_CHECK;
-status gltf_text(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                 const char **out) MUST_CHECK;
-status gltf_flag(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                 int *out) MUST_CHECK;
-status gltf_number(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                   double *out) MUST_CHECK;
-status gltf_numbers(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                    size_t count, double *out) MUST_CHECK;
-status gltf_size(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                 uint64_t *out) MUST_CHECK;
+status gltf_object(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, json_t **out) MUST_CHECK;
+status gltf_array(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, json_t **out) MUST_CHECK;
+status gltf_text(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, const char **out) MUST_CHECK;
+status gltf_flag(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, int *out) MUST_CHECK;
+status gltf_number(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, double *out) MUST_CHECK;
+status gltf_numbers(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, size_t count,
+                    double *out) MUST_CHECK;
+status gltf_size(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, uint64_t *out) MUST_CHECK;
 /* An index into a table; ERR_INPUT if the table has fewer rows. */
-status gltf_index(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                  json_t *table, int64_t *out) MUST_CHECK;
+status gltf_index(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, json_t *table,
+                  int64_t *out) MUST_CHECK;
 /* A row of a table; ERR_INPUT unless it is an object. */
-status gltf_row(struct gltf *g, json_t *table, const struct gltf_place *at, json_t **out)
-    MUST_CHECK;
+status gltf_row(struct gltf *g, json_t *table, const struct gltf_place *at, json_t **out) MUST_CHECK;
 /* in.extensions.NAME, or NULL. */
 json_t *gltf_extension(json_t *in, const char *name);
 
@@ -157,23 +151,24 @@ json_t *gltf_extension(json_t *in, const char *name);
 status gltf_view(struct gltf *g, size_t view, const uint8_t **data, size_t *size_bytes,
                  size_t *stride_bytes) MUST_CHECK;
 /* Append the bytes of a URI (data or file). */
-status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *at,
-                     struct buffer *out) MUST_CHECK;
+status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *at, struct buffer *out) MUST_CHECK;
 
 /* ---- gltf_accessors.c --------------------------------------------------------------------- */
 
 struct gltf_accessor {
     size_t count;
-    int components;         /* 1..4, or 16: MAT4 */
-    int component_type;     /* 5120 ... 5126 */
+    int components;     /* 1..4, or 16: MAT4 */
+    int component_type; /* 5120 ... 5126 */
     int normalized;
-    const uint8_t *data;    /* NULL: zeros */
+    const uint8_t *data; /* NULL: zeros */
     size_t stride_bytes;
     size_t sparse_count;
     const uint8_t *sparse_indices, *sparse_values;
     int sparse_index_type;
 };
 
+/* What the accessor says of itself, but for where its elements are. */
+status gltf_accessor_shape(struct gltf *g, size_t index, struct gltf_accessor *out) MUST_CHECK;
 /* Check everything about the accessor but its values. */
 status gltf_accessor_open(struct gltf *g, size_t index, struct gltf_accessor *out) MUST_CHECK;
 /* All elements as floats, [count][components], mem_alloc'd; integers become numbers, or
@@ -181,14 +176,12 @@ status gltf_accessor_open(struct gltf *g, size_t index, struct gltf_accessor *ou
 status gltf_accessor_floats(struct gltf *g, size_t index, const struct gltf_accessor *a, int any,
                             float **out) MUST_CHECK;
 /* All elements as unsigned integers (a scalar accessor of an unsigned type), mem_alloc'd. */
-status gltf_accessor_indices(struct gltf *g, size_t index, const struct gltf_accessor *a,
-                             uint32_t **out) MUST_CHECK;
+status gltf_accessor_indices(struct gltf *g, size_t index, const struct gltf_accessor *a, uint32_t **out) MUST_CHECK;
 
 /* A vertex attribute as floats, [vertices][components]; *out stays NULL when absent. `most` above
  * `components` allows that many (COLOR_0); *found, if not NULL, is set to the number there is. */
-status gltf_attribute(struct gltf *g, json_t *attributes, const struct gltf_place *at,
-                      const char *key, int components, int most, int any, size_t vertices,
-                      float **out, int *found) MUST_CHECK;
+status gltf_attribute(struct gltf *g, json_t *attributes, const struct gltf_place *at, const char *key, int components,
+                      int most, int any, size_t vertices, float **out, int *found) MUST_CHECK;
 
 /* ---- gltf_textures.c ---------------------------------------------------------------------- */
 
@@ -198,12 +191,11 @@ status gltf_slot(struct gltf *g, json_t *in, const struct gltf_place *at, const 
 
 /* ---- gltf_extensions.c: material extensions ------------------------------------------------ */
 
-/* A number from 0 to `high`, and `count` of them; values outside are clamped with a warning. *out
- * holds the default. */
-status gltf_factor(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                   double high, float *out) MUST_CHECK;
-status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                  size_t count, double high, float *out) MUST_CHECK;
+/* A number from 0 to `high`, and `count` of them; values outside are clamped with a warning. *out holds the default. */
+status gltf_factor(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, double high,
+                   float *out) MUST_CHECK;
+status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, size_t count, double high,
+                  float *out) MUST_CHECK;
 /* normalTexture and its like: the texture and its scale. */
 status gltf_normal_slot(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                         struct scene_texture_slot *slot, float *scale) MUST_CHECK;
@@ -221,8 +213,7 @@ status gltf_specular_glossiness(struct gltf *g, json_t *extension, const struct 
 /* The builder's row for a material; index -1: the default material. */
 status gltf_material(struct gltf *g, int64_t index, uint32_t *row) MUST_CHECK;
 /* Read the primitives of a mesh for a use, if that was not done before. */
-status gltf_mesh(struct gltf *g, size_t index, const struct gltf_use *use,
-                 const struct gltf_mesh **out) MUST_CHECK;
+status gltf_mesh(struct gltf *g, size_t index, const struct gltf_use *use, const struct gltf_mesh **out) MUST_CHECK;
 void gltf_mesh_free(struct gltf_mesh *mesh);
 /* The number of the mesh's morph targets. */
 size_t gltf_target_count(const struct gltf *g, size_t mesh);
@@ -239,13 +230,12 @@ status gltf_add_channels(struct gltf *g) MUST_CHECK;
 /* ---- gltf_skeleton.c: nodes that move, and skins -------------------------------------------- */
 
 /* Set the parents in node_data. */
-status gltf_open_nodes(struct gltf *g) MUST_CHECK;
+void gltf_open_nodes(struct gltf *g);
 status gltf_node_local(struct gltf *g, size_t node, struct gltf_local *out) MUST_CHECK;
 /* At rest. */
 status gltf_node_world(struct gltf *g, size_t node, struct transform_d *out) MUST_CHECK;
 /* The weights of the node's mesh at rest: [targets], mem_alloc'd. */
-status gltf_node_weights(struct gltf *g, size_t node, size_t mesh, float **out, size_t *count)
-    MUST_CHECK;
+status gltf_node_weights(struct gltf *g, size_t node, size_t mesh, float **out, size_t *count) MUST_CHECK;
 /* The builder's row for a node, made with all its parents if need be. */
 status gltf_node_row(struct gltf *g, size_t node, uint32_t *row) MUST_CHECK;
 /* The builder's row for a skin, and a transform that places its mesh approximately. */
@@ -255,5 +245,3 @@ status gltf_skin(struct gltf *g, size_t index, uint32_t *row, struct transform_d
 /* The row of the name `wanted`, or the row of that number; -1: none. */
 int gltf_choice(const char *wanted, const char *const *names, size_t count);
 extern const struct import_format format_gltf;
-
-#endif

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "client/import/gltf/gltf.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 enum { TIME_MAX_S = 1000000000 };
@@ -20,8 +21,7 @@ static int path_of(const char *name)
 
 /* ---- samplers ------------------------------------------------------------------------------- */
 
-static status read_times(struct gltf *g, json_t *sampler, const struct gltf_place *at,
-                         struct scene_channel *out)
+static status read_times(struct gltf *g, json_t *sampler, const struct gltf_place *at, struct scene_channel *out)
 {
     struct gltf_accessor accessor;
     int64_t index = -1;
@@ -33,20 +33,18 @@ static status read_times(struct gltf *g, json_t *sampler, const struct gltf_plac
     if (accessor.components != 1)
         return gltf_fail(g, STATUS_ERR_INPUT, at, "input must be SCALAR");
     if (accessor.count > SCENE_KEYS_MAX)
-        return gltf_fail(g, STATUS_ERR_LIMIT, at, "has %zu keys: at most %d are taken",
-                         accessor.count, SCENE_KEYS_MAX);
+        return gltf_fail(g, STATUS_ERR_LIMIT, at, "has %zu keys: at most %d are taken", accessor.count, SCENE_KEYS_MAX);
     TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &out->times));
     out->key_count = (uint32_t)accessor.count;
     for (uint32_t i = 0; i < out->key_count; i++)
         if (fabsf(out->times[i]) > (float)TIME_MAX_S || (i && out->times[i] < out->times[i - 1]))
             return gltf_fail(g, STATUS_ERR_INPUT, at,
-                             "the times of its keys must rise and stay below %d s: key %u is at %g",
-                             TIME_MAX_S, i, (double)out->times[i]);
+                             "the times of its keys must rise and stay below %d s: key %u is at %g", TIME_MAX_S, i,
+                             (double)out->times[i]);
     return STATUS_OK;
 }
 
-static status read_values(struct gltf *g, json_t *sampler, const struct gltf_place *at,
-                          struct scene_channel *out)
+static status read_values(struct gltf *g, json_t *sampler, const struct gltf_place *at, struct scene_channel *out)
 {
     size_t wanted = (size_t)out->key_count * (out->interpolation == INTERPOLATE_CUBIC ? 3 : 1);
     struct gltf_accessor accessor;
@@ -58,12 +56,10 @@ static status read_values(struct gltf *g, json_t *sampler, const struct gltf_pla
     TRY(gltf_accessor_open(g, (size_t)index, &accessor));
     if (out->path == PATH_WEIGHTS)
         wanted *= out->components;
-    if (accessor.components != (out->path == PATH_WEIGHTS ? 1 : (int)out->components) ||
-        accessor.count != wanted)
-        return gltf_fail(g, STATUS_ERR_INPUT, at,
-                         "output must have %zu elements of %d components for %u keys of a %s",
-                         wanted, out->path == PATH_WEIGHTS ? 1 : (int)out->components,
-                         out->key_count, path_names[out->path]);
+    if (accessor.components != (out->path == PATH_WEIGHTS ? 1 : (int)out->components) || accessor.count != wanted)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "output must have %zu elements of %d components for %u keys of a %s",
+                         wanted, out->path == PATH_WEIGHTS ? 1 : (int)out->components, out->key_count,
+                         path_names[out->path]);
     /* Many channels may name one accessor. */
     g->key_floats += accessor.count * (size_t)accessor.components;
     if (g->key_floats > GLTF_KEY_FLOATS_MAX)
@@ -115,25 +111,23 @@ static void drop_equal_times(struct gltf *g, const struct gltf_place *at, struct
         kept++;
     }
     if (kept < c->key_count)
-        builder_warn(g->b, "keys at one time",
-                     "%s[%zu]%s: has several keys at one time: the last of them is taken",
+        builder_warn(g->b, "keys at one time", "%s[%zu]%s: has several keys at one time: the last of them is taken",
                      at->table, at->row, at->part);
     c->key_count = kept;
 }
 
 /* Rotations to unit length (of a spline only the values: it is made unit after). */
-static void normalize_rotations(struct gltf *g, const struct gltf_place *at,
-                                struct scene_channel *c)
+static void normalize_rotations(struct gltf *g, const struct gltf_place *at, struct scene_channel *c)
 {
     size_t width = key_floats(c), first = c->interpolation == INTERPOLATE_CUBIC ? 4 : 0;
 
     for (uint32_t i = 0; i < c->key_count; i++) {
         float *q = c->values + i * width + first;
-        double length = sqrt((double)q[0] * (double)q[0] + (double)q[1] * (double)q[1] +
-                             (double)q[2] * (double)q[2] + (double)q[3] * (double)q[3]);
+        double length = sqrt((double)q[0] * (double)q[0] + (double)q[1] * (double)q[1] + (double)q[2] * (double)q[2] +
+                             (double)q[3] * (double)q[3]);
         if (!(length > 0) || !isfinite(length)) {
-            builder_warn(g->b, "rotation", "%s[%zu]%s: key %u is no rotation: none is taken",
-                         at->table, at->row, at->part, i);
+            builder_warn(g->b, "rotation", "%s[%zu]%s: key %u is no rotation: none is taken", at->table, at->row,
+                         at->part, i);
             q[0] = q[1] = q[2] = 0, q[3] = 1;
             continue;
         }
@@ -150,8 +144,7 @@ static int is_still(const struct scene_channel *c)
     for (uint32_t i = 0; i < c->key_count; i++)
         for (size_t k = 0; k < width; k++) {
             int tangent = c->interpolation == INTERPOLATE_CUBIC && k / c->components != 1;
-            /* The outer tangents of the first and last key do not matter, but exporters write zeros
-             * there too. */
+            /* The outer tangents of the first and last key do not matter, but exporters write zeros there too. */
             float wanted = tangent ? 0.0f : first[k % c->components];
             if (c->values[i * width + k] != wanted)
                 return 0;
@@ -182,8 +175,7 @@ static int parse_pointer(const char *pointer, size_t node_count, uint32_t *node,
 }
 
 /* The target of a channel. *path is -1, with a warning, if it cannot be animated. */
-static status read_target(struct gltf *g, json_t *channel, const struct gltf_place *at,
-                          uint32_t *node, int *path)
+static status read_target(struct gltf *g, json_t *channel, const struct gltf_place *at, uint32_t *node, int *path)
 {
     const struct gltf_place inner = gltf_within(at, ".target");
     const char *name = "", *pointer = "";
@@ -209,15 +201,13 @@ static status read_target(struct gltf *g, json_t *channel, const struct gltf_pla
     *node = (uint32_t)index;
     *path = path_of(name);
     if (*path < 0)
-        builder_warn(g->b, "animation path",
-                     "%s[%zu]%s: animates the %.32s of a node, which is not known: left out",
+        builder_warn(g->b, "animation path", "%s[%zu]%s: animates the %.32s of a node, which is not known: left out",
                      at->table, at->row, at->part, name);
     return STATUS_OK;
 }
 
 /* The number of floats in a key of the path; 0, with a warning: the node has no such property. */
-static status count_components(struct gltf *g, const struct gltf_place *at, uint32_t node, int path,
-                               uint32_t *out)
+static status count_components(struct gltf *g, const struct gltf_place *at, uint32_t node, int path, uint32_t *out)
 {
     const struct gltf_place at_node = gltf_at("nodes", node, "");
     json_t *row;
@@ -238,13 +228,12 @@ static status count_components(struct gltf *g, const struct gltf_place *at, uint
     *out = mesh < 0 ? 0 : (uint32_t)gltf_target_count(g, (size_t)mesh);
     if (*out == 0)
         builder_warn(g->b, "weights without targets",
-                     "%s[%zu]%s: animates the weights of nodes[%u], which has no morph targets",
-                     at->table, at->row, at->part, node);
+                     "%s[%zu]%s: animates the weights of nodes[%u], which has no morph targets", at->table, at->row,
+                     at->part, node);
     return STATUS_OK;
 }
 
-static status read_sampler(struct gltf *g, json_t *sampler, const struct gltf_place *at,
-                           struct scene_channel *out)
+static status read_sampler(struct gltf *g, json_t *sampler, const struct gltf_place *at, struct scene_channel *out)
 {
     TRY(read_interpolation(g, sampler, at, &out->interpolation));
     TRY(read_times(g, sampler, at, out));
@@ -261,9 +250,8 @@ static void channel_release(struct scene_channel *channel)
     mem_free(channel->values);
 }
 
-static status read_channel(struct gltf *g, json_t *channel, json_t *samplers,
-                           const struct gltf_place *animation, const struct gltf_place *at,
-                           double *duration_s)
+static status read_channel(struct gltf *g, json_t *channel, json_t *samplers, const struct gltf_place *animation,
+                           const struct gltf_place *at, double *duration_s)
 {
     struct gltf_channel out = {0};
     struct gltf_place at_sampler;
@@ -291,12 +279,10 @@ static status read_channel(struct gltf *g, json_t *channel, json_t *samplers,
     if (out.channel.components == 0)
         return STATUS_OK;
     if (g->channel_count >= SCENE_CHANNELS_MAX)
-        return gltf_fail(g, STATUS_ERR_LIMIT, at, "the file has more than %d animation channels",
-                         SCENE_CHANNELS_MAX);
+        return gltf_fail(g, STATUS_ERR_LIMIT, at, "the file has more than %d animation channels", SCENE_CHANNELS_MAX);
     at_sampler = gltf_within(animation, ".samplers[%lld]", (long long)sampler);
     result = read_sampler(g, json_array_get(samplers, (size_t)sampler), &at_sampler, &out.channel);
-    if (result == STATUS_OK && !MEM_GROW(g->channels, g->channel_capacity, g->channel_count + 1))
-        result = error_no_memory(g->err, "animation channels");
+    MUST_GROW(g->channels, g->channel_capacity, g->channel_count + 1);
     if (result != STATUS_OK) {
         channel_release(&out.channel);
         return result;
@@ -349,33 +335,31 @@ static double claimed_duration(const struct gltf *g, size_t index)
     return duration;
 }
 
-static status list_animations(struct gltf *g, const char ***names)
+/* Their names; the list is the caller's. */
+static const char **list_animations(struct gltf *g)
 {
     struct import_result *out = g->b->out;
     size_t count = json_array_size(g->animations);
+    const char **names = must(mem_calloc(count, sizeof *names));
 
-    out->animations = ARENA_ARRAY(&out->scene.arena, struct import_animation, count);
-    *names = mem_calloc(count, sizeof **names);
-    if (!out->animations || !*names)
-        return error_no_memory(g->err, "the list of animations");
+    out->animations = must(ARENA_ARRAY(&out->scene.arena, struct import_animation, count));
     out->animation_count = count;
     for (size_t i = 0; i < count; i++) {
-        const char *name =
-            json_string_value(json_object_get(json_array_get(g->animations, i), "name"));
-        (*names)[i] = out->animations[i].name = builder_name(g->b, name);
+        const char *name = json_string_value(json_object_get(json_array_get(g->animations, i), "name"));
+        names[i] = out->animations[i].name = builder_name(g->b, name);
         out->animations[i].duration_s = claimed_duration(g, i);
     }
-    return STATUS_OK;
+    return names;
 }
 
 status gltf_animations(struct gltf *g, const char *wanted)
 {
     struct import_result *out = g->b->out;
-    const char **names = NULL;
-    status result = list_animations(g, &names);
+    const char **names = list_animations(g);
+    status result = STATUS_OK;
     int none = wanted && strcmp(wanted, "none") == 0, chosen = -1;
 
-    if (result == STATUS_OK && wanted && !none) {
+    if (wanted && !none) {
         chosen = gltf_choice(wanted, names, out->animation_count);
         if (chosen < 0)
             result = error_set(g->err, STATUS_ERR_INPUT,
@@ -401,8 +385,7 @@ status gltf_add_channels(struct gltf *g)
         if (g->channels[i].still || node->row == GLTF_ROW_UNREAD)
             continue;
         channel.node = (uint32_t)node->row;
-        if (channel.path == PATH_WEIGHTS &&
-            g->b->nodes[channel.node].weight_count != channel.components)
+        if (channel.path == PATH_WEIGHTS && g->b->nodes[channel.node].weight_count != channel.components)
             continue;
         TRY(builder_add_channel(g->b, &channel));
     }

@@ -1,8 +1,8 @@
 /* What moves the vertices of a mesh: morph targets and skins. */
 #include <math.h>
-#include <string.h>
 
 #include "client/import/gltf/gltf_mesh_parts.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/base/safeguard.h"
 
@@ -15,22 +15,21 @@ size_t gltf_target_count(const struct gltf *g, size_t mesh)
     return json_array_size(json_object_get(json_array_get(primitives, 0), "targets"));
 }
 
-static status read_offsets(struct gltf *g, json_t *target, const struct gltf_place *at,
-                           const char *key, size_t vertices, float **out)
+static status read_offsets(struct gltf *g, json_t *target, const struct gltf_place *at, const char *key,
+                           size_t vertices, float **out)
 {
     TRY(gltf_attribute(g, target, at, key, 3, 3, 0, vertices, out, NULL));
     if (*out)
         for (size_t i = 0; i < vertices * 3; i++)
             if (fabsf((*out)[i]) > SCENE_COORDINATE_MAX)
-                return gltf_fail(g, STATUS_ERR_INPUT, at, "%s %zu lies beyond 1e15 metres", key,
-                                 i / 3);
+                return gltf_fail(g, STATUS_ERR_INPUT, at, "%s %zu lies beyond 1e15 metres", key, i / 3);
     return STATUS_OK;
 }
 
 /* Offsets of positions and normals. Offsets of tangents are not kept: the renderer transforms the
  * rest shape's tangents. */
-static status read_target(struct gltf *g, json_t *target, const struct gltf_place *at,
-                          const struct mesh_source *mesh, struct mesh_morph *out)
+static status read_target(struct gltf *g, json_t *target, const struct gltf_place *at, const struct mesh_source *mesh,
+                          struct mesh_morph *out)
 {
     if (!json_is_object(target))
         return gltf_fail(g, STATUS_ERR_INPUT, at, "must be an object");
@@ -43,12 +42,12 @@ static status read_target(struct gltf *g, json_t *target, const struct gltf_plac
     if (mesh->normals)
         TRY(read_offsets(g, target, at, "NORMAL", mesh->vertex_count, &out->normals));
     if (!out->positions)
-        out->positions = mem_calloc(mesh->vertex_count, 3 * sizeof *out->positions);
-    return out->positions ? STATUS_OK : error_no_memory(g->err, "a morph target");
+        out->positions = must(mem_calloc(mesh->vertex_count, 3 * sizeof *out->positions));
+    return STATUS_OK;
 }
 
-status gltf_targets_read(struct gltf *g, json_t *primitive, const struct gltf_place *at,
-                         size_t wanted, struct mesh_source *mesh)
+status gltf_targets_read(struct gltf *g, json_t *primitive, const struct gltf_place *at, size_t wanted,
+                         struct mesh_source *mesh)
 {
     json_t *targets = NULL;
     size_t count;
@@ -56,9 +55,8 @@ status gltf_targets_read(struct gltf *g, json_t *primitive, const struct gltf_pl
     TRY(gltf_array(g, primitive, at, "targets", &targets));
     count = json_array_size(targets);
     if (count != wanted)
-        return gltf_fail(g, STATUS_ERR_INPUT, at,
-                         "has %zu morph targets, but the mesh's first primitive has %zu", count,
-                         wanted);
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "has %zu morph targets, but the mesh's first primitive has %zu",
+                         count, wanted);
     if (count == 0)
         return STATUS_OK;
     if (count > SCENE_MORPHS_MAX || count * mesh->vertex_count > GLTF_MORPHED_VERTICES_MAX)
@@ -66,9 +64,7 @@ status gltf_targets_read(struct gltf *g, json_t *primitive, const struct gltf_pl
                          "has %zu morph targets of %zu vertices: at most %d of together %d "
                          "vertices are taken",
                          count, mesh->vertex_count, SCENE_MORPHS_MAX, GLTF_MORPHED_VERTICES_MAX);
-    mesh->morphs = mem_calloc(count, sizeof *mesh->morphs);
-    if (!mesh->morphs)
-        return error_no_memory(g->err, "morph targets");
+    mesh->morphs = must(mem_calloc(count, sizeof *mesh->morphs));
     mesh->morph_count = count;
     for (size_t i = 0; i < count; i++) {
         const struct gltf_place inner = gltf_within(at, ".targets[%zu]", i);
@@ -77,8 +73,7 @@ status gltf_targets_read(struct gltf *g, json_t *primitive, const struct gltf_pl
     return STATUS_OK;
 }
 
-status gltf_targets_bake(struct gltf *g, const struct gltf_place *at, const float *weights,
-                         struct mesh_source *mesh)
+status gltf_targets_bake(struct gltf *g, const struct gltf_place *at, const float *weights, struct mesh_source *mesh)
 {
     for (size_t m = 0; m < mesh->morph_count; m++) {
         struct mesh_morph *morph = &mesh->morphs[m];
@@ -95,8 +90,7 @@ status gltf_targets_bake(struct gltf *g, const struct gltf_place *at, const floa
     mesh->morph_count = 0;
     for (size_t i = 0; i < mesh->vertex_count * 3; i++)
         if (!(fabsf(mesh->positions[i]) <= SCENE_COORDINATE_MAX))
-            return gltf_fail(g, STATUS_ERR_INPUT, at,
-                             "its morph weights move it beyond 1e15 metres");
+            return gltf_fail(g, STATUS_ERR_INPUT, at, "its morph weights move it beyond 1e15 metres");
     return STATUS_OK;
 }
 
@@ -107,8 +101,8 @@ struct influence_set {
     float *joints, *weights;
 };
 
-static status read_set(struct gltf *g, json_t *attributes, const struct gltf_place *at, int set,
-                       size_t vertices, struct influence_set *out)
+static status read_set(struct gltf *g, json_t *attributes, const struct gltf_place *at, int set, size_t vertices,
+                       struct influence_set *out)
 {
     char joints[16], weights[16];
 
@@ -141,8 +135,8 @@ static int influence_normalize(struct mesh_influence *influence)
 
 /* The four heaviest of up to eight, heaviest first, adding up to 1; *lost: others were left out;
  * *loose: there is none. */
-static struct mesh_influence pick_influences(const struct influence_set *sets, int set_count,
-                                             size_t v, int *lost, int *loose)
+static struct mesh_influence pick_influences(const struct influence_set *sets, int set_count, size_t v, int *lost,
+                                             int *loose)
 {
     struct mesh_influence out = {0};
 
@@ -168,15 +162,14 @@ static struct mesh_influence pick_influences(const struct influence_set *sets, i
     return out;
 }
 
-status gltf_skin_read(struct gltf *g, json_t *attributes, const struct gltf_place *at,
-                      struct mesh_source *mesh, uint32_t *joint_max)
+status gltf_skin_read(struct gltf *g, json_t *attributes, const struct gltf_place *at, struct mesh_source *mesh,
+                      uint32_t *joint_max)
 {
     struct influence_set sets[2] = {{0}};
     int lost = 0, loose = 0, count;
     status result = read_set(g, attributes, at, 0, mesh->vertex_count, &sets[0]);
 
-    if (result == STATUS_OK)
-        result = read_set(g, attributes, at, 1, mesh->vertex_count, &sets[1]);
+    THEN(result, read_set(g, attributes, at, 1, mesh->vertex_count, &sets[1]));
     if (result != STATUS_OK || !sets[0].joints)
         goto done;
     count = sets[1].joints ? 2 : 1;
@@ -188,11 +181,7 @@ status gltf_skin_read(struct gltf *g, json_t *attributes, const struct gltf_plac
             }
     if (result != STATUS_OK)
         goto done;
-    mesh->influences = mem_alloc_array(mesh->vertex_count, sizeof *mesh->influences);
-    if (!mesh->influences) {
-        result = error_no_memory(g->err, "a skin");
-        goto done;
-    }
+    mesh->influences = must(mem_alloc_array(mesh->vertex_count, sizeof *mesh->influences));
     for (size_t v = 0; v < mesh->vertex_count; v++) {
         mesh->influences[v] = pick_influences(sets, count, v, &lost, &loose);
         for (int k = 0; k < 4; k++)
@@ -201,11 +190,10 @@ status gltf_skin_read(struct gltf *g, json_t *attributes, const struct gltf_plac
     }
     if (lost)
         builder_warn(g->b, "more than four joints",
-                     "%s[%zu]%s: more than four joints move a vertex: the four heaviest do",
-                     at->table, at->row, at->part);
+                     "%s[%zu]%s: more than four joints move a vertex: the four heaviest do", at->table, at->row,
+                     at->part);
     if (loose)
-        builder_warn(g->b, "loose vertices",
-                     "%s[%zu]%s: no joint moves a vertex: the skin's first does", at->table,
+        builder_warn(g->b, "loose vertices", "%s[%zu]%s: no joint moves a vertex: the skin's first does", at->table,
                      at->row, at->part);
 done:
     for (int s = 0; s < 2; s++) {

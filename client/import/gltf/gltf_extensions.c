@@ -4,36 +4,32 @@
 #include <string.h>
 
 #include "client/import/gltf/gltf.h"
-#include "common/base/memory.h"
 #include "common/image/image.h"
 
 /* Clamp a value to its range, with a warning. */
-static float clamp(struct gltf *g, const struct gltf_place *at, const char *key, double value,
-                   double low, double high)
+static float clamp(struct gltf *g, const struct gltf_place *at, const char *key, double value, double low, double high)
 {
     double clamped = value < low ? low : value > high ? high : value;
 
     if (clamped != value)
-        builder_warn(g->b, "out of range", "%s[%zu]%s: %s is %g, taken as %g", at->table, at->row,
-                     at->part, key, value, clamped);
+        builder_warn(g->b, "out of range", "%s[%zu]%s: %s is %g, taken as %g", at->table, at->row, at->part, key, value,
+                     clamped);
     return (float)clamped;
 }
 
 /* glTF has no priorities, so they come in an extra. Extras may contain anything: a value that is
  * not a number is ignored. */
-static void read_priority(struct gltf *g, json_t *in, const struct gltf_place *at,
-                          struct scene_material *m)
+static void read_priority(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     const struct gltf_place inner = gltf_within(at, ".extras");
     json_t *value = json_object_get(json_object_get(in, "extras"), "dielectric_priority");
 
     if (json_is_number(value))
-        m->priority = (int)clamp(g, &inner, "dielectric_priority", json_number_value(value),
-                                 -SCENE_PRIORITY_MAX, SCENE_PRIORITY_MAX);
+        m->priority = (int)clamp(g, &inner, "dielectric_priority", json_number_value(value), -SCENE_PRIORITY_MAX,
+                                 SCENE_PRIORITY_MAX);
 }
 
-status gltf_factor(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                   double high, float *out)
+status gltf_factor(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, double high, float *out)
 {
     double value = (double)*out;
 
@@ -42,8 +38,8 @@ status gltf_factor(struct gltf *g, json_t *in, const struct gltf_place *at, cons
     return STATUS_OK;
 }
 
-status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                  size_t count, double high, float *out)
+status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, size_t count, double high,
+                  float *out)
 {
     double values[4];
 
@@ -55,10 +51,7 @@ status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const
     return STATUS_OK;
 }
 
-static int is_black(const float color[3])
-{
-    return color[0] == 0 && color[1] == 0 && color[2] == 0;
-}
+static int is_black(const float color[3]) { return color[0] == 0 && color[1] == 0 && color[2] == 0; }
 
 status gltf_normal_slot(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                         struct scene_texture_slot *slot, float *scale)
@@ -74,8 +67,7 @@ status gltf_normal_slot(struct gltf *g, json_t *in, const struct gltf_place *at,
     return STATUS_OK;
 }
 
-static status read_specular(struct gltf *g, json_t *in, const struct gltf_place *at,
-                            struct scene_material *m)
+static status read_specular(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     json_t *ior = gltf_extension(in, "KHR_materials_ior");
     json_t *specular = gltf_extension(in, "KHR_materials_specular");
@@ -91,12 +83,10 @@ static status read_specular(struct gltf *g, json_t *in, const struct gltf_place 
     TRY(gltf_factor(g, specular, &at_specular, "specularFactor", 1, &m->specular));
     TRY(gltf_slot(g, specular, &at_specular, "specularTexture", &m->specular_texture, NULL));
     TRY(gltf_color(g, specular, &at_specular, "specularColorFactor", 3, 1e15, m->specular_color));
-    return gltf_slot(g, specular, &at_specular, "specularColorTexture",
-                     &m->specular_color_texture, NULL);
+    return gltf_slot(g, specular, &at_specular, "specularColorTexture", &m->specular_color_texture, NULL);
 }
 
-static status read_transmission(struct gltf *g, json_t *in, const struct gltf_place *at,
-                                struct scene_material *m)
+static status read_transmission(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     json_t *transmission = gltf_extension(in, "KHR_materials_transmission");
     json_t *volume = gltf_extension(in, "KHR_materials_volume");
@@ -107,8 +97,7 @@ static status read_transmission(struct gltf *g, json_t *in, const struct gltf_pl
     if (transmission) {
         TRY(gltf_factor(g, transmission, &at_t, "transmissionFactor", 1, &m->transmission));
         if (m->transmission > 0)
-            TRY(gltf_slot(g, transmission, &at_t, "transmissionTexture", &m->transmission_texture,
-                          NULL));
+            TRY(gltf_slot(g, transmission, &at_t, "transmissionTexture", &m->transmission_texture, NULL));
     }
     if (!volume)
         return STATUS_OK;
@@ -120,17 +109,15 @@ static status read_transmission(struct gltf *g, json_t *in, const struct gltf_pl
     m->refractive = thickness > 0;
     m->attenuation_distance = (float)distance;
     if (!(m->attenuation_distance > 0)) {
-        builder_warn(g->b, "attenuation distance",
-                     "%s[%zu]%s: attenuationDistance must be above 0: taken as infinite", at->table,
-                     at->row, at_v.part);
+        builder_warn(g->b, "attenuation distance", "%s[%zu]%s: attenuationDistance must be above 0: taken as infinite",
+                     at->table, at->row, at_v.part);
         m->attenuation_distance = INFINITY;
     }
     read_priority(g, in, at, m);
     return STATUS_OK;
 }
 
-static status read_clearcoat(struct gltf *g, json_t *in, const struct gltf_place *at,
-                             struct scene_material *m)
+static status read_clearcoat(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     TRY(gltf_factor(g, in, at, "clearcoatFactor", 1, &m->clearcoat));
     if (m->clearcoat == 0)
@@ -138,14 +125,12 @@ static status read_clearcoat(struct gltf *g, json_t *in, const struct gltf_place
     TRY(gltf_slot(g, in, at, "clearcoatTexture", &m->clearcoat_texture, NULL));
     TRY(gltf_factor(g, in, at, "clearcoatRoughnessFactor", 1, &m->clearcoat_roughness));
     if (m->clearcoat_roughness > 0)
-        TRY(gltf_slot(g, in, at, "clearcoatRoughnessTexture", &m->clearcoat_roughness_texture,
-                      NULL));
+        TRY(gltf_slot(g, in, at, "clearcoatRoughnessTexture", &m->clearcoat_roughness_texture, NULL));
     return gltf_normal_slot(g, in, at, "clearcoatNormalTexture", &m->clearcoat_normal_texture,
                             &m->clearcoat_normal_scale);
 }
 
-static status read_sheen(struct gltf *g, json_t *in, const struct gltf_place *at,
-                         struct scene_material *m)
+static status read_sheen(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     TRY(gltf_color(g, in, at, "sheenColorFactor", 3, 1, m->sheen_color));
     if (is_black(m->sheen_color))
@@ -157,8 +142,7 @@ static status read_sheen(struct gltf *g, json_t *in, const struct gltf_place *at
     return gltf_slot(g, in, at, "sheenRoughnessTexture", &m->sheen_roughness_texture, NULL);
 }
 
-static status read_iridescence(struct gltf *g, json_t *in, const struct gltf_place *at,
-                               struct scene_material *m)
+static status read_iridescence(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     double index = 1.3;
 
@@ -169,16 +153,12 @@ static status read_iridescence(struct gltf *g, json_t *in, const struct gltf_pla
     TRY(gltf_number(g, in, at, "iridescenceIor", &index));
     m->iridescence_ior = clamp(g, at, "iridescenceIor", index, 1, 1e6);
     /* The minimum may exceed the maximum. */
-    TRY(gltf_factor(g, in, at, "iridescenceThicknessMinimum", 1e6,
-                    &m->iridescence_thickness_min_nm));
-    TRY(gltf_factor(g, in, at, "iridescenceThicknessMaximum", 1e6,
-                    &m->iridescence_thickness_max_nm));
-    return gltf_slot(g, in, at, "iridescenceThicknessTexture", &m->iridescence_thickness_texture,
-                     NULL);
+    TRY(gltf_factor(g, in, at, "iridescenceThicknessMinimum", 1e6, &m->iridescence_thickness_min_nm));
+    TRY(gltf_factor(g, in, at, "iridescenceThicknessMaximum", 1e6, &m->iridescence_thickness_max_nm));
+    return gltf_slot(g, in, at, "iridescenceThicknessTexture", &m->iridescence_thickness_texture, NULL);
 }
 
-static status read_anisotropy(struct gltf *g, json_t *in, const struct gltf_place *at,
-                              struct scene_material *m)
+static status read_anisotropy(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     double rotation = 0;
 
@@ -192,8 +172,7 @@ static status read_anisotropy(struct gltf *g, json_t *in, const struct gltf_plac
     return gltf_slot(g, in, at, "anisotropyTexture", &m->anisotropy_texture, NULL);
 }
 
-static status read_dispersion(struct gltf *g, json_t *in, const struct gltf_place *at,
-                              struct scene_material *m)
+static status read_dispersion(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     return gltf_factor(g, in, at, "dispersion", 1e6, &m->dispersion);
 }
@@ -204,16 +183,12 @@ static status read_diffuse_transmission(struct gltf *g, json_t *in, const struct
     TRY(gltf_factor(g, in, at, "diffuseTransmissionFactor", 1, &m->diffuse_transmission));
     if (m->diffuse_transmission == 0)
         return STATUS_OK;
-    TRY(gltf_slot(g, in, at, "diffuseTransmissionTexture", &m->diffuse_transmission_texture,
-                  NULL));
-    TRY(gltf_color(g, in, at, "diffuseTransmissionColorFactor", 3, 1,
-                   m->diffuse_transmission_color));
-    return gltf_slot(g, in, at, "diffuseTransmissionColorTexture",
-                     &m->diffuse_transmission_color_texture, NULL);
+    TRY(gltf_slot(g, in, at, "diffuseTransmissionTexture", &m->diffuse_transmission_texture, NULL));
+    TRY(gltf_color(g, in, at, "diffuseTransmissionColorFactor", 3, 1, m->diffuse_transmission_color));
+    return gltf_slot(g, in, at, "diffuseTransmissionColorTexture", &m->diffuse_transmission_color_texture, NULL);
 }
 
-static status read_diffuse_roughness(struct gltf *g, json_t *in, const struct gltf_place *at,
-                                     struct scene_material *m)
+static status read_diffuse_roughness(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     TRY(gltf_factor(g, in, at, "diffuseRoughnessFactor", 1, &m->diffuse_roughness));
     if (m->diffuse_roughness == 0)
@@ -224,8 +199,7 @@ static status read_diffuse_roughness(struct gltf *g, json_t *in, const struct gl
 /* The supported extensions: they are listed only here. */
 static const struct {
     const char *name;
-    status (*read)(struct gltf *g, json_t *in, const struct gltf_place *at,
-                   struct scene_material *m);
+    status (*read)(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m);
 } readers[] = {
     {"KHR_materials_clearcoat", read_clearcoat},
     {"KHR_materials_sheen", read_sheen},
@@ -245,8 +219,7 @@ int gltf_reads_material_extension(const char *name)
     return 0;
 }
 
-status gltf_material_extensions(struct gltf *g, json_t *material, const struct gltf_place *at,
-                                struct scene_material *m)
+status gltf_material_extensions(struct gltf *g, json_t *material, const struct gltf_place *at, struct scene_material *m)
 {
     if (!gltf_extension(material, "KHR_materials_pbrSpecularGlossiness"))
         TRY(read_specular(g, material, at, m));
@@ -267,44 +240,41 @@ status gltf_material_extensions(struct gltf *g, json_t *material, const struct g
 
 /* ---- KHR_materials_pbrSpecularGlossiness ---------------------------------------------------- */
 
-/* A picture whose green channel is 1 - glossiness * alpha of `from`. */
-static status roughness_image(struct gltf *g, const struct scene_image *from, float glossiness,
-                              uint32_t *row)
+/* A grey picture of 1 - glossiness * alpha of `from`. */
+static status roughness_image(struct gltf *g, const struct scene_image *from, float glossiness, uint32_t *row)
 {
     const struct import_blob *blob = builder_blob(g->b, &from->blob);
     struct buffer png = BUFFER_INIT;
-    struct image8 in = {0};
-    struct image out = {0};
+    struct image8 in = {0}, out = {0};
     status result = STATUS_ERR_INTERNAL;
 
     if (blob)
         result = image_decode_8(&in, blob->data, blob->size_bytes, from->name, g->err);
     if (result == STATUS_OK)
-        result = image_init(&out, in.width, in.height, 3, g->err);
+        result = image8_init(&out, in.width, in.height, 1, 8, g->err);
     for (size_t i = 0; result == STATUS_OK && i < (size_t)in.width * in.height; i++) {
         size_t at = i * in.channels + in.channels - 1;
         float alpha = 1;
         if (in.channels % 2 == 0)
             alpha = in.bits == 16 ? (float)((const uint16_t *)(const void *)in.pixels)[at] / 65535
                                   : (float)in.pixels[at] / 255;
-        out.pixels[3 * i + 1] = 1 - glossiness * alpha;
+        out.pixels[i] = (uint8_t)((1 - glossiness * alpha) * 255 + 0.5f);
     }
     if (result == STATUS_OK)
-        result = png_encode(&png, &out, g->err);
+        result = png_encode_8(&png, &out, 1, g->err);
     if (result == STATUS_OK) {
         result = builder_add_image(g->b, from->name, png.data, png.size, row);
         png = (struct buffer)BUFFER_INIT; /* taken over */
     }
     buffer_release(&png);
-    image_release(&out);
+    image8_release(&out);
     image8_release(&in);
     return result;
 }
 
-/* The old model's specular colour is F0 itself. Here F0 is that of the index, 0.04, times
- * specular_color, which may exceed 1: the same F0 and roughness. Two things differ: the old
- * model darkens the diffuse part by 1 - max(F0), this one by 1 - the Fresnel reflection; and
- * the texture's glossiness becomes 8-bit roughness. */
+/* The old model's specular colour is F0 itself. Here F0 is that of the index, 0.04, times specular_color, which may
+ * exceed 1: the same F0 and roughness. Two things differ: the old model darkens the diffuse part by 1 - max(F0), this
+ * one by 1 - the Fresnel reflection; and the texture's glossiness becomes 8-bit roughness. */
 status gltf_specular_glossiness(struct gltf *g, json_t *extension, const struct gltf_place *at,
                                 struct scene_material *m)
 {

@@ -25,8 +25,7 @@ struct gltf_place gltf_within(const struct gltf_place *place, const char *format
     return inner;
 }
 
-status gltf_fail(struct gltf *g, status code, const struct gltf_place *place, const char *format,
-                 ...)
+status gltf_fail(struct gltf *g, status code, const struct gltf_place *place, const char *format, ...)
 {
     char text[512];
     va_list args;
@@ -39,14 +38,12 @@ status gltf_fail(struct gltf *g, status code, const struct gltf_place *place, co
     return error_set(g->err, code, "%s[%zu]%s: %s", place->table, place->row, place->part, text);
 }
 
-static status wrong_kind(struct gltf *g, const struct gltf_place *at, const char *key,
-                         const char *wanted)
+static status wrong_kind(struct gltf *g, const struct gltf_place *at, const char *key, const char *wanted)
 {
     return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must be %s", key, wanted);
 }
 
-status gltf_object(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                   json_t **out)
+status gltf_object(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, json_t **out)
 {
     json_t *value = json_object_get(in, key);
 
@@ -57,8 +54,7 @@ status gltf_object(struct gltf *g, json_t *in, const struct gltf_place *at, cons
     return STATUS_OK;
 }
 
-status gltf_array(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                  json_t **out)
+status gltf_array(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, json_t **out)
 {
     json_t *value = json_object_get(in, key);
 
@@ -69,8 +65,7 @@ status gltf_array(struct gltf *g, json_t *in, const struct gltf_place *at, const
     return STATUS_OK;
 }
 
-status gltf_text(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                 const char **out)
+status gltf_text(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, const char **out)
 {
     json_t *value = json_object_get(in, key);
 
@@ -81,8 +76,7 @@ status gltf_text(struct gltf *g, json_t *in, const struct gltf_place *at, const 
     return STATUS_OK;
 }
 
-status gltf_flag(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                 int *out)
+status gltf_flag(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, int *out)
 {
     json_t *value = json_object_get(in, key);
 
@@ -93,8 +87,7 @@ status gltf_flag(struct gltf *g, json_t *in, const struct gltf_place *at, const 
     return STATUS_OK;
 }
 
-status gltf_number(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                   double *out)
+status gltf_number(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, double *out)
 {
     json_t *value = json_object_get(in, key);
 
@@ -105,28 +98,24 @@ status gltf_number(struct gltf *g, json_t *in, const struct gltf_place *at, cons
     return STATUS_OK;
 }
 
-status gltf_numbers(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                    size_t count, double *out)
+status gltf_numbers(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, size_t count, double *out)
 {
     json_t *value = json_object_get(in, key);
 
     if (!value)
         return STATUS_OK;
     if (!json_is_array(value) || json_array_size(value) != count)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must be an array of %zu numbers", key,
-                         count);
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must be an array of %zu numbers", key, count);
     for (size_t i = 0; i < count; i++) {
         json_t *item = json_array_get(value, i);
         if (!json_is_number(item) || !isfinite(json_number_value(item)))
-            return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must be an array of %zu numbers", key,
-                             count);
+            return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must be an array of %zu numbers", key, count);
         out[i] = json_number_value(item);
     }
     return STATUS_OK;
 }
 
-status gltf_size(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                 uint64_t *out)
+status gltf_size(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, uint64_t *out)
 {
     json_t *value = json_object_get(in, key);
     double number;
@@ -141,8 +130,7 @@ status gltf_size(struct gltf *g, json_t *in, const struct gltf_place *at, const 
     return STATUS_OK;
 }
 
-status gltf_index(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
-                  json_t *table, int64_t *out)
+status gltf_index(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key, json_t *table, int64_t *out)
 {
     uint64_t index = UINT64_MAX;
     status result = gltf_size(g, in, at, key, &index);

@@ -19,8 +19,7 @@ enum light_units { UNITS_RADIOMETRIC, UNITS_PHOTOMETRIC, UNITS_WATTS };
  * asked otherwise from version 3.4 on; before it wrote a lamp's watts. */
 static int is_blenders(const struct gltf *g, enum light_units *units)
 {
-    const char *generator = json_string_value(
-        json_object_get(json_object_get(g->root, "asset"), "generator"));
+    const char *generator = json_string_value(json_object_get(json_object_get(g->root, "asset"), "generator"));
     unsigned major = 0, minor = 0;
 
     if (!generator || strncmp(generator, BLENDER_GENERATOR, strlen(BLENDER_GENERATOR)) != 0)
@@ -69,8 +68,16 @@ void gltf_light_units(struct gltf *g, const char *word)
 
 /* ---- lights ------------------------------------------------------------------------------- */
 
-static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *at,
-                        struct scene_light *out)
+/* glTF's rim is the square of a ramp; an extra says that it is Blender's and pbrt's smooth step.
+ * Extras may contain anything: other values are ignored. */
+static enum scene_falloff read_falloff(json_t *light)
+{
+    const char *word = json_string_value(json_object_get(json_object_get(light, "extras"), "falloff"));
+
+    return word && strcmp(word, "smoothstep") == 0 ? FALLOFF_SMOOTHSTEP : FALLOFF_GLTF;
+}
+
+static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *at, struct scene_light *out)
 {
     const struct gltf_place inner = gltf_within(at, ".spot");
     double cone_inner = 0, cone_outer = 0.78539816339744830962;
@@ -88,6 +95,7 @@ static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *
         cone_outer = fmin(fmax(cone_outer, 1e-3), 1.5707963);
         cone_inner = fmin(fmax(cone_inner, 0), cone_outer * 0.999);
     }
+    out->falloff = read_falloff(light);
     out->inner_cone_rad = (float)cone_inner;
     out->outer_cone_rad = (float)cone_outer;
     /* Rounding to float must not turn a very narrow edge into a hard one. */
@@ -96,8 +104,8 @@ static status read_spot(struct gltf *g, json_t *light, const struct gltf_place *
     return STATUS_OK;
 }
 
-status gltf_light(struct gltf *g, size_t index, const char *node_name,
-                  const struct transform_d *to_world, struct scene_light *out)
+status gltf_light(struct gltf *g, size_t index, const char *node_name, const struct transform_d *to_world,
+                  struct scene_light *out)
 {
     const struct gltf_place at = gltf_at("lights", index, "");
     double color[3] = {1, 1, 1}, intensity = 1, range = 0, direction[3], length = 0;
@@ -120,8 +128,8 @@ status gltf_light(struct gltf *g, size_t index, const char *node_name,
     } else if (strcmp(type, "directional") == 0) {
         out->kind = LIGHT_DIRECTIONAL;
     } else {
-        return gltf_fail(g, STATUS_ERR_INPUT, &at,
-                         "type \"%.32s\" is unknown: point, spot and directional are known", type);
+        return gltf_fail(g, STATUS_ERR_INPUT, &at, "type \"%.32s\" is unknown: point, spot and directional are known",
+                         type);
     }
     if (range < 0 || range > (double)SCENE_COORDINATE_MAX)
         return gltf_fail(g, STATUS_ERR_INPUT, &at, "range must be 0 to 1e15");
@@ -138,8 +146,7 @@ status gltf_light(struct gltf *g, size_t index, const char *node_name,
         length = fmax(length, fabs(direction[c]));
     }
     if (!(length > 0) || !isfinite(length)) {
-        builder_warn(g->b, "light direction",
-                     "lights[%zu]: its node has no direction: it shines along -Z", index);
+        builder_warn(g->b, "light direction", "lights[%zu]: its node has no direction: it shines along -Z", index);
         out->direction[2] = -1;
     } else {
         double norm = 0;

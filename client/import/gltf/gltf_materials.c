@@ -3,8 +3,7 @@
 
 #include "client/import/gltf/gltf.h"
 
-static status read_pbr(struct gltf *g, json_t *in, const struct gltf_place *at,
-                       struct scene_material *m)
+static status read_pbr(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     const struct gltf_place inner = gltf_within(at, ".pbrMetallicRoughness");
     json_t *pbr = NULL;
@@ -18,12 +17,10 @@ static status read_pbr(struct gltf *g, json_t *in, const struct gltf_place *at,
         return STATUS_OK;
     TRY(gltf_factor(g, pbr, &inner, "metallicFactor", 1, &m->metallic));
     TRY(gltf_factor(g, pbr, &inner, "roughnessFactor", 1, &m->roughness));
-    return gltf_slot(g, pbr, &inner, "metallicRoughnessTexture", &m->metallic_roughness_texture,
-                     NULL);
+    return gltf_slot(g, pbr, &inner, "metallicRoughnessTexture", &m->metallic_roughness_texture, NULL);
 }
 
-static status read_emission(struct gltf *g, json_t *in, const struct gltf_place *at,
-                            struct scene_material *m)
+static status read_emission(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     json_t *extension = gltf_extension(in, "KHR_materials_emissive_strength");
     const struct gltf_place inner = gltf_within(at, ".KHR_materials_emissive_strength");
@@ -39,8 +36,7 @@ static status read_emission(struct gltf *g, json_t *in, const struct gltf_place 
     return gltf_slot(g, in, at, "emissiveTexture", &m->emission_texture, NULL);
 }
 
-static status read_alpha(struct gltf *g, json_t *in, const struct gltf_place *at,
-                         struct scene_material *m)
+static status read_alpha(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)
 {
     const char *mode = "OPAQUE";
 
@@ -50,8 +46,7 @@ static status read_alpha(struct gltf *g, json_t *in, const struct gltf_place *at
     else if (strcmp(mode, "BLEND") == 0)
         m->alpha_mode = ALPHA_BLEND;
     else if (strcmp(mode, "OPAQUE") != 0)
-        builder_warn(g->b, "alpha mode", "materials[%zu]: alphaMode \"%.32s\" is unknown: opaque",
-                     at->row, mode);
+        builder_warn(g->b, "alpha mode", "materials[%zu]: alphaMode \"%.32s\" is unknown: opaque", at->row, mode);
     return gltf_factor(g, in, at, "alphaCutoff", 1e6, &m->alpha_cutoff);
 }
 

@@ -3,12 +3,12 @@
 #include <string.h>
 
 #include "client/import/gltf/gltf_mesh_parts.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 enum primitive_mode { MODE_TRIANGLES = 4, MODE_STRIP = 5, MODE_FAN = 6 };
 
-static status read_positions(struct gltf *g, json_t *attributes, const struct gltf_place *at,
-                             struct mesh_source *mesh)
+static status read_positions(struct gltf *g, json_t *attributes, const struct gltf_place *at, struct mesh_source *mesh)
 {
     struct gltf_accessor accessor;
     int64_t index = -1;
@@ -18,29 +18,25 @@ static status read_positions(struct gltf *g, json_t *attributes, const struct gl
         return STATUS_OK;
     TRY(gltf_accessor_open(g, (size_t)index, &accessor));
     if (accessor.components != 3)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION must have 3 components, it has %d",
-                         accessor.components);
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION must have 3 components, it has %d", accessor.components);
     TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &mesh->positions));
     mesh->vertex_count = accessor.count;
     for (size_t i = 0; i < mesh->vertex_count * 3; i++) {
         /* No negative zero, so that equal positions have equal bits. */
         mesh->positions[i] += 0.0f;
         if (fabsf(mesh->positions[i]) > SCENE_COORDINATE_MAX)
-            return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION %zu lies beyond 1e15 metres",
-                             i / 3);
+            return gltf_fail(g, STATUS_ERR_INPUT, at, "POSITION %zu lies beyond 1e15 metres", i / 3);
     }
     return STATUS_OK;
 }
 
 /* COLOR_0 as RGBA 0..1; left out when it changes nothing. */
-static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_place *at,
-                          struct mesh_source *mesh)
+static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_place *at, struct mesh_source *mesh)
 {
     float *raw = NULL;
     int components = 0, acts = 0;
 
-    TRY(gltf_attribute(g, attributes, at, "COLOR_0", 3, 4, 0, mesh->vertex_count, &raw,
-                       &components));
+    TRY(gltf_attribute(g, attributes, at, "COLOR_0", 3, 4, 0, mesh->vertex_count, &raw, &components));
     if (!raw)
         return STATUS_OK;
     for (size_t i = 0; i < mesh->vertex_count * (size_t)components; i++) {
@@ -48,15 +44,10 @@ static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_
         acts |= raw[i] != 1;
     }
     if (acts) {
-        mesh->colors = mem_alloc_array(mesh->vertex_count, 4 * sizeof *mesh->colors);
-        if (!mesh->colors) {
-            mem_free(raw);
-            return error_no_memory(g->err, "vertex colors");
-        }
+        mesh->colors = must(mem_alloc_array(mesh->vertex_count, 4 * sizeof *mesh->colors));
         for (size_t v = 0; v < mesh->vertex_count; v++)
             for (size_t c = 0; c < 4; c++)
-                mesh->colors[4 * v + c] =
-                    (int)c < components ? raw[v * (size_t)components + c] : 1.0f;
+                mesh->colors[4 * v + c] = (int)c < components ? raw[v * (size_t)components + c] : 1.0f;
     }
     mem_free(raw);
     return STATUS_OK;
@@ -94,8 +85,7 @@ static struct mesh_tangents tangents_of(const struct scene_material *m)
 static int same_axes(const struct scene_texture_slot *a, const struct scene_texture_slot *b)
 {
     for (int r = 0; r < 2; r++)
-        if (a->uv_transform[r][0] != b->uv_transform[r][0] ||
-            a->uv_transform[r][1] != b->uv_transform[r][1])
+        if (a->uv_transform[r][0] != b->uv_transform[r][0] || a->uv_transform[r][1] != b->uv_transform[r][1])
             return 0;
     return a->uv_set == b->uv_set;
 }
@@ -122,8 +112,8 @@ static size_t corner(uint64_t mode, size_t t, size_t c)
     return c == 2 ? 0 : t + 1 + c;
 }
 
-static status read_triangles(struct gltf *g, json_t *primitive, const struct gltf_place *at,
-                             uint64_t mode, struct mesh_source *mesh)
+static status read_triangles(struct gltf *g, json_t *primitive, const struct gltf_place *at, uint64_t mode,
+                             struct mesh_source *mesh)
 {
     struct gltf_accessor accessor;
     uint32_t *list = NULL;
@@ -137,9 +127,8 @@ static status read_triangles(struct gltf *g, json_t *primitive, const struct glt
         count = accessor.count;
         for (size_t i = 0; i < count; i++)
             if (list[i] >= mesh->vertex_count) {
-                status result = gltf_fail(g, STATUS_ERR_INPUT, at,
-                                          "index %zu is %u, but there are %zu vertices", i, list[i],
-                                          mesh->vertex_count);
+                status result = gltf_fail(g, STATUS_ERR_INPUT, at, "index %zu is %u, but there are %zu vertices", i,
+                                          list[i], mesh->vertex_count);
                 mem_free(list);
                 return result;
             }
@@ -150,11 +139,7 @@ static status read_triangles(struct gltf *g, json_t *primitive, const struct glt
                      "left out",
                      at->table, at->row, at->part, count);
     mesh->triangle_count = mode == MODE_TRIANGLES ? count / 3 : count < 3 ? 0 : count - 2;
-    mesh->indices = mem_alloc_array(mesh->triangle_count, 3 * sizeof *mesh->indices);
-    if (!mesh->indices) {
-        mem_free(list);
-        return error_no_memory(g->err, "triangles");
-    }
+    mesh->indices = must(mem_alloc_array(mesh->triangle_count, 3 * sizeof *mesh->indices));
     for (size_t t = 0; t < mesh->triangle_count; t++)
         for (size_t c = 0; c < 3; c++) {
             size_t i = corner(mode, t, c);
@@ -166,10 +151,8 @@ static status read_triangles(struct gltf *g, json_t *primitive, const struct glt
 
 /* ---- variants ------------------------------------------------------------------------------ */
 
-/* The material that the chosen variant gives the primitive; *material is unchanged if it gives
- * none. */
-static status choose_material(struct gltf *g, json_t *primitive, const struct gltf_place *at,
-                              int64_t *material)
+/* The material that the chosen variant gives the primitive; *material is unchanged if it gives none. */
+static status choose_material(struct gltf *g, json_t *primitive, const struct gltf_place *at, int64_t *material)
 {
     const struct gltf_place inner = gltf_within(at, ".KHR_materials_variants");
     json_t *extension = gltf_extension(primitive, "KHR_materials_variants"), *mappings = NULL;
@@ -195,33 +178,16 @@ static void warn_of_leftovers(struct gltf *g, json_t *attributes, const struct g
 {
     if (json_object_get(attributes, "COLOR_1"))
         builder_warn(g->b, "second vertex color",
-                     "%s[%zu]%s: has more than one set of vertex colors: the first is used",
-                     at->table, at->row, at->part);
+                     "%s[%zu]%s: has more than one set of vertex colors: the first is used", at->table, at->row,
+                     at->part);
     if (json_object_get(attributes, "JOINTS_2"))
-        builder_warn(g->b, "third set of joints",
-                     "%s[%zu]%s: has more than two sets of joints: the first two are read",
+        builder_warn(g->b, "third set of joints", "%s[%zu]%s: has more than two sets of joints: the first two are read",
                      at->table, at->row, at->part);
 }
 
-static status check_compression(struct gltf *g, json_t *primitive, json_t *attributes,
-                                const struct gltf_place *at)
-{
-    json_t *draco = gltf_extension(primitive, "KHR_draco_mesh_compression");
-    json_t *position = json_object_get(attributes, "POSITION");
-    json_t *accessor = json_array_get(g->accessors, (size_t)json_integer_value(position));
-
-    /* There may be an uncompressed copy beside the compressed one. */
-    if (draco && !json_object_get(accessor, "bufferView"))
-        return gltf_fail(g, STATUS_ERR_UNSUPPORTED, at,
-                         "is only there in Draco-compressed form: decompress the file first, for "
-                         "example with \"gltf-transform copy in.glb out.glb\"");
-    return STATUS_OK;
-}
-
-static status read_source(struct gltf *g, json_t *primitive, json_t *attributes,
-                          const struct gltf_place *at, uint64_t mode,
-                          const struct scene_material *material,
-                          const struct mesh_tangents *tangents, struct mesh_source *mesh)
+static status read_source(struct gltf *g, json_t *primitive, json_t *attributes, const struct gltf_place *at,
+                          uint64_t mode, const struct scene_material *material, const struct mesh_tangents *tangents,
+                          struct mesh_source *mesh)
 {
     const struct gltf_place inner = gltf_within(at, ".attributes");
 
@@ -229,17 +195,15 @@ static status read_source(struct gltf *g, json_t *primitive, json_t *attributes,
     if (!mesh->positions)
         return STATUS_OK;
     TRY(read_triangles(g, primitive, at, mode, mesh));
-    TRY(gltf_attribute(g, attributes, &inner, "NORMAL", 3, 3, 1, mesh->vertex_count,
-                       &mesh->normals, NULL));
+    TRY(gltf_attribute(g, attributes, &inner, "NORMAL", 3, 3, 1, mesh->vertex_count, &mesh->normals, NULL));
     if (tangents->wanted && mesh->normals)
-        TRY(gltf_attribute(g, attributes, &inner, "TANGENT", 4, 4, 1, mesh->vertex_count,
-                           &mesh->tangents, NULL));
+        TRY(gltf_attribute(g, attributes, &inner, "TANGENT", 4, 4, 1, mesh->vertex_count, &mesh->tangents, NULL));
     for (uint32_t set = 0; set < 2; set++) {
         int for_tangents = tangents->wanted && tangents->uv_set == set && !mesh->tangents;
         if (!uses_uv(material, set) && !for_tangents)
             continue;
-        TRY(gltf_attribute(g, attributes, &inner, set ? "TEXCOORD_1" : "TEXCOORD_0", 2, 2, 0,
-                           mesh->vertex_count, &mesh->uv[set], NULL));
+        TRY(gltf_attribute(g, attributes, &inner, set ? "TEXCOORD_1" : "TEXCOORD_0", 2, 2, 0, mesh->vertex_count,
+                           &mesh->uv[set], NULL));
         if (!mesh->uv[set] && uses_uv(material, set))
             builder_warn(g->b, "texture coordinates",
                          "%s[%zu]%s: its material uses TEXCOORD_%u, which the mesh does not have: "
@@ -250,9 +214,8 @@ static status read_source(struct gltf *g, json_t *primitive, json_t *attributes,
 }
 
 /* What moves the vertices. */
-static status read_deformation(struct gltf *g, json_t *primitive, json_t *attributes,
-                               const struct gltf_place *at, const struct gltf_mesh *use,
-                               struct mesh_source *mesh, struct gltf_primitive *out)
+static status read_deformation(struct gltf *g, json_t *primitive, json_t *attributes, const struct gltf_place *at,
+                               const struct gltf_mesh *use, struct mesh_source *mesh, struct gltf_primitive *out)
 {
     const struct gltf_place inner = gltf_within(at, ".attributes");
 
@@ -264,9 +227,8 @@ static status read_deformation(struct gltf *g, json_t *primitive, json_t *attrib
     return STATUS_OK;
 }
 
-static status read_primitive(struct gltf *g, json_t *primitive, const struct gltf_place *at,
-                             const char *name, const struct gltf_mesh *use,
-                             struct gltf_primitive *out)
+static status read_primitive(struct gltf *g, json_t *primitive, const struct gltf_place *at, const char *name,
+                             const struct gltf_mesh *use, struct gltf_primitive *out)
 {
     struct mesh_source mesh = {0};
     struct mesh_tangents tangents;
@@ -284,32 +246,29 @@ static status read_primitive(struct gltf *g, json_t *primitive, const struct glt
     TRY(gltf_index(g, primitive, at, "material", g->materials, &material));
     TRY(choose_material(g, primitive, at, &material));
     if (mode > MODE_FAN)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "mode %llu is unknown: 0 to 6 are",
-                         (unsigned long long)mode);
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "mode %llu is unknown: 0 to 6 are", (unsigned long long)mode);
     if (mode < MODE_TRIANGLES) {
-        builder_warn(g->b, mode == 0 ? "points" : "lines",
-                     "%s[%zu]%s: is made of %s, which are not rendered", at->table, at->row,
-                     at->part, mode == 0 ? "points" : "lines");
+        builder_warn(g->b, mode == 0 ? "points" : "lines", "%s[%zu]%s: is made of %s, which are not rendered",
+                     at->table, at->row, at->part, mode == 0 ? "points" : "lines");
         return STATUS_OK;
     }
     if (!attributes)
         return gltf_fail(g, STATUS_ERR_INPUT, at, "has no attributes");
-    TRY(check_compression(g, primitive, attributes, at));
     warn_of_leftovers(g, attributes, at);
     TRY(gltf_material(g, material, &material_row));
     tangents = tangents_of(&g->b->materials[material_row]);
     warn_of_axes(g, &g->b->materials[material_row]);
-    result = read_source(g, primitive, attributes, at, mode, &g->b->materials[material_row],
-                         &tangents, &mesh);
+    result = gltf_draco_read(g, primitive, attributes, at, mode);
+    THEN(result, read_source(g, primitive, attributes, at, mode, &g->b->materials[material_row], &tangents, &mesh));
     if (result == STATUS_OK && mesh.positions)
         result = read_deformation(g, primitive, attributes, at, use, &mesh, out);
     if (result == STATUS_OK && !mesh.positions) {
-        builder_warn(g->b, "no positions", "%s[%zu]%s: has no POSITION: left out", at->table,
-                     at->row, at->part);
+        builder_warn(g->b, "no positions", "%s[%zu]%s: has no POSITION: left out", at->table, at->row, at->part);
     } else if (result == STATUS_OK) {
         result = mesh_finish(g->b, &mesh, name, &tangents, &out->mesh);
         out->material = material_row;
     }
+    gltf_draco_release(g, primitive, attributes);
     mesh_source_release(&mesh);
     return result;
 }
@@ -333,29 +292,23 @@ static int same_use(const struct gltf_mesh *mesh, const struct gltf_use *use)
            memcmp(mesh->weights, use->weights, mesh->weight_count * sizeof *mesh->weights) == 0;
 }
 
-static struct gltf_mesh *add_use(struct gltf *g, size_t index, const struct gltf_use *use,
-                                 size_t primitive_count)
+static struct gltf_mesh *add_use(struct gltf *g, size_t index, const struct gltf_use *use, size_t primitive_count)
 {
-    struct gltf_mesh *mesh = mem_calloc(1, sizeof *mesh);
+    struct gltf_mesh *mesh = must(mem_calloc(1, sizeof *mesh));
 
-    if (!mesh)
-        return NULL;
     mesh->next = g->mesh_data[index];
     g->mesh_data[index] = mesh; /* from here on freed with the others */
     mesh->skinned = use->skinned;
     mesh->morphing = use->morphing;
     mesh->weight_count = use->weight_count;
-    mesh->primitives = mem_calloc(primitive_count, sizeof *mesh->primitives);
+    mesh->primitives = must(mem_calloc(primitive_count, sizeof *mesh->primitives));
     if (use->weight_count)
-        mesh->weights = mem_memdup(use->weights, use->weight_count * sizeof *use->weights);
-    if (!mesh->primitives || (use->weight_count && !mesh->weights))
-        return NULL;
+        mesh->weights = must(mem_memdup(use->weights, use->weight_count * sizeof *use->weights));
     mesh->count = primitive_count;
     return mesh;
 }
 
-status gltf_mesh(struct gltf *g, size_t index, const struct gltf_use *use,
-                 const struct gltf_mesh **out)
+status gltf_mesh(struct gltf *g, size_t index, const struct gltf_use *use, const struct gltf_mesh **out)
 {
     const struct gltf_place at = gltf_at("meshes", index, "");
     struct gltf_mesh *mesh = g->mesh_data[index];
@@ -374,12 +327,9 @@ status gltf_mesh(struct gltf *g, size_t index, const struct gltf_use *use,
         return gltf_fail(g, STATUS_ERR_INPUT, &at, "has no primitives");
     name = builder_name(g->b, name);
     *out = mesh = add_use(g, index, use, json_array_size(primitives));
-    if (!mesh)
-        return error_no_memory(g->err, "primitives");
     for (size_t i = 0; i < mesh->count; i++) {
         const struct gltf_place inner = gltf_within(&at, ".primitives[%zu]", i);
-        TRY(read_primitive(g, json_array_get(primitives, i), &inner, name, mesh,
-                           &mesh->primitives[i]));
+        TRY(read_primitive(g, json_array_get(primitives, i), &inner, name, mesh, &mesh->primitives[i]));
     }
     return STATUS_OK;
 }

@@ -2,20 +2,21 @@
 #include <string.h>
 
 #include "client/import/gltf/gltf.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 /* A node to visit. */
 struct visit {
     size_t node;
     uint32_t depth;
-    int moving;              /* an ancestor moves */
+    int moving; /* an ancestor moves */
     struct transform_d to_world;
 };
 
 /* The place of the objects attached to a node. */
 struct stand {
     size_t node;
-    int moving;              /* the node or something above it */
+    int moving;                  /* the node or something above it */
     struct transform_d to_world; /* at rest */
 };
 
@@ -40,12 +41,11 @@ struct placing {
     const struct gltf_mesh *mesh;
     const char *name;
     const struct gltf_place *at;
-    int32_t node, skin;     /* rows, -1 */
-    uint32_t joint_count;   /* of the skin */
+    int32_t node, skin;   /* rows, -1 */
+    uint32_t joint_count; /* of the skin */
 };
 
-static status place_mesh(struct gltf *g, const struct placing *how,
-                         const struct transform_d *to_world)
+static status place_mesh(struct gltf *g, const struct placing *how, const struct transform_d *to_world)
 {
     struct scene_instance instance;
     struct transform_d inverse;
@@ -56,8 +56,7 @@ static status place_mesh(struct gltf *g, const struct placing *how,
     instance.to_world = *to_world;
     if (!transform_d_is_finite(to_world) || !transform_d_invert(to_world, &inverse)) {
         if (how->node < 0 && how->skin < 0) {
-            builder_warn(g->b, "flattened",
-                         "nodes[%zu] \"%.80s\": its transform flattens it to nothing: left out",
+            builder_warn(g->b, "flattened", "nodes[%zu] \"%.80s\": its transform flattens it to nothing: left out",
                          how->at->row, how->name);
             return STATUS_OK;
         }
@@ -71,8 +70,7 @@ static status place_mesh(struct gltf *g, const struct placing *how,
         instance.material = (uint32_t)primitive->material;
         instance.skin = g->b->meshes[instance.mesh].arrays & MESH_SKIN ? how->skin : -1;
         if (instance.skin >= 0 && primitive->joint_max >= how->joint_count)
-            return gltf_fail(g, STATUS_ERR_INPUT, how->at,
-                             "its mesh names joint %u, but its skin has %u joints",
+            return gltf_fail(g, STATUS_ERR_INPUT, how->at, "its mesh names joint %u, but its skin has %u joints",
                              primitive->joint_max, how->joint_count);
         TRY(builder_add_instance(g->b, &instance));
     }
@@ -80,8 +78,8 @@ static status place_mesh(struct gltf *g, const struct placing *how,
 }
 
 /* One attribute of EXT_mesh_gpu_instancing; *count is 0 until the first attribute sets it. */
-static status read_instancing(struct gltf *g, json_t *attributes, const struct gltf_place *at,
-                              const char *key, int components, size_t *count, float **out)
+static status read_instancing(struct gltf *g, json_t *attributes, const struct gltf_place *at, const char *key,
+                              int components, size_t *count, float **out)
 {
     struct gltf_accessor accessor;
     int64_t index = -1;
@@ -91,16 +89,15 @@ static status read_instancing(struct gltf *g, json_t *attributes, const struct g
         return STATUS_OK;
     TRY(gltf_accessor_open(g, (size_t)index, &accessor));
     if (accessor.components != components || (*count && accessor.count != *count))
-        return gltf_fail(g, STATUS_ERR_INPUT, at,
-                         "%s must have %d components and as many elements as the others", key,
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "%s must have %d components and as many elements as the others", key,
                          components);
     *count = accessor.count;
     return gltf_accessor_floats(g, (size_t)index, &accessor, 0, out);
 }
 
 /* The scene's node for one of several instances on a node that moves. */
-static status add_instance_node(struct gltf *g, int32_t parent, const double t[3],
-                                const double q[4], const double s[3], int32_t *row)
+static status add_instance_node(struct gltf *g, int32_t parent, const double t[3], const double q[4], const double s[3],
+                                int32_t *row)
 {
     struct scene_node node = {.parent = parent, .has_matrix = 1, .rotation = {0, 0, 0, 1}};
     uint32_t added;
@@ -123,12 +120,9 @@ static status place_instances(struct gltf *g, json_t *extension, const struct pl
     size_t count = 0;
     status result = gltf_object(g, extension, &inner, "attributes", &attributes);
 
-    if (result == STATUS_OK)
-        result = read_instancing(g, attributes, &inner, "TRANSLATION", 3, &count, &translations);
-    if (result == STATUS_OK)
-        result = read_instancing(g, attributes, &inner, "ROTATION", 4, &count, &rotations);
-    if (result == STATUS_OK)
-        result = read_instancing(g, attributes, &inner, "SCALE", 3, &count, &scales);
+    THEN(result, read_instancing(g, attributes, &inner, "TRANSLATION", 3, &count, &translations));
+    THEN(result, read_instancing(g, attributes, &inner, "ROTATION", 4, &count, &rotations));
+    THEN(result, read_instancing(g, attributes, &inner, "SCALE", 3, &count, &scales));
     if (result == STATUS_OK && count == 0)
         result = place_mesh(g, how, to_world);
     for (size_t i = 0; i < count && result == STATUS_OK; i++) {
@@ -144,8 +138,7 @@ static status place_instances(struct gltf *g, json_t *extension, const struct pl
         world = transform_d_multiply(to_world, &local);
         if (how->node >= 0)
             result = add_instance_node(g, how->node, t, q, s, &one.node);
-        if (result == STATUS_OK)
-            result = place_mesh(g, &one, &world);
+        THEN(result, place_mesh(g, &one, &world));
     }
     mem_free(scales);
     mem_free(rotations);
@@ -154,8 +147,8 @@ static status place_instances(struct gltf *g, json_t *extension, const struct pl
 }
 
 /* The node's kind of use of its mesh, and the mesh for it. */
-static status open_mesh(struct gltf *g, const struct stand *stand, size_t index, int skinned,
-                        int instanced, const struct gltf_mesh **out)
+static status open_mesh(struct gltf *g, const struct stand *stand, size_t index, int skinned, int instanced,
+                        const struct gltf_mesh **out)
 {
     struct gltf_use use = {.skinned = skinned};
     float *weights = NULL;
@@ -272,8 +265,8 @@ static status add_camera(struct gltf *g, json_t *node, size_t index, const struc
     TRY(gltf_text(g, camera, &at, "type", &type));
     TRY(gltf_text(g, camera, &at, "name", &name));
     if (strcmp(type, "perspective") != 0 && strcmp(type, "orthographic") != 0)
-        return gltf_fail(g, STATUS_ERR_INPUT, &at,
-                         "type \"%.32s\" is unknown: perspective and orthographic are known", type);
+        return gltf_fail(g, STATUS_ERR_INPUT, &at, "type \"%.32s\" is unknown: perspective and orthographic are known",
+                         type);
     TRY(gltf_object(g, camera, &at, type, &lens));
     if (type[0] == 'p') {
         out.kind = CAMERA_PERSPECTIVE;
@@ -283,8 +276,7 @@ static status add_camera(struct gltf *g, json_t *node, size_t index, const struc
             return gltf_fail(g, STATUS_ERR_INPUT, &at, "yfov is %g: must be %g to %g radians", yfov,
                              (double)SCENE_FOV_MIN_RAD, (double)SCENE_FOV_MAX_RAD);
         if (!(aspect >= 0 && aspect <= 1e6))
-            return gltf_fail(g, STATUS_ERR_INPUT, &at, "aspectRatio is %g: must be above 0",
-                             aspect);
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "aspectRatio is %g: must be above 0", aspect);
         out.yfov_rad = (float)yfov;
         out.aspect = (float)aspect;
     } else {
@@ -299,8 +291,7 @@ static status add_camera(struct gltf *g, json_t *node, size_t index, const struc
         out.aspect = (float)fmin(xmag / ymag, 1e6);
     }
     if (!transform_d_rigid(&stand->to_world, &out.to_world)) {
-        builder_warn(g->b, "camera node",
-                     "cameras[%zu] \"%.80s\": its node's transform has no directions: left out",
+        builder_warn(g->b, "camera node", "cameras[%zu] \"%.80s\": its node's transform has no directions: left out",
                      index, name);
         return STATUS_OK;
     }
@@ -320,10 +311,8 @@ static status push(struct walk *w, size_t node, const struct visit *parent)
                          "is reached twice: a node must have one parent, and no node may be among "
                          "its own descendants");
     if (parent->depth + 1 > GLTF_DEPTH_MAX)
-        return gltf_fail(w->g, STATUS_ERR_LIMIT, &at, "lies more than %d levels deep",
-                         GLTF_DEPTH_MAX);
-    if (!MEM_GROW(w->stack, w->capacity, w->count + 1))
-        return error_no_memory(w->g->err, "nodes");
+        return gltf_fail(w->g, STATUS_ERR_LIMIT, &at, "lies more than %d levels deep", GLTF_DEPTH_MAX);
+    MUST_GROW(w->stack, w->capacity, w->count + 1);
     w->stack[w->count] = *parent;
     w->stack[w->count].node = node;
     w->stack[w->count++].depth++;
@@ -338,8 +327,7 @@ static status push_all(struct walk *w, json_t *list, const struct gltf_place *at
         json_t *item = json_array_get(list, i);
         json_int_t index = json_is_integer(item) ? json_integer_value(item) : -1;
         if (index < 0 || (size_t)index >= json_array_size(w->g->nodes))
-            return gltf_fail(w->g, STATUS_ERR_INPUT, at, "%s[%zu] is not the index of a node", key,
-                             i);
+            return gltf_fail(w->g, STATUS_ERR_INPUT, at, "%s[%zu] is not the index of a node", key, i);
         TRY(push(w, (size_t)index, parent));
     }
     return STATUS_OK;
@@ -387,11 +375,9 @@ static status visit_node(struct walk *w, const struct visit *visit)
 static status push_roots(struct walk *w, const struct visit *world)
 {
     size_t count = json_array_size(w->g->nodes);
-    uint8_t *child = mem_calloc(count, 1);
+    uint8_t *child = must(mem_calloc(count, 1));
     status result = STATUS_OK;
 
-    if (!child)
-        return error_no_memory(w->g->err, "nodes");
     for (size_t n = 0; n < count; n++) {
         json_t *children = json_object_get(json_array_get(w->g->nodes, n), "children");
         for (size_t i = 0; i < json_array_size(children); i++) {
@@ -417,8 +403,8 @@ static status push_scene(struct walk *w, int64_t scene_index, const char **title
     json_t *scene, *nodes = NULL;
 
     if (scene_index >= 0 && (size_t)scene_index >= json_array_size(g->scenes))
-        return error_set(g->err, STATUS_ERR_INPUT, "there is no scene %lld: the file has %zu",
-                         (long long)scene_index, json_array_size(g->scenes));
+        return error_set(g->err, STATUS_ERR_INPUT, "there is no scene %lld: the file has %zu", (long long)scene_index,
+                         json_array_size(g->scenes));
     if (json_array_size(g->scenes) == 0) {
         builder_warn(g->b, "no scenes", "the file has no scenes: all its nodes are rendered");
         return push_roots(w, &world);
@@ -429,8 +415,7 @@ static status push_scene(struct walk *w, int64_t scene_index, const char **title
     else if (index < 0)
         index = 0;
     if (scene_index < 0 && json_array_size(g->scenes) > 1)
-        builder_warn(g->b, "several scenes",
-                     "the file has %zu scenes: only scene %lld is rendered",
+        builder_warn(g->b, "several scenes", "the file has %zu scenes: only scene %lld is rendered",
                      json_array_size(g->scenes), (long long)index);
     at = gltf_at("scenes", (size_t)index, "");
     TRY(gltf_row(g, g->scenes, &at, &scene));
@@ -444,9 +429,7 @@ status gltf_walk(struct gltf *g, int64_t scene_index, const char **title)
     struct walk w = {.g = g};
     status result;
 
-    w.seen = mem_calloc(json_array_size(g->nodes), 1);
-    if (!w.seen)
-        return error_no_memory(g->err, "nodes");
+    w.seen = must(mem_calloc(json_array_size(g->nodes), 1));
     result = push_scene(&w, scene_index, title);
     while (result == STATUS_OK && w.count > 0) {
         const struct visit visit = w.stack[--w.count];

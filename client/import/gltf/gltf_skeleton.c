@@ -1,18 +1,16 @@
 /* glTF: the nodes that move, and skins. The scene gets a node, and all its parents, only if it
  * moves and a visible object is attached to it. */
 #include <math.h>
-#include <string.h>
 
 #include "client/import/gltf/gltf.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
-status gltf_open_nodes(struct gltf *g)
+void gltf_open_nodes(struct gltf *g)
 {
     size_t count = json_array_size(g->nodes);
 
-    g->node_data = mem_calloc(count, sizeof *g->node_data);
-    if (!g->node_data)
-        return error_no_memory(g->err, "nodes");
+    g->node_data = must(mem_calloc(count, sizeof *g->node_data));
     for (size_t n = 0; n < count; n++) {
         g->node_data[n].parent = -1;
         g->node_data[n].row = GLTF_ROW_UNREAD;
@@ -27,7 +25,6 @@ status gltf_open_nodes(struct gltf *g)
                 g->node_data[child].parent = (int64_t)n;
         }
     }
-    return STATUS_OK;
 }
 
 /* ---- at rest -------------------------------------------------------------------------------- */
@@ -78,8 +75,7 @@ static status too_deep(struct gltf *g, size_t node)
 {
     const struct gltf_place at = gltf_at("nodes", node, "");
 
-    return gltf_fail(g, STATUS_ERR_INPUT, &at,
-                     "lies more than %d levels deep, or is among its own descendants",
+    return gltf_fail(g, STATUS_ERR_INPUT, &at, "lies more than %d levels deep, or is among its own descendants",
                      GLTF_DEPTH_MAX);
 }
 
@@ -114,12 +110,9 @@ status gltf_node_weights(struct gltf *g, size_t node, size_t mesh, float **out, 
     TRY(gltf_array(g, json_array_get(g->meshes, mesh), &at_mesh, "weights", &list));
     TRY(gltf_array(g, json_array_get(g->nodes, node), &at_node, "weights", &list));
     if (json_array_size(list) > targets)
-        return gltf_fail(g, STATUS_ERR_INPUT, &at_node,
-                         "has %zu weights, but meshes[%zu] has %zu morph targets",
+        return gltf_fail(g, STATUS_ERR_INPUT, &at_node, "has %zu weights, but meshes[%zu] has %zu morph targets",
                          json_array_size(list), mesh, targets);
-    weights = mem_calloc(targets, sizeof *weights);
-    if (!weights)
-        return error_no_memory(g->err, "morph weights");
+    weights = must(mem_calloc(targets, sizeof *weights));
     for (size_t i = 0; i < targets; i++) {
         double value = still ? (double)still[i] : json_number_value(json_array_get(list, i));
         weights[i] = (float)fmin(fmax(value, -1e6), 1e6);
@@ -195,8 +188,7 @@ status gltf_node_row(struct gltf *g, size_t node, uint32_t *row)
 
 /* ---- skins ---------------------------------------------------------------------------------- */
 
-static status read_inverse_binds(struct gltf *g, json_t *skin, const struct gltf_place *at,
-                                 struct scene_skin *out)
+static status read_inverse_binds(struct gltf *g, json_t *skin, const struct gltf_place *at, struct scene_skin *out)
 {
     struct gltf_accessor accessor;
     float *values = NULL;
@@ -211,8 +203,7 @@ static status read_inverse_binds(struct gltf *g, json_t *skin, const struct gltf
         return STATUS_OK;
     TRY(gltf_accessor_open(g, (size_t)index, &accessor));
     if (accessor.components != 16 || accessor.count < out->joint_count)
-        return gltf_fail(g, STATUS_ERR_INPUT, at,
-                         "inverseBindMatrices must be MAT4, one for each of the %u joints",
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "inverseBindMatrices must be MAT4, one for each of the %u joints",
                          out->joint_count);
     TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &values));
     for (uint32_t i = 0; i < out->joint_count; i++)
@@ -223,8 +214,7 @@ static status read_inverse_binds(struct gltf *g, json_t *skin, const struct gltf
     return STATUS_OK;
 }
 
-static status read_skin(struct gltf *g, size_t index, json_t *joints, json_t *skin,
-                        struct scene_skin *out)
+static status read_skin(struct gltf *g, size_t index, json_t *joints, json_t *skin, struct scene_skin *out)
 {
     const struct gltf_place at = gltf_at("skins", index, "");
 
@@ -239,8 +229,7 @@ static status read_skin(struct gltf *g, size_t index, json_t *joints, json_t *sk
 }
 
 /* The mesh's place by joint 0: exact in the pose in which the mesh was bound. */
-static status skin_place(struct gltf *g, json_t *joints, const struct scene_skin *skin,
-                         struct transform_d *about)
+static status skin_place(struct gltf *g, json_t *joints, const struct scene_skin *skin, struct transform_d *about)
 {
     const struct transform_d bind = transform_stored_to_d(&skin->inverse_bind[0]);
     struct transform_d joint;
@@ -266,14 +255,10 @@ status gltf_skin(struct gltf *g, size_t index, uint32_t *row, struct transform_d
         return skin_place(g, joints, &g->b->skins[*row], about);
     }
     out.joint_count = (uint32_t)json_array_size(joints);
-    out.joints = mem_alloc_array(out.joint_count, sizeof *out.joints);
-    out.inverse_bind = mem_alloc_array(out.joint_count, sizeof *out.inverse_bind);
-    if (!out.joints || !out.inverse_bind)
-        result = error_no_memory(g->err, "a skin");
-    if (result == STATUS_OK)
-        result = read_skin(g, index, joints, skin, &out);
-    if (result == STATUS_OK)
-        result = builder_add_skin(g->b, &out, row);
+    out.joints = must(mem_alloc_array(out.joint_count, sizeof *out.joints));
+    out.inverse_bind = must(mem_alloc_array(out.joint_count, sizeof *out.inverse_bind));
+    THEN(result, read_skin(g, index, joints, skin, &out));
+    THEN(result, builder_add_skin(g->b, &out, row));
     if (result == STATUS_OK) {
         g->skin_rows[index] = *row;
         result = skin_place(g, joints, &out, about);

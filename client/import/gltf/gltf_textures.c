@@ -4,8 +4,8 @@
 
 #include "client/import/gltf/gltf.h"
 #include "client/import/builder/uri.h"
-#include "common/base/file.h"
-#include "common/base/memory.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
 #include "common/image/image.h"
 #include "common/math/elementary.h"
 
@@ -52,8 +52,7 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
         result = gltf_view(g, (size_t)view, &data, &size, &stride);
         if (result == STATUS_OK)
             buffer_append(&bytes, data, size);
-        if (!buffer_ok(&bytes))
-            result = error_no_memory(g->err, "an image");
+        must_hold(&bytes);
     } else {
         result = gltf_fail(g, STATUS_ERR_INPUT, &at, "has neither a uri nor a bufferView");
     }
@@ -82,8 +81,8 @@ static enum scene_wrap wrap_of(struct gltf *g, uint64_t mode, const struct gltf_
     case 33071: return WRAP_CLAMP;
     case 33648: return WRAP_MIRROR;
     default:
-        builder_warn(g->b, "wrap mode", "samplers[%zu]: wrap mode %llu is unknown: repeated",
-                     at->row, (unsigned long long)mode);
+        builder_warn(g->b, "wrap mode", "samplers[%zu]: wrap mode %llu is unknown: repeated", at->row,
+                     (unsigned long long)mode);
         return WRAP_REPEAT;
     }
 }
@@ -121,13 +120,11 @@ static status read_texture(struct gltf *g, size_t index, int64_t *row)
     if (webp) /* the other source is for readers without WebP */
         TRY(gltf_index(g, webp, &at_webp, "source", g->images, &source));
     if (gltf_extension(texture, "KHR_texture_basisu"))
-        builder_warn(g->b, "basisu",
-                     "textures[%zu] is in KTX2 form (KHR_texture_basisu), which is not read: %s",
-                     index, source >= 0 ? "its other form is used" : "left out");
+        builder_warn(g->b, "basisu", "textures[%zu] is in KTX2 form (KHR_texture_basisu), which is not read: %s", index,
+                     source >= 0 ? "its other form is used" : "left out");
     if (source < 0) {
         if (!json_object_get(texture, "extensions"))
-            builder_warn(g->b, "texture without source", "textures[%zu] has no image: left out",
-                         index);
+            builder_warn(g->b, "texture without source", "textures[%zu] has no image: left out", index);
         return STATUS_OK;
     }
     if (sampler >= 0)
@@ -142,8 +139,8 @@ static status read_texture(struct gltf *g, size_t index, int64_t *row)
 
 /* KHR_texture_transform: uv' = T R S uv; the angle turns counter-clockwise as seen on the
  * image, whose v runs downwards. */
-static status read_transform(struct gltf *g, json_t *info, const struct gltf_place *at,
-                             struct scene_texture_slot *slot, uint64_t *uv_set)
+static status read_transform(struct gltf *g, json_t *info, const struct gltf_place *at, struct scene_texture_slot *slot,
+                             uint64_t *uv_set)
 {
     const struct gltf_place inner = gltf_within(at, ".KHR_texture_transform");
     json_t *extension = gltf_extension(info, "KHR_texture_transform");

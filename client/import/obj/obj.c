@@ -1,13 +1,14 @@
 #include "client/import/obj/obj.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
 #include "client/import/builder/polygon.h"
 #include "client/import/builder/scan.h"
-#include "client/import/builder/try.h"
-#include "common/base/file.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 #include "common/image/color.h"
 
@@ -28,8 +29,7 @@ static status read_vertex(struct obj *o, struct obj_line *line)
 
     if (o->v_count >= OBJ_BAD)
         return error_set(o->err, STATUS_ERR_LIMIT, "line %u: too many vertices", line->number);
-    if (!MEM_GROW(o->v, o->v_capacity, 3 * (o->v_count + 1)))
-        return error_no_memory(o->err, "OBJ vertices");
+    MUST_GROW(o->v, o->v_capacity, 3 * (o->v_count + 1));
     for (size_t c = 0; c < 3 && good; c++)
         good = fabs(x[c]) <= (double)SCENE_COORDINATE_MAX;
     if (!good)
@@ -43,34 +43,30 @@ static status read_vertex(struct obj *o, struct obj_line *line)
         o->v[3 * o->v_count + c] = good ? x[c] : (double)NAN;
     /* x y z r g b, or x y z w r g b: display colours, as ZBrush and MeshLab write them. */
     if (count >= 6 && !o->colors) {
-        if (!MEM_GROW(o->colors, o->color_capacity, 4 * (o->v_count + 1)))
-            return error_no_memory(o->err, "OBJ vertices");
+        MUST_GROW(o->colors, o->color_capacity, 4 * (o->v_count + 1));
         for (size_t i = 0; i < 4 * o->v_count; i++)
             o->colors[i] = 1;
     }
     if (o->colors) {
         const double *rgb = count >= 7 ? x + 4 : x + 3;
-        if (!MEM_GROW(o->colors, o->color_capacity, 4 * (o->v_count + 1)))
-            return error_no_memory(o->err, "OBJ vertices");
+        MUST_GROW(o->colors, o->color_capacity, 4 * (o->v_count + 1));
         for (size_t c = 0; c < 4; c++)
-            o->colors[4 * o->v_count + c] =
-                c < 3 && count >= 6 ? srgb_decode((float)rgb[c]) + 0.0f : 1.0f;
+            o->colors[4 * o->v_count + c] = c < 3 && count >= 6 ? srgb_decode((float)rgb[c]) + 0.0f : 1.0f;
     }
     o->v_count++;
     return STATUS_OK;
 }
 
 /* vt and vn: numbers that are missing or not finite are 0. */
-static status read_attribute(struct obj *o, struct obj_line *line, size_t width, float **array,
-                             size_t *count, size_t *capacity)
+static status read_attribute(struct obj *o, struct obj_line *line, size_t width, float **array, size_t *count,
+                             size_t *capacity)
 {
     double x[3] = {0, 0, 0};
     size_t found = obj_numbers(line, 3, x);
 
     if (*count >= OBJ_BAD)
         return error_set(o->err, STATUS_ERR_LIMIT, "line %u: too many vertices", line->number);
-    if (!MEM_GROW(*array, *capacity, width * (*count + 1)))
-        return error_no_memory(o->err, "OBJ vertices");
+    MUST_GROW(*array, *capacity, width * (*count + 1));
     for (size_t c = 0; c < width; c++)
         (*array)[width * *count + c] = c < found && fabs(x[c]) <= 1e30 ? (float)x[c] + 0.0f : 0.0f;
     ++*count;
@@ -107,19 +103,17 @@ static struct obj_corner parse_corner(const struct obj *o, struct obj_word word)
     return corner;
 }
 
-static status find_part(struct state *s, uint32_t line)
+static void find_part(struct state *s, uint32_t line)
 {
     struct obj *o = s->o;
     char key[32];
     int length = snprintf(key, sizeof key, "%u %u", s->group, s->material);
     uint32_t part = obj_intern(&o->part_keys, key, (size_t)length);
 
-    if (part == OBJ_NONE || !MEM_GROW(o->parts, o->part_capacity, (size_t)part + 1))
-        return error_no_memory(o->err, "OBJ groups");
+    MUST_GROW(o->parts, o->part_capacity, (size_t)part + 1);
     if (part == o->part_count)
         o->parts[o->part_count++] = (struct obj_part){s->group, s->material, line};
     s->part = part;
-    return STATUS_OK;
 }
 
 static status read_face(struct state *s, struct obj_line *line)
@@ -130,36 +124,33 @@ static status read_face(struct state *s, struct obj_line *line)
 
     while ((word = obj_next_word(line)).length) {
         if (face.count == POLYGON_CORNERS_MAX)
-            return error_set(o->err, STATUS_ERR_LIMIT, "line %u: a face of more than %d corners",
-                             line->number, POLYGON_CORNERS_MAX);
-        if (!MEM_GROW(o->corners, o->corner_capacity, o->corner_count + 1))
-            return error_no_memory(o->err, "OBJ faces");
+            return error_set(o->err, STATUS_ERR_LIMIT, "line %u: a face of more than %d corners", line->number,
+                             POLYGON_CORNERS_MAX);
+        MUST_GROW(o->corners, o->corner_capacity, o->corner_count + 1);
         o->corners[o->corner_count++] = parse_corner(o, word);
         face.count++;
     }
     if (face.count < 3) {
-        builder_warn_at(o->b, o->name, line->number, "face of two",
-                        "a face needs three corners: left out");
+        builder_warn_at(o->b, o->name, line->number, "face of two", "a face needs three corners: left out");
         o->corner_count = face.first;
         return STATUS_OK;
     }
     if (s->part == OBJ_NONE)
-        TRY(find_part(s, line->number));
+        find_part(s, line->number);
     face.part = s->part;
-    if (o->face_count >= OBJ_BAD || !MEM_GROW(o->faces, o->face_capacity, o->face_count + 1))
-        return error_no_memory(o->err, "OBJ faces");
+    if (o->face_count >= OBJ_BAD)
+        return error_set(o->err, STATUS_ERR_LIMIT, "has more than %u faces", OBJ_BAD);
+    MUST_GROW(o->faces, o->face_capacity, o->face_count + 1);
     o->faces[o->face_count++] = face;
     return STATUS_OK;
 }
 
-static status read_name(struct state *s, struct obj_line *line, struct obj_names *names,
-                        uint32_t *out)
+static void read_name(struct state *s, struct obj_line *line, struct obj_names *names, uint32_t *out)
 {
     struct obj_word name = obj_rest(line);
 
     *out = obj_intern(names, name.text, name.length);
     s->part = OBJ_NONE;
-    return *out == OBJ_NONE ? error_no_memory(s->o->err, "OBJ names") : STATUS_OK;
 }
 
 static void read_smooth(struct state *s, struct obj_line *line)
@@ -176,24 +167,22 @@ static void read_smooth(struct state *s, struct obj_line *line)
 }
 
 /* One file whose name may contain spaces, or several. They are read after the OBJ file. */
-static status read_library(struct state *s, struct obj_line *line)
+static void read_library(struct state *s, struct obj_line *line)
 {
     struct obj *o = s->o;
     struct obj_word name = obj_rest(line);
     size_t before = o->libraries.count;
 
     if (name.length == 0)
-        return STATUS_OK;
+        return;
     if (before == OBJ_LIBRARIES_MAX) {
         builder_warn_at(o->b, o->name, line->number, "material libraries",
                         "only the first %d material libraries are read", OBJ_LIBRARIES_MAX);
-        return STATUS_OK;
+        return;
     }
-    if (obj_intern(&o->libraries, name.text, name.length) == OBJ_NONE)
-        return error_no_memory(o->err, "OBJ names");
+    obj_intern(&o->libraries, name.text, name.length);
     if (o->libraries.count > before)
         o->library_lines[before] = line->number;
-    return STATUS_OK;
 }
 
 static int is_one_of(struct obj_word word, const char *const *list, size_t count)
@@ -219,13 +208,11 @@ static void warn_of_statement(struct obj *o, struct obj_word word, uint32_t line
                         "free-form curves and surfaces are not read: left out (tessellate them "
                         "where the file was made)");
     } else if (obj_word_is(word, "p") || obj_word_is(word, "l")) {
-        builder_warn_at(o->b, o->name, line, "points and lines",
-                        "points and lines are not rendered");
+        builder_warn_at(o->b, o->name, line, "points and lines", "points and lines are not rendered");
     } else if (obj_word_is(word, "call") || obj_word_is(word, "csh")) {
         builder_warn_at(o->b, o->name, line, "call", "call and csh are not carried out");
     } else if (!IS_ONE_OF(word, display)) {
-        snprintf(kind, sizeof kind, "statement %.*s", (int)(word.length < 24 ? word.length : 24),
-                 word.text);
+        snprintf(kind, sizeof kind, "statement %.*s", (int)(word.length < 24 ? word.length : 24), word.text);
         builder_warn_at(o->b, o->name, line, kind, "the statement \"%.*s\" is unknown",
                         (int)(word.length < 24 ? word.length : 24), word.text);
     }
@@ -247,12 +234,12 @@ static status read_statement(struct state *s, struct obj_line *line)
     if (obj_word_is(word, "f") || obj_word_is(word, "fo"))
         return read_face(s, line);
     if (obj_word_is(word, "o") || obj_word_is(word, "g"))
-        return read_name(s, line, &o->words, &s->group);
-    if (obj_word_is(word, "usemtl"))
-        return read_name(s, line, &o->materials, &s->material);
-    if (obj_word_is(word, "mtllib"))
-        return read_library(s, line);
-    if (obj_word_is(word, "s"))
+        read_name(s, line, &o->words, &s->group);
+    else if (obj_word_is(word, "usemtl"))
+        read_name(s, line, &o->materials, &s->material);
+    else if (obj_word_is(word, "mtllib"))
+        read_library(s, line);
+    else if (obj_word_is(word, "s"))
         read_smooth(s, line);
     else
         warn_of_statement(o, word, line->number);
@@ -270,8 +257,6 @@ static status read_text(struct obj *o, const char *data, size_t size)
     if (size >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0)
         text.at += 3;
     s.group = obj_intern(&o->words, "", 0);
-    if (s.group == OBJ_NONE)
-        return error_no_memory(o->err, "OBJ names");
     while (obj_next_line(&text, &line))
         TRY(read_statement(&s, &line));
     return STATUS_OK;
@@ -334,16 +319,12 @@ static status obj_import(const void *data, size_t size_bytes, const char *name, 
                     .plain_colored_row = BUILDER_NO_ROW};
     status result = read_text(&o, data, size_bytes);
 
-    if (result == STATUS_OK)
-        result = obj_read_libraries(&o);
-    if (result == STATUS_OK)
-        result = obj_make_meshes(&o);
+    THEN(result, obj_read_libraries(&o));
+    THEN(result, obj_make_meshes(&o));
     if (result == STATUS_OK && b->instance_count == 0)
-        result = error_set(
-            b->err, STATUS_ERR_INPUT,
-            "there is nothing to render: %zu vertices, but no face that can be drawn", o.v_count);
-    if (result == STATUS_OK)
-        result = builder_finish(b, file_basename(name), options);
+        result = error_set(b->err, STATUS_ERR_INPUT,
+                           "there is nothing to render: %zu vertices, but no face that can be drawn", o.v_count);
+    THEN(result, builder_finish(b, file_basename(name), options));
     obj_release(&o);
     return result;
 }

@@ -1,12 +1,13 @@
 /* MTL: maps become textures. The scene keeps alpha with colour and roughness with metalness, MTL
- * has separate files: those are combined into new PNG images, and height maps become normal maps,
+ * has separate files: those are combined into new images, and height maps become normal maps,
  * whose slope takes black to white for HEIGHT_TEXELS texels times -bm. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "client/import/obj/obj.h"
-#include "client/import/builder/try.h"
-#include "common/base/file.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
 
@@ -14,8 +15,7 @@ static const float HEIGHT_TEXELS = 8;
 
 /* ---- single files --------------------------------------------------------------------------- */
 
-static void warn_of_texture(struct obj *o, const struct obj_material *m,
-                            const struct obj_texture *map, const char *why)
+static void warn_of_texture(struct obj *o, const struct obj_material *m, const struct obj_texture *map, const char *why)
 {
     char kind[300];
 
@@ -30,26 +30,19 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
 {
     struct error inner = {0};
     enum image_format format;
-    int known;
-    status result =
-        obj_read_file(o, o->files.texts[m->file], map->file, IMPORT_FILE_BYTES_MAX, bytes, &inner);
+    status result = obj_read_file(o, o->files.texts[m->file], map->file, IMPORT_FILE_BYTES_MAX, bytes, &inner);
 
     if (result == STATUS_OK) {
-        result = builder_rewrite_image(o->b, map->file, bytes, &known, &inner);
-        if (result == STATUS_ERR_LIMIT)
-            return inner.text[0] ? error_set(o->err, result, "%s", inner.text) : result;
-    }
-    if (result == STATUS_OK) {
+        TRY(builder_check_image(o->b, map->file, bytes->data, bytes->size));
         format = image_format_of(bytes->data, bytes->size);
-        if (!known) {
+        if (format == IMAGE_UNKNOWN) {
             result = error_set(&inner, STATUS_ERR_UNSUPPORTED,
                                "is not a PNG, JPEG, WebP, TGA, PFM, Radiance HDR or OpenEXR file: "
                                "convert it");
-        } else if (format == IMAGE_HDR || format == IMAGE_EXR) {
+        } else if (image_format_is_float(format)) {
             struct image_repairs repairs = {0};
             struct image deep = {0};
-            result =
-                image_decode_float(&deep, bytes->data, bytes->size, map->file, &repairs, &inner);
+            result = image_decode_float(&deep, bytes->data, bytes->size, map->file, &repairs, &inner);
             image_release(&deep);
         } else {
             result = image_decode_8(image, bytes->data, bytes->size, map->file, &inner);
@@ -60,8 +53,7 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
         return error_no_memory(o->err, "a texture");
     if (result == STATUS_ERR_FORBIDDEN) {
         o->b->error_is_placed = 1;
-        return error_set(o->err, result, "%s:%u: %s", o->files.texts[m->file], map->line,
-                         inner.text);
+        return error_set(o->err, result, "%s:%u: %s", o->files.texts[m->file], map->line, inner.text);
     }
     if (result != STATUS_OK)
         warn_of_texture(o, m, map, inner.text);
@@ -69,8 +61,7 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
 }
 
 /* One channel of a pixel, 0..1. `image` may be of another size than width x height. */
-static float channel(const struct image8 *image, uint32_t x, uint32_t y, uint32_t width,
-                     uint32_t height, uint32_t c)
+static float channel(const struct image8 *image, uint32_t x, uint32_t y, uint32_t width, uint32_t height, uint32_t c)
 {
     size_t sx = (size_t)x * image->width / width, sy = (size_t)y * image->height / height;
     size_t at = (sy * image->width + sx) * image->channels + c;
@@ -83,14 +74,10 @@ static float channel(const struct image8 *image, uint32_t x, uint32_t y, uint32_
     return (float)image->pixels[at] / 255.0f;
 }
 
-static int has_alpha(const struct image8 *image)
-{
-    return image->channels == 2 || image->channels == 4;
-}
+static int has_alpha(const struct image8 *image) { return image->channels == 2 || image->channels == 4; }
 
 /* The mean of the colours: the value of a map of single numbers. */
-static float level(const struct image8 *image, uint32_t x, uint32_t y, uint32_t width,
-                   uint32_t height)
+static float level(const struct image8 *image, uint32_t x, uint32_t y, uint32_t width, uint32_t height)
 {
     if (image->channels <= 2)
         return channel(image, x, y, width, height, 0);
@@ -126,17 +113,15 @@ static struct obj_image *find_image(const struct obj *o, const char *key)
 }
 
 /* Store an image under its key. `data` (NULL: unusable) is taken over, also on failure. */
-static status keep_image(struct obj *o, const char *key, const char *name, uint8_t *data,
-                         size_t size, int grey, struct obj_image **out)
+static status keep_image(struct obj *o, const char *key, const char *name, uint8_t *data, size_t size, int grey,
+                         struct obj_image **out)
 {
-    struct obj_image image = {.key = mem_strdup(key), .row = BUILDER_NO_ROW, .is_grey = grey};
+    struct obj_image image = {.key = must(mem_strdup(key)), .row = BUILDER_NO_ROW, .is_grey = grey};
     uint32_t row;
     status result = STATUS_OK;
 
-    if (!image.key || !MEM_GROW(o->images, o->image_capacity, o->image_count + 1)) {
-        mem_free(data);
-        result = error_no_memory(o->err, "a texture");
-    } else if (data) {
+    MUST_GROW(o->images, o->image_capacity, o->image_count + 1);
+    if (data) {
         result = builder_add_image(o->b, file_basename(name), data, size, &row);
         image.row = result == STATUS_OK ? (int64_t)row : BUILDER_NO_ROW;
     }
@@ -178,14 +163,10 @@ static status file_image(struct obj *o, const struct obj_material *m, const stru
 struct bake {
     const struct image8 *a, *b; /* either may be without pixels */
     float bump;
-    void (*fill)(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
-                 uint8_t rgba[4]);
+    void (*fill)(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height, uint8_t rgba[4]);
 };
 
-static uint8_t to_byte(float x)
-{
-    return (uint8_t)(fminf(fmaxf(x, 0), 1) * 255 + 0.5f);
-}
+static uint8_t to_byte(float x) { return (uint8_t)(fminf(fmaxf(x, 0), 1) * 255 + 0.5f); }
 
 static status bake_image(struct obj *o, const struct bake *bake, const char *key, const char *name,
                          struct obj_image **out)
@@ -200,7 +181,7 @@ static status bake_image(struct obj *o, const struct bake *bake, const char *key
         for (uint32_t x = 0; x < width; x++)
             bake->fill(bake, x, y, width, height, rgba.pixels + 4 * ((size_t)y * width + x));
     if (result == STATUS_OK)
-        result = png_encode_8(&png, &rgba, o->err);
+        result = png_encode_8(&png, &rgba, 1, o->err);
     image8_release(&rgba);
     if (result == STATUS_OK)
         return keep_image(o, key, name, png.data, png.size, 0, out);
@@ -209,9 +190,8 @@ static status bake_image(struct obj *o, const struct bake *bake, const char *key
 }
 
 /* The image combined from the files of `a` and `b` (either may have none). */
-static status baked_image(struct obj *o, const struct obj_material *m, const char *kind,
-                          const struct obj_texture *a, const struct obj_texture *b,
-                          struct bake bake, struct obj_image **out)
+static status baked_image(struct obj *o, const struct obj_material *m, const char *kind, const struct obj_texture *a,
+                          const struct obj_texture *b, struct bake bake, struct obj_image **out)
 {
     struct buffer key = BUFFER_INIT, bytes = BUFFER_INIT;
     struct image8 pixels[2] = {{0}, {0}};
@@ -219,10 +199,8 @@ static status baked_image(struct obj *o, const struct obj_material *m, const cha
     int good;
     status result = STATUS_OK;
 
-    buffer_printf(&key, "%s %.9g\n%s\n%s", kind, (double)bake.bump, a->file ? a->file : "",
-                  b->file ? b->file : "");
-    if (!buffer_ok(&key))
-        return error_no_memory(o->err, "a texture");
+    buffer_printf(&key, "%s %.9g\n%s\n%s", kind, (double)bake.bump, a->file ? a->file : "", b->file ? b->file : "");
+    must_hold(&key);
     *out = find_image(o, buffer_text(&key));
     if (*out)
         goto done;
@@ -230,9 +208,8 @@ static status baked_image(struct obj *o, const struct obj_material *m, const cha
         if (maps[i]->file) {
             result = decode_map(o, m, maps[i], &bytes, &pixels[i], &good);
             if (result == STATUS_OK && good && !pixels[i].pixels)
-                warn_of_texture(
-                    o, m, maps[i],
-                    "a floating point image cannot be combined with another, nor be a height map");
+                warn_of_texture(o, m, maps[i],
+                                "a floating point image cannot be combined with another, nor be a height map");
             buffer_release(&bytes);
         }
     bake.a = &pixels[0];
@@ -251,22 +228,21 @@ done:
 /* ---- what is put together ------------------------------------------------------------------- */
 
 /* Colours of a, opacity of b: its alpha if it has one, else its level. */
-static void fill_alpha(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width,
-                       uint32_t height, uint8_t rgba[4])
+static void fill_alpha(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
+                       uint8_t rgba[4])
 {
     const struct image8 *a = bake->a, *b = bake->b;
 
     for (uint32_t c = 0; c < 3; c++)
-        rgba[c] =
-            a->pixels ? to_byte(channel(a, x, y, width, height, a->channels <= 2 ? 0 : c)) : 255;
+        rgba[c] = a->pixels ? to_byte(channel(a, x, y, width, height, a->channels <= 2 ? 0 : c)) : 255;
     rgba[3] = !b->pixels     ? 255
               : has_alpha(b) ? to_byte(channel(b, x, y, width, height, b->channels - 1))
                              : to_byte(level(b, x, y, width, height));
 }
 
 /* Green: roughness, of a; blue: metal, of b. */
-static void fill_metal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width,
-                       uint32_t height, uint8_t rgba[4])
+static void fill_metal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
+                       uint8_t rgba[4])
 {
     rgba[0] = rgba[3] = 255;
     rgba[1] = bake->a->pixels ? to_byte(level(bake->a, x, y, width, height)) : 255;
@@ -274,16 +250,14 @@ static void fill_metal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t
 }
 
 /* The normal of height map a, by central differences that wrap around the edges. */
-static void fill_normal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width,
-                        uint32_t height, uint8_t rgba[4])
+static void fill_normal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
+                        uint8_t rgba[4])
 {
     uint32_t left = x ? x - 1 : width - 1, right = x + 1 < width ? x + 1 : 0;
     uint32_t above = y ? y - 1 : height - 1, below = y + 1 < height ? y + 1 : 0;
     float steep = 0.5f * HEIGHT_TEXELS * bake->bump;
-    float du =
-        steep * (level(bake->a, right, y, width, height) - level(bake->a, left, y, width, height));
-    float dv =
-        steep * (level(bake->a, x, above, width, height) - level(bake->a, x, below, width, height));
+    float du = steep * (level(bake->a, right, y, width, height) - level(bake->a, left, y, width, height));
+    float dv = steep * (level(bake->a, x, above, width, height) - level(bake->a, x, below, width, height));
     float length = sqrtf(du * du + dv * dv + 1);
 
     rgba[0] = to_byte(0.5f - 0.5f * du / length);
@@ -314,8 +288,7 @@ static status fill_slot(struct obj *o, const struct obj_image *image, const stru
     return STATUS_OK;
 }
 
-static status plain_map(struct obj *o, const struct obj_material *in, enum obj_map map,
-                        struct scene_texture_slot *slot)
+static status plain_map(struct obj *o, const struct obj_material *in, enum obj_map map, struct scene_texture_slot *slot)
 {
     struct obj_image *image;
 
@@ -359,8 +332,7 @@ static status normal_map(struct obj *o, const struct obj_material *in, struct sc
         return STATUS_OK;
     TRY(file_image(o, in, map, &image));
     if (map == &in->maps[OBJ_MAP_BUMP] && image->is_grey) {
-        TRY(baked_image(o, in, "height", map, &none,
-                        (struct bake){.fill = fill_normal, .bump = map->bump}, &image));
+        TRY(baked_image(o, in, "height", map, &none, (struct bake){.fill = fill_normal, .bump = map->bump}, &image));
     } else {
         out->normal_scale = map->bump;
     }

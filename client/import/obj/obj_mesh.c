@@ -6,7 +6,7 @@
 
 #include "client/import/obj/obj.h"
 #include "client/import/builder/polygon.h"
-#include "client/import/builder/try.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
@@ -29,16 +29,13 @@ static int face_is_good(struct obj *o, const struct obj_face *face)
     for (uint32_t i = 0; i < face->count; i++) {
         struct obj_corner *corner = &o->corners[face->first + i];
         if (corner->v >= o->v_count) {
-            builder_warn_at(
-                o->b, o->name, face->line, "face index",
-                "a face names a vertex that does not exist (the file has %zu): left out",
-                o->v_count);
+            builder_warn_at(o->b, o->name, face->line, "face index",
+                            "a face names a vertex that does not exist (the file has %zu): left out", o->v_count);
             return 0;
         }
         if (isnan(o->v[3 * (size_t)corner->v]))
             return 0; /* the vertex was warned of */
-        if ((corner->t != OBJ_NONE && corner->t >= o->vt_count) ||
-            (corner->n != OBJ_NONE && corner->n >= o->vn_count))
+        if ((corner->t != OBJ_NONE && corner->t >= o->vt_count) || (corner->n != OBJ_NONE && corner->n >= o->vn_count))
             builder_warn_at(o->b, o->name, face->line, "attribute index",
                             "a face names a vt or vn that does not exist: drawn without it");
         if (corner->t >= o->vt_count)
@@ -81,20 +78,17 @@ static struct vec3 newell(const struct obj *o, const struct obj_face *face)
     most = fmax(fabs(normal[0]), fmax(fabs(normal[1]), fabs(normal[2])));
     if (!(most > 0))
         return vec3_splat(0);
-    return vec3_normalize(
-        vec3_make((float)(normal[0] / most), (float)(normal[1] / most), (float)(normal[2] / most)));
+    return vec3_normalize(vec3_make((float)(normal[0] / most), (float)(normal[1] / most), (float)(normal[2] / most)));
 }
 
 /* Face normals, and which corners lie around each vertex. */
-static status prepare_normals(struct obj *o)
+static void prepare_normals(struct obj *o)
 {
     size_t wanted = 0;
 
-    o->face_normals = mem_alloc_array(o->face_count, 3 * sizeof *o->face_normals);
-    o->corner_face = mem_alloc_array(o->corner_count, sizeof *o->corner_face);
-    o->around = mem_calloc(o->v_count + 2, sizeof *o->around);
-    if (!o->face_normals || !o->corner_face || !o->around)
-        return error_no_memory(o->err, "OBJ normals");
+    o->face_normals = must(mem_alloc_array(o->face_count, 3 * sizeof *o->face_normals));
+    o->corner_face = must(mem_alloc_array(o->corner_count, sizeof *o->corner_face));
+    o->around = must(mem_calloc(o->v_count + 2, sizeof *o->around));
     for (size_t f = 0; f < o->face_count; f++) {
         struct vec3 n = newell(o, &o->faces[f]);
         memcpy(o->face_normals + 3 * f, &n, sizeof n);
@@ -105,9 +99,7 @@ static status prepare_normals(struct obj *o)
             wanted++;
         }
     }
-    o->around_corners = mem_alloc_array(wanted, sizeof *o->around_corners);
-    if (!o->around_corners)
-        return error_no_memory(o->err, "OBJ normals");
+    o->around_corners = must(mem_alloc_array(wanted, sizeof *o->around_corners));
     for (size_t v = 2; v < o->v_count + 2; v++)
         o->around[v] += o->around[v - 1];
     /* around[v + 1] starts at the beginning of v and moves to its end, which is the beginning of v
@@ -117,7 +109,6 @@ static status prepare_normals(struct obj *o)
             size_t corner = o->faces[f].first + i;
             o->around_corners[o->around[(size_t)o->corners[corner].v + 1]++] = corner;
         }
-    return STATUS_OK;
 }
 
 static struct vec3 face_normal(const struct obj *o, uint32_t face)
@@ -150,8 +141,7 @@ static struct vec3 smooth_normal(const struct obj *o, size_t corner)
     for (size_t i = begin; i < end; i++) {
         uint32_t other = o->corner_face[o->around_corners[i]];
         struct vec3 n = face_normal(o, other);
-        int joined = o->says_smooth ? o->faces[other].smooth == o->faces[face].smooth
-                                    : vec3_dot(own, n) > OBJ_CREASE;
+        int joined = o->says_smooth ? o->faces[other].smooth == o->faces[face].smooth : vec3_dot(own, n) > OBJ_CREASE;
         if (joined)
             sum = vec3_add(sum, vec3_scale(n, corner_angle(o, o->around_corners[i])));
     }
@@ -159,10 +149,7 @@ static struct vec3 smooth_normal(const struct obj *o, size_t corner)
     return vec3_is_black(sum) ? own : sum;
 }
 
-static int is_smooth(const struct obj *o, const struct obj_face *face)
-{
-    return !o->says_smooth || face->smooth;
-}
+static int is_smooth(const struct obj *o, const struct obj_face *face) { return !o->says_smooth || face->smooth; }
 
 static struct vec3 corner_normal(const struct obj *o, size_t corner)
 {
@@ -209,40 +196,33 @@ static void survey(const struct obj *o, struct part_faces *part)
 }
 
 /* Cut the faces; the indices are those of the part's corners, one after the other. */
-static status cut_faces(struct obj *o, const struct part_faces *part, struct mesh_source *mesh,
-                        struct vertex_key *keys)
+static void cut_faces(struct obj *o, const struct part_faces *part, struct mesh_source *mesh, struct vertex_key *keys)
 {
     struct polygon_scratch scratch = {0};
     uint32_t *polygon = NULL;
     float *outline = NULL;
     size_t polygon_capacity = 0, outline_capacity = 0, base = 0;
-    status result = STATUS_OK;
 
-    for (size_t k = part->first; k < part->end && result == STATUS_OK; k++) {
+    for (size_t k = part->first; k < part->end; k++) {
         const struct obj_face *face = &o->faces[part->order[k]];
         uint32_t *indices = mesh->indices + 3 * mesh->triangle_count;
-        if (!MEM_GROW(polygon, polygon_capacity, face->count) ||
-            !MEM_GROW(outline, outline_capacity, 3 * (size_t)face->count)) {
-            result = error_no_memory(o->err, "OBJ faces");
-            break;
-        }
+        MUST_GROW(polygon, polygon_capacity, face->count);
+        MUST_GROW(outline, outline_capacity, 3 * (size_t)face->count);
         for (uint32_t i = 0; i < face->count; i++) {
             const struct obj_corner *corner = &o->corners[face->first + i];
-            struct vec3 n = part->has_normals ? vec3_normalize(corner_normal(o, face->first + i))
-                                              : vec3_splat(0);
+            struct vec3 n = part->has_normals ? vec3_normalize(corner_normal(o, face->first + i)) : vec3_splat(0);
             polygon[i] = i;
             for (size_t c = 0; c < 3; c++) /* relative to the first corner: differences are what counts */
-                outline[3 * i + c] = (float)(o->v[3 * (size_t)corner->v + c] -
-                                             o->v[3 * (size_t)o->corners[face->first].v + c]);
-            keys[base + i] =
-                (struct vertex_key){corner->v, corner->t, {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f}};
+                outline[3 * i + c] =
+                    (float)(o->v[3 * (size_t)corner->v + c] - o->v[3 * (size_t)o->corners[face->first].v + c]);
+            keys[base + i] = (struct vertex_key){corner->v, corner->t, {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f}};
         }
-        result = polygon_triangulate(&scratch, outline, polygon, face->count, indices, o->err);
-        for (size_t i = 0; i < 3 * (size_t)(face->count - 2) && result == STATUS_OK; i++)
+        polygon_triangulate(&scratch, outline, polygon, face->count, indices);
+        for (size_t i = 0; i < 3 * (size_t)(face->count - 2); i++)
             indices[i] += (uint32_t)base;
         mesh->triangle_count += face->count - 2;
         base += face->count;
-        if (scratch.fans && result == STATUS_OK) {
+        if (scratch.fans) {
             scratch.fans = 0;
             builder_warn_at(o->b, o->name, face->line, "fan",
                             "a face crosses itself or is too large to be cut cleanly");
@@ -251,7 +231,6 @@ static status cut_faces(struct obj *o, const struct part_faces *part, struct mes
     mem_free(polygon);
     mem_free(outline);
     polygon_scratch_release(&scratch);
-    return result;
 }
 
 static void fill_vertex(const struct obj *o, const struct vertex_key *key, const struct mesh_origin *origin,
@@ -273,74 +252,58 @@ static void fill_vertex(const struct obj *o, const struct vertex_key *key, const
     }
 }
 
-static status choose_origin(const struct obj *o, const struct part_faces *part, const struct vertex_key *keys,
-                            struct mesh_origin *out)
+static void choose_origin(const struct obj *o, const struct part_faces *part, const struct vertex_key *keys,
+                          struct mesh_origin *out)
 {
-    double *points = mem_alloc_array(part->corners, 3 * sizeof *points);
+    double *points = must(mem_alloc_array(part->corners, 3 * sizeof *points));
 
-    if (!points)
-        return error_no_memory(o->err, "OBJ vertices");
     for (size_t i = 0; i < part->corners; i++)
         memcpy(points + 3 * i, o->v + 3 * (size_t)keys[i].v, 3 * sizeof *points);
     mesh_origin_near(points, part->corners, o->origin, 1, out);
     mem_free(points);
-    return STATUS_OK;
 }
 
-static status weld_corners(struct obj *o, const struct part_faces *part,
-                           const struct vertex_key *keys, struct mesh_source *mesh)
+static void weld_corners(struct obj *o, const struct part_faces *part, const struct vertex_key *keys,
+                         struct mesh_source *mesh)
 {
-    uint32_t *weld = mem_alloc_array(part->corners, sizeof *weld);
+    uint32_t *weld = must(mem_alloc_array(part->corners, sizeof *weld));
     struct mesh_origin origin;
     size_t distinct = 0;
-    status result = STATUS_OK;
 
-    if (!weld)
-        return error_no_memory(o->err, "OBJ vertices");
-    result = choose_origin(o, part, keys, &origin);
+    choose_origin(o, part, keys, &origin);
     memcpy(mesh->origin, origin.at, sizeof mesh->origin);
-    if (result == STATUS_OK)
-        result = vertices_weld(keys, sizeof *keys, part->corners, weld, o->err);
-    for (size_t i = 0; i < part->corners && result == STATUS_OK; i++)
+    vertices_weld(keys, sizeof *keys, part->corners, weld);
+    for (size_t i = 0; i < part->corners; i++)
         distinct += weld[i] == i;
-    mesh->positions = mem_alloc_array(distinct, 3 * sizeof(float));
-    mesh->normals = part->has_normals ? mem_alloc_array(distinct, 3 * sizeof(float)) : NULL;
-    mesh->uv[0] = part->has_uv ? mem_alloc_array(distinct, 2 * sizeof(float)) : NULL;
-    mesh->colors = part->has_colors ? mem_alloc_array(distinct, 4 * sizeof(float)) : NULL;
-    if (!mesh->positions || (part->has_normals && !mesh->normals) ||
-        (part->has_uv && !mesh->uv[0]) || (part->has_colors && !mesh->colors))
-        result = error_no_memory(o->err, "OBJ vertices");
-    for (size_t i = 0; i < part->corners && result == STATUS_OK; i++)
+    mesh->positions = must(mem_alloc_array(distinct, 3 * sizeof(float)));
+    mesh->normals = part->has_normals ? must(mem_alloc_array(distinct, 3 * sizeof(float))) : NULL;
+    mesh->uv[0] = part->has_uv ? must(mem_alloc_array(distinct, 2 * sizeof(float))) : NULL;
+    mesh->colors = part->has_colors ? must(mem_alloc_array(distinct, 4 * sizeof(float))) : NULL;
+    for (size_t i = 0; i < part->corners; i++)
         if (weld[i] == i) {
             weld[i] = (uint32_t)mesh->vertex_count;
             fill_vertex(o, &keys[i], &origin, mesh);
         } else {
             weld[i] = weld[weld[i]]; /* the first of them already has its number */
         }
-    for (size_t i = 0; i < 3 * mesh->triangle_count && result == STATUS_OK; i++)
+    for (size_t i = 0; i < 3 * mesh->triangle_count; i++)
         mesh->indices[i] = weld[mesh->indices[i]];
     mem_free(weld);
-    return result;
 }
 
 static status make_source(struct obj *o, const struct part_faces *part, struct mesh_source *mesh)
 {
     struct vertex_key *keys;
-    status result = STATUS_OK;
 
     if (part->triangles > SCENE_TRIANGLES_MAX || part->corners >= OBJ_BAD)
-        return error_set(o->err, STATUS_ERR_LIMIT, "has %zu triangles in one group: at most %d",
-                         part->triangles, SCENE_TRIANGLES_MAX);
-    keys = mem_alloc_array(part->corners, sizeof *keys);
-    mesh->indices = mem_alloc_array(part->triangles, 3 * sizeof *mesh->indices);
-    if (!keys || !mesh->indices)
-        result = error_no_memory(o->err, "OBJ faces");
-    if (result == STATUS_OK)
-        result = cut_faces(o, part, mesh, keys);
-    if (result == STATUS_OK)
-        result = weld_corners(o, part, keys, mesh);
+        return error_set(o->err, STATUS_ERR_LIMIT, "has %zu triangles in one group: at most %d", part->triangles,
+                         SCENE_TRIANGLES_MAX);
+    keys = must(mem_alloc_array(part->corners, sizeof *keys));
+    mesh->indices = must(mem_alloc_array(part->triangles, 3 * sizeof *mesh->indices));
+    cut_faces(o, part, mesh, keys);
+    weld_corners(o, part, keys, mesh);
     mem_free(keys);
-    return result;
+    return STATUS_OK;
 }
 
 static struct mesh_tangents tangents_of(const struct scene_material *m)
@@ -369,8 +332,7 @@ static status make_part(struct obj *o, const struct obj_part *part, struct part_
     tangents = tangents_of(&o->b->materials[material]);
     result = make_source(o, faces, &mesh);
     memcpy(origin, mesh.origin, sizeof origin);
-    if (result == STATUS_OK)
-        result = mesh_finish(o->b, &mesh, name, &tangents, &row);
+    THEN(result, mesh_finish(o->b, &mesh, name, &tangents, &row));
     mesh_source_release(&mesh);
     if (result != STATUS_OK || row == BUILDER_NO_ROW)
         return result;
@@ -385,16 +347,14 @@ static status make_part(struct obj *o, const struct obj_part *part, struct part_
 
 status obj_make_meshes(struct obj *o)
 {
-    size_t *starts = mem_calloc(o->part_count + 2, sizeof *starts);
+    size_t *starts = must(mem_calloc(o->part_count + 2, sizeof *starts));
     uint32_t *order = NULL;
     status result = STATUS_OK;
 
     drop_bad_faces(o);
-    order = mem_alloc_array(o->face_count, sizeof *order);
-    if (!starts || !order)
-        result = error_no_memory(o->err, "OBJ groups");
+    order = must(mem_alloc_array(o->face_count, sizeof *order));
     if (result == STATUS_OK)
-        result = prepare_normals(o);
+        prepare_normals(o);
     if (result == STATUS_OK) {
         for (size_t f = 0; f < o->face_count; f++)
             starts[o->faces[f].part + 2]++;

@@ -16,11 +16,11 @@
  *                  them, Ks is not used.
  */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "client/import/obj/obj.h"
-#include "client/import/builder/try.h"
-#include "common/base/file.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 
@@ -61,14 +61,12 @@ struct mtl_place {
 
 static void warn_number(const struct mtl_place *at, struct obj_word word)
 {
-    builder_warn_at(at->o->b, at->file, at->line, "MTL value",
-                    "\"%.*s\" has no value that can be used: left out",
+    builder_warn_at(at->o->b, at->file, at->line, "MTL value", "\"%.*s\" has no value that can be used: left out",
                     (int)(word.length < 24 ? word.length : 24), word.text);
 }
 
 /* "r", or "r g b"; spectral curves and CIE colours are not read. */
-static void read_color(const struct mtl_place *at, struct obj_line *line, struct obj_word word,
-                       float out[3])
+static void read_color(const struct mtl_place *at, struct obj_line *line, struct obj_word word, float out[3])
 {
     double x[3];
     size_t count = obj_numbers(line, 3, x);
@@ -83,8 +81,7 @@ static void read_color(const struct mtl_place *at, struct obj_line *line, struct
     }
 }
 
-static void read_number(const struct mtl_place *at, struct obj_line *line, struct obj_word word,
-                        float *out)
+static void read_number(const struct mtl_place *at, struct obj_line *line, struct obj_word word, float *out)
 {
     double x;
 
@@ -95,8 +92,7 @@ static void read_number(const struct mtl_place *at, struct obj_line *line, struc
 }
 
 /* Options of a map, then its file, whose name may hold spaces. */
-static status read_map(const struct mtl_place *at, struct obj_line *line, struct obj_word word,
-                       struct obj_texture *map)
+static void read_map(const struct mtl_place *at, struct obj_line *line, struct obj_word word, struct obj_texture *map)
 {
     struct obj_word rest;
     double x[3];
@@ -119,15 +115,13 @@ static status read_map(const struct mtl_place *at, struct obj_line *line, struct
             map->bump = obj_numbers(line, 1, x) && fabs(x[0]) <= 1e6 ? (float)x[0] : 1.0f;
         } else if (obj_word_is(option, "-mm")) {
             obj_numbers(line, 2, x);
-            builder_warn_at(at->o->b, at->file, at->line, "MTL option",
-                            "-mm is not applied: the map is used as it is");
+            builder_warn_at(at->o->b, at->file, at->line, "MTL option", "-mm is not applied: the map is used as it is");
         } else if (obj_word_is(option, "-boost") || obj_word_is(option, "-texres")) {
             obj_numbers(line, 1, x);
         } else if (obj_word_is(option, "-clamp")) {
             map->clamp = obj_word_is(obj_next_word(line), "on");
-        } else if (obj_word_is(option, "-blendu") || obj_word_is(option, "-blendv") ||
-                   obj_word_is(option, "-cc") || obj_word_is(option, "-imfchan") ||
-                   obj_word_is(option, "-type")) {
+        } else if (obj_word_is(option, "-blendu") || obj_word_is(option, "-blendv") || obj_word_is(option, "-cc") ||
+                   obj_word_is(option, "-imfchan") || obj_word_is(option, "-type")) {
             obj_next_word(line);
         } else { /* a name that begins so */
             *line = before;
@@ -137,18 +131,15 @@ static status read_map(const struct mtl_place *at, struct obj_line *line, struct
     rest = obj_rest(line);
     if (rest.length == 0 || rest.length > OBJ_NAME_BYTES_MAX || memchr(rest.text, 0, rest.length)) {
         warn_number(at, word);
-        return STATUS_OK;
+        return;
     }
-    map->file = mem_alloc(rest.length + 1);
-    if (!map->file)
-        return error_no_memory(at->o->err, "an MTL file");
+    map->file = must(mem_alloc(rest.length + 1));
     memcpy(map->file, rest.text, rest.length);
     map->file[rest.length] = 0;
-    return STATUS_OK;
 }
 
-static status read_statement(const struct mtl_place *at, struct obj_line *line,
-                             struct obj_word word, struct obj_material *m)
+static void read_statement(const struct mtl_place *at, struct obj_line *line, struct obj_word word,
+                           struct obj_material *m)
 {
     const struct {
         const char *word;
@@ -175,11 +166,13 @@ static status read_statement(const struct mtl_place *at, struct obj_line *line,
                 read_color(at, line, word, values[i].color);
             else
                 read_number(at, line, word, values[i].number);
-            return STATUS_OK;
+            return;
         }
     for (size_t i = 0; i < sizeof maps / sizeof *maps; i++)
-        if (obj_word_is(word, maps[i].word))
-            return read_map(at, line, word, &m->maps[maps[i].map]);
+        if (obj_word_is(word, maps[i].word)) {
+            read_map(at, line, word, &m->maps[maps[i].map]);
+            return;
+        }
     if (obj_word_is(word, "d") || obj_word_is(word, "Tr")) {
         struct obj_line before = *line;
         if (!obj_word_is(obj_next_word(line), "-halo"))
@@ -188,48 +181,42 @@ static status read_statement(const struct mtl_place *at, struct obj_line *line,
         read_number(at, line, word, &value);
         if (!isnan(value))
             m->d = obj_word_is(word, "d") ? value : 1 - value;
-        return STATUS_OK;
+        return;
     }
     if (obj_word_is(word, "illum")) {
         value = -1;
         read_number(at, line, word, &value);
         m->illum = value >= 0 && value <= 10 ? (int)value : -1;
-        return STATUS_OK;
+        return;
     }
     for (size_t i = 0; i < sizeof silent / sizeof *silent; i++)
         if (obj_word_is(word, silent[i]))
-            return STATUS_OK;
+            return;
     snprintf(kind, sizeof kind, "MTL %.*s", (int)(word.length < 24 ? word.length : 24), word.text);
-    builder_warn_at(at->o->b, at->file, at->line, kind,
-                    "the material statement \"%.*s\" is not read",
+    builder_warn_at(at->o->b, at->file, at->line, kind, "the material statement \"%.*s\" is not read",
                     (int)(word.length < 24 ? word.length : 24), word.text);
-    return STATUS_OK;
 }
 
-static status begin_material(struct obj *o, struct obj_line *line, uint32_t file)
+static void begin_material(struct obj *o, struct obj_line *line, uint32_t file)
 {
     struct obj_word name = obj_rest(line);
     uint32_t number = obj_intern(&o->materials, name.text, name.length);
 
-    if (number == OBJ_NONE || !MEM_GROW(o->defined, o->defined_capacity, o->defined_count + 1))
-        return error_no_memory(o->err, "MTL materials");
+    MUST_GROW(o->defined, o->defined_capacity, o->defined_count + 1);
     material_init(&o->defined[o->defined_count]);
     o->defined[o->defined_count].name = number;
     o->defined[o->defined_count].file = file;
     o->defined[o->defined_count].line = line->number;
     o->defined_count++;
-    return STATUS_OK;
 }
 
-static status read_library_text(struct obj *o, const struct buffer *bytes, const char *file)
+static void read_library_text(struct obj *o, const struct buffer *bytes, const char *file)
 {
     uint32_t number = obj_intern(&o->files, file, strlen(file));
     struct obj_text text = {(const char *)bytes->data, (const char *)bytes->data + bytes->size, 1};
     struct obj_line line;
     int begun = 0;
 
-    if (number == OBJ_NONE)
-        return error_no_memory(o->err, "MTL materials");
     if (bytes->size >= 3 && memcmp(text.at, "\xef\xbb\xbf", 3) == 0)
         text.at += 3;
     while (obj_next_line(&text, &line)) {
@@ -238,16 +225,14 @@ static status read_library_text(struct obj *o, const struct buffer *bytes, const
         if (word.length == 0)
             continue;
         if (obj_word_is(word, "newmtl")) {
-            TRY(begin_material(o, &line, number));
+            begin_material(o, &line, number);
             begun = 1;
         } else if (begun) {
-            TRY(read_statement(&at, &line, word, &o->defined[o->defined_count - 1]));
+            read_statement(&at, &line, word, &o->defined[o->defined_count - 1]);
         } else {
-            builder_warn_at(o->b, file, line.number, "before newmtl",
-                            "comes before any newmtl: left out");
+            builder_warn_at(o->b, file, line.number, "before newmtl", "comes before any newmtl: left out");
         }
     }
-    return STATUS_OK;
 }
 
 /* A failure is a warning. *found tells whether the file could be read. */
@@ -260,12 +245,11 @@ static status read_library(struct obj *o, const char *file, uint32_t library, in
 
     *found = result == STATUS_OK;
     if (result == STATUS_OK && bytes.size) {
-        result = read_library_text(o, &bytes, file);
+        read_library_text(o, &bytes, file);
     } else if (result == STATUS_ERR_NO_MEMORY) {
         result = error_no_memory(o->err, "an MTL file");
     } else if (result == STATUS_ERR_FORBIDDEN) {
-        result = error_set(o->err, result, "line %u: mtllib: %s", o->library_lines[library],
-                           inner.text);
+        result = error_set(o->err, result, "line %u: mtllib: %s", o->library_lines[library], inner.text);
     } else {
         snprintf(kind, sizeof kind, "mtllib %.200s", file);
         if (result != STATUS_OK && warn)
@@ -304,9 +288,7 @@ status obj_read_libraries(struct obj *o)
         if (!found && several)
             TRY(read_libraries_of(o, i));
     }
-    o->definition = mem_alloc_array(o->materials.count, sizeof *o->definition);
-    if (!o->definition)
-        return error_no_memory(o->err, "MTL materials");
+    o->definition = must(mem_alloc_array(o->materials.count, sizeof *o->definition));
     memset(o->definition, 0xff, o->materials.count * sizeof *o->definition);
     for (size_t i = o->defined_count; i-- > 0;) /* the first of a name counts */
         o->definition[o->defined[i].name] = (uint32_t)i;
@@ -315,15 +297,9 @@ status obj_read_libraries(struct obj *o)
 
 /* ---- making --------------------------------------------------------------------------------- */
 
-static float unit(float x, float otherwise)
-{
-    return isnan(x) ? otherwise : float_min(float_max(x, 0), 1) + 0.0f;
-}
+static float unit(float x, float otherwise) { return isnan(x) ? otherwise : float_min(float_max(x, 0), 1) + 0.0f; }
 
-static int is_black(const float color[3])
-{
-    return !(color[0] > 0 || color[1] > 0 || color[2] > 0);
-}
+static int is_black(const float color[3]) { return !(color[0] > 0 || color[1] > 0 || color[2] > 0); }
 
 static float roughness_of(const struct obj_material *in)
 {
@@ -341,8 +317,7 @@ static void set_specular(const struct obj_material *in, struct scene_material *o
     int mirror = in->illum == 3 || in->illum == 5 || in->illum == 8;
     float scale = (mirror ? 1 : highlight_reflectance) / default_reflectance;
 
-    if (!isnan(in->pr) || !isnan(in->pm) || in->maps[OBJ_MAP_PR].file ||
-        in->maps[OBJ_MAP_PM].file) {
+    if (!isnan(in->pr) || !isnan(in->pm) || in->maps[OBJ_MAP_PR].file || in->maps[OBJ_MAP_PM].file) {
         out->ior = in->ni >= 1 ? float_min(in->ni, 10) : 1.5f;
         return;
     }
@@ -365,8 +340,7 @@ static void set_opacity(const struct obj_material *in, struct scene_material *ou
         out->refractive = 1;
         out->ior = in->ni >= 1 ? float_min(in->ni, 10) : 1.5f;
         for (int c = 0; c < 3; c++)
-            out->base_color[c] = out->base_color[c] * (1 - out->transmission) +
-                                 unit(in->tf[c], 1) * out->transmission;
+            out->base_color[c] = out->base_color[c] * (1 - out->transmission) + unit(in->tf[c], 1) * out->transmission;
     } else if (d < 1 || in->maps[OBJ_MAP_D].file) {
         out->alpha_mode = ALPHA_BLEND;
         out->base_color[3] = d;
@@ -392,8 +366,7 @@ static void set_values(const struct obj_material *in, struct scene_material *out
     out->clearcoat = unit(in->pc, 0);
     out->clearcoat_roughness = unit(in->pcr, 0);
     out->anisotropy = unit(in->aniso, 0);
-    out->anisotropy_rotation_rad =
-        isnan(in->anisor) ? 0 : 2 * PI_F * (in->anisor - floorf(in->anisor));
+    out->anisotropy_rotation_rad = isnan(in->anisor) ? 0 : 2 * PI_F * (in->anisor - floorf(in->anisor));
 }
 
 /* The material of faces without one: grey, or the vertices' colours. */

@@ -6,9 +6,8 @@
 
 #include "client/import/obj/obj.h"
 #include "client/import/builder/scan.h"
-#include "client/import/builder/try.h"
 #include "client/import/builder/uri.h"
-#include "common/base/file.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 /* ---- names --------------------------------------------------------------------------------- */
@@ -22,13 +21,11 @@ static size_t hash_text(const char *text, size_t length)
     return (size_t)(h ^ h >> 32);
 }
 
-static int names_grow(struct obj_names *names)
+static void names_grow(struct obj_names *names)
 {
     size_t size = names->index_size ? 2 * names->index_size : 64;
-    uint32_t *index = mem_calloc(size, sizeof *index);
+    uint32_t *index = must(mem_calloc(size, sizeof *index));
 
-    if (!index)
-        return 0;
     for (size_t i = 0; i < names->count; i++) {
         size_t at = hash_text(names->texts[i], strlen(names->texts[i])) & (size - 1);
         while (index[at])
@@ -38,7 +35,6 @@ static int names_grow(struct obj_names *names)
     mem_free(names->index);
     names->index = index;
     names->index_size = size;
-    return 1;
 }
 
 uint32_t obj_intern(struct obj_names *names, const char *text, size_t length)
@@ -49,8 +45,8 @@ uint32_t obj_intern(struct obj_names *names, const char *text, size_t length)
 
     length = nul ? (size_t)(nul - text) : length;
     length = length < OBJ_NAME_BYTES_MAX ? length : OBJ_NAME_BYTES_MAX;
-    if (2 * (names->count + 1) > names->index_size && !names_grow(names))
-        return OBJ_NONE;
+    if (2 * (names->count + 1) > names->index_size)
+        names_grow(names);
     at = hash_text(text, length) & (names->index_size - 1);
     for (; names->index[at]; at = (at + 1) & (names->index_size - 1)) {
         assert(names->index[at] <= names->count);
@@ -58,11 +54,8 @@ uint32_t obj_intern(struct obj_names *names, const char *text, size_t length)
         if (strlen(other) == length && memcmp(other, text, length) == 0)
             return names->index[at] - 1;
     }
-    if (!MEM_GROW(names->texts, names->capacity, names->count + 1))
-        return OBJ_NONE;
-    copy = mem_alloc(length + 1);
-    if (!copy)
-        return OBJ_NONE;
+    MUST_GROW(names->texts, names->capacity, names->count + 1);
+    copy = must(mem_alloc(length + 1));
     memcpy(copy, text, length);
     copy[length] = 0;
     names->texts[names->count++] = copy;
@@ -81,10 +74,7 @@ void obj_names_release(struct obj_names *names)
 
 /* ---- lines and words ------------------------------------------------------------------------ */
 
-static int is_line_end(char c)
-{
-    return c == '\n' || c == '\r';
-}
+static int is_line_end(char c) { return c == '\n' || c == '\r'; }
 
 /* The length of a backslash and the line end after it at `at`; 0: there is none. */
 static size_t continuation(const char *at, const char *end)
@@ -120,8 +110,7 @@ static void skip_space(struct obj_line *line)
 {
     while (line->at < line->end) {
         size_t skip = continuation(line->at, line->end);
-        if (!skip && *line->at != ' ' && *line->at != '\t' && *line->at != '\v' &&
-            *line->at != '\f')
+        if (!skip && *line->at != ' ' && *line->at != '\t' && *line->at != '\v' && *line->at != '\f')
             return;
         line->at += skip ? skip : 1;
     }
@@ -136,8 +125,7 @@ struct obj_word obj_next_word(struct obj_line *line)
     if (line->at < line->end && *line->at == '#')
         line->at = line->end;
     else
-        while (line->at < line->end && *line->at != ' ' && *line->at != '\t' &&
-               !continuation(line->at, line->end))
+        while (line->at < line->end && *line->at != ' ' && *line->at != '\t' && !continuation(line->at, line->end))
             line->at++;
     word.length = word.text < line->end && *word.text == '#' ? 0 : (size_t)(line->at - word.text);
     return word;
@@ -168,8 +156,7 @@ size_t obj_numbers(struct obj_line *line, size_t most, double *out)
     while (count < most) {
         struct obj_line before = *line;
         struct obj_word word = obj_next_word(line);
-        /* A word that begins with a number counts as one: some files end values with commas or
-         * "f". */
+        /* A word that begins with a number counts as one: some files end values with commas or "f". */
         if (word.length == 0 || !scan_double(word.text, word.text + word.length, &out[count])) {
             *line = before;
             break;
@@ -192,15 +179,14 @@ static status find_file(struct obj *o, const char *file, char **path, struct err
             buffer_puts(&name, "%25");
         else
             buffer_append(&name, *p == '\\' ? "/" : p, 1);
-    result = buffer_ok(&name) ? uri_to_path(buffer_text(&name), o->folder, o->b->files, path, err)
-                              : error_no_memory(err, "a file name");
+    must_hold(&name);
+    result = uri_to_path(buffer_text(&name), o->folder, o->b->files, path, err);
     buffer_release(&name);
     return result;
 }
 
 /* Set *path to `prefix`/`file` if that file exists and may be read, and *path is not set yet. */
-static void try_file(struct obj *o, const char *prefix, size_t prefix_length, const char *file,
-                     char **path, int *found)
+static void try_file(struct obj *o, const char *prefix, size_t prefix_length, const char *file, char **path, int *found)
 {
     struct buffer name = BUFFER_INIT;
     char *other = NULL;
@@ -209,8 +195,8 @@ static void try_file(struct obj *o, const char *prefix, size_t prefix_length, co
         return;
     buffer_append(&name, prefix, prefix_length);
     buffer_puts(&name, file);
-    if (buffer_ok(&name) && find_file(o, buffer_text(&name), &other, NULL) == STATUS_OK &&
-        input_files_contain(o->b->files, other)) {
+    must_hold(&name);
+    if (find_file(o, buffer_text(&name), &other, NULL) == STATUS_OK && input_files_contain(o->b->files, other)) {
         mem_free(*path);
         *path = other;
         other = NULL;
@@ -231,8 +217,8 @@ static const char *last_name(const char *path)
     return last;
 }
 
-status obj_read_file(struct obj *o, const char *within, const char *file, size_t limit,
-                     struct buffer *out, struct error *err)
+status obj_read_file(struct obj *o, const char *within, const char *file, size_t limit, struct buffer *out,
+                     struct error *err)
 {
     size_t beside = within ? (size_t)(last_name(within) - within) : 0;
     char *path = NULL;
@@ -247,8 +233,7 @@ status obj_read_file(struct obj *o, const char *within, const char *file, size_t
     try_file(o, within, beside, last_name(file), &path, &found);
     try_file(o, NULL, 0, last_name(file), &path, &found);
     result = found ? STATUS_OK : find_file(o, file, &path, err);
-    if (result == STATUS_OK)
-        result = input_files_read(o->b->files, path, limit, out, err);
+    THEN(result, input_files_read(o->b->files, path, limit, out, err));
     mem_free(path);
     return result;
 }

@@ -3,8 +3,9 @@
 #include <string.h>
 #include <strings.h>
 
-#include "client/import/pbrt/pbrt_directive.h"
-#include "common/base/file.h"
+#include "client/import/pbrt/read/pbrt_directive.h"
+#include "client/terminal/must.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 
 static const struct pbrt_word *word_find(const char *text)
@@ -19,8 +20,7 @@ static const struct pbrt_word *word_find(const char *text)
     return NULL;
 }
 
-static status begin(struct pbrt *p, const void *data, size_t size_bytes, const char *name,
-                    const char *folder)
+static status begin(struct pbrt *p, const void *data, size_t size_bytes, const char *name, const char *folder)
 {
     static const struct pbrt_place nowhere = {"", 0};
 
@@ -31,9 +31,8 @@ static status begin(struct pbrt *p, const void *data, size_t size_bytes, const c
     p->now.active = 3;
     p->now.ctm.at[0] = p->now.ctm.at[1] = transform_d_identity();
     p->now.inside = p->now.outside = p->camera_medium = "";
-    TRY(pbrt_reader_init(&p->reader, &p->arena, data, size_bytes, name, folder, p->b->files,
-                         p->err));
-    TRY(pbrt_material_new(p, "diffuse", "default", &nowhere, &p->default_material));
+    TRY(pbrt_reader_init(&p->reader, &p->arena, data, size_bytes, name, folder, p->b->files, p->err));
+    pbrt_material_new(p, "diffuse", "default", &nowhere, &p->default_material);
     p->now.material = p->default_material;
     return STATUS_OK;
 }
@@ -86,8 +85,7 @@ static status run(struct pbrt *p)
             break;
         word = t.kind == TOKEN_WORD ? word_find(t.text) : NULL;
         if (!word)
-            return pbrt_fail(p, STATUS_ERR_INPUT, &t.at,
-                             "\"%.60s\" is not a directive of a pbrt scene",
+            return pbrt_fail(p, STATUS_ERR_INPUT, &t.at, "\"%.60s\" is not a directive of a pbrt scene",
                              t.kind == TOKEN_OPEN    ? "["
                              : t.kind == TOKEN_CLOSE ? "]"
                                                      : t.text);
@@ -108,20 +106,16 @@ static status run(struct pbrt *p)
 static status import(const void *data, size_t size_bytes, const char *name, const char *folder,
                      const struct import_options *options, struct builder *b)
 {
-    struct pbrt *p = mem_calloc(1, sizeof *p);
+    struct pbrt *p = must(mem_calloc(1, sizeof *p));
     status result;
 
-    if (!p)
-        return error_no_memory(b->err, "a scene");
     p->b = b;
     b->volume_rule = VOLUMES_BOUNDARIES;
     p->err = b->err;
     p->reader.arena = &p->arena;
     result = begin(p, data, size_bytes, name, folder);
-    if (result == STATUS_OK)
-        result = run(p);
-    if (result == STATUS_OK)
-        result = builder_finish(b, file_basename(name), options);
+    THEN(result, run(p));
+    THEN(result, builder_finish(b, file_basename(name), options));
     finish(p);
     mem_free(p);
     return result;

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "client/import/pbrt/pbrt_motion.h"
+#include "client/import/pbrt/read/pbrt_motion.h"
 #include "common/math/elementary.h"
 
 /* Of the shorter side; the resulting vertical angle is checked with the scene. */
@@ -30,8 +30,7 @@ static status read_screen(struct pbrt *p, double film_aspect, struct screen *out
         out->x = (w[1] - w[0]) / 2;
         out->y = (w[3] - w[2]) / 2;
         if (fabs(w[0] + w[1]) > 1e-4 * out->x || fabs(w[2] + w[3]) > 1e-4 * out->y)
-            pbrt_warn(p, &window->at, "screen window",
-                      "a screen window that is not centred is not supported: centred");
+            pbrt_warn(p, &window->at, "screen window", "a screen window that is not centred is not supported: centred");
     }
     out->aspect = out->x / out->y;
     return STATUS_OK;
@@ -50,8 +49,7 @@ static struct transform_d camera_axes(enum scene_camera_kind kind)
 
     m.m[2][2] = -1; /* pbrt's looks along +z, with x to the right as ours */
     if (kind == CAMERA_PANORAMA) {
-        /* pbrt's picture starts at +x and turns towards +z: its middle is -x, right of that
-         * is -z. */
+        /* pbrt's picture starts at +x and turns towards +z: its middle is -x, right of that is -z. */
         m.m[0][0] = m.m[2][2] = 0;
         m.m[2][0] = -1; /* right */
         m.m[0][2] = 1;  /* back */
@@ -70,9 +68,8 @@ static status read_perspective(struct pbrt *p, double film_aspect, const struct 
     if (half)
         fov = 2 * half->numbers[0];
     if (!(fov >= FOV_MIN_DEG && fov <= FOV_MAX_DEG))
-        return pbrt_fail(p, STATUS_ERR_INPUT, &p->camera.at,
-                         "the camera's fov is %g: it must be %g to %g degrees", fov, FOV_MIN_DEG,
-                         FOV_MAX_DEG);
+        return pbrt_fail(p, STATUS_ERR_INPUT, &p->camera.at, "the camera's fov is %g: it must be %g to %g degrees", fov,
+                         FOV_MIN_DEG, FOV_MAX_DEG);
     TRY(read_screen(p, film_aspect, &screen));
     lx = axis_length(world, 0);
     ly = axis_length(world, 1);
@@ -86,8 +83,8 @@ static status read_perspective(struct pbrt *p, double film_aspect, const struct 
     return STATUS_OK;
 }
 
-static status read_orthographic(struct pbrt *p, double film_aspect,
-                                const struct transform_d *world, struct scene_camera *out)
+static status read_orthographic(struct pbrt *p, double film_aspect, const struct transform_d *world,
+                                struct scene_camera *out)
 {
     struct screen screen;
 
@@ -95,31 +92,26 @@ static status read_orthographic(struct pbrt *p, double film_aspect,
     out->xmag = (float)(screen.x * axis_length(world, 0));
     out->ymag = (float)(screen.y * axis_length(world, 1));
     out->aspect = (float)(screen.aspect * axis_length(world, 0) / axis_length(world, 1));
-    out->lens_radius = (float)(pbrt_float(p->camera.params, "lensradius", 0) *
-                               axis_length(world, 0));
-    out->focus_distance = (float)(pbrt_float(p->camera.params, "focaldistance", 1e6) *
-                                  axis_length(world, 2));
+    out->lens_radius = (float)(pbrt_float(p->camera.params, "lensradius", 0) * axis_length(world, 0));
+    out->focus_distance = (float)(pbrt_float(p->camera.params, "focaldistance", 1e6) * axis_length(world, 2));
     return STATUS_OK;
 }
 
 /* Make the matrix orthonormal: pbrt allows any matrix for a camera, our scene does not. */
-static status rigid_camera(struct pbrt *p, const struct transform_d *world,
-                           struct transform_d *out)
+static status rigid_camera(struct pbrt *p, const struct transform_d *world, struct transform_d *out)
 {
     double stretch[3][3];
     struct transform_d r;
 
     if (!pbrt_polar(world, &r, stretch))
-        return pbrt_fail(p, STATUS_ERR_INPUT, &p->camera.at,
-                         "the camera's matrix cannot be inverted");
+        return pbrt_fail(p, STATUS_ERR_INPUT, &p->camera.at, "the camera's matrix cannot be inverted");
     if (!pbrt_stretch_is_diagonal(stretch)) {
         double rest = 0, largest = 0;
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++)
                 *(i == j ? &largest : &rest) = fmax(i == j ? largest : rest, fabs(stretch[i][j]));
         if (rest > 1e-4 * largest)
-            pbrt_warn(p, &p->camera.at, "sheared camera",
-                      "the camera's matrix shears: a camera without shear is used");
+            pbrt_warn(p, &p->camera.at, "sheared camera", "the camera's matrix shears: a camera without shear is used");
     }
     for (int i = 0; i < 3; i++)
         r.m[i][3] = world->m[i][3];
@@ -141,20 +133,16 @@ static int camera_kind(const struct pbrt *p, enum scene_camera_kind *kind)
     return strcmp(p->camera.kind, "environment") == 0; /* pbrt-v3 */
 }
 
-static status read_kind(struct pbrt *p, double aspect, const struct transform_d *world,
-                        struct scene_camera *out)
+static status read_kind(struct pbrt *p, double aspect, const struct transform_d *world, struct scene_camera *out)
 {
     const char *mapping;
 
     switch (out->kind) {
-    case CAMERA_PERSPECTIVE:
-        return read_perspective(p, aspect, world, out);
-    case CAMERA_ORTHOGRAPHIC:
-        return read_orthographic(p, aspect, world, out);
+    case CAMERA_PERSPECTIVE: return read_perspective(p, aspect, world, out);
+    case CAMERA_ORTHOGRAPHIC: return read_orthographic(p, aspect, world, out);
     default:
         mapping = pbrt_string(p->camera.params, "mapping",
-                              strcmp(p->camera.kind, "spherical") == 0 ? "equalarea"
-                                                                       : "equirectangular");
+                              strcmp(p->camera.kind, "spherical") == 0 ? "equalarea" : "equirectangular");
         if (strcmp(mapping, "equirectangular") != 0)
             pbrt_warn(p, &p->camera.at, "spherical camera",
                       "a spherical camera is rendered in latitude and longitude "
@@ -166,8 +154,7 @@ static status read_kind(struct pbrt *p, double aspect, const struct transform_d 
 }
 
 /* Two keys of translation and rotation for the camera itself. */
-static status moving_camera(struct pbrt *p, const struct pbrt_matrices *rigid,
-                            struct scene_camera *camera)
+static status moving_camera(struct pbrt *p, const struct pbrt_matrices *rigid, struct scene_camera *camera)
 {
     struct pbrt_pose_key key[2];
     uint32_t row;
@@ -184,8 +171,7 @@ static status moving_camera(struct pbrt *p, const struct pbrt_matrices *rigid,
 }
 
 /* The camera's place, and whether the file's world is left-handed. */
-static status place_camera(struct pbrt *p, struct scene_camera *camera,
-                           struct transform_d *world_from_camera)
+static status place_camera(struct pbrt *p, struct scene_camera *camera, struct transform_d *world_from_camera)
 {
     const struct transform_d axes = camera_axes(camera->kind);
     struct pbrt_matrices rigid;
@@ -193,8 +179,7 @@ static status place_camera(struct pbrt *p, struct scene_camera *camera,
     for (int i = 0; i < 2; i++) {
         struct transform_d world;
         if (!transform_d_invert(&p->camera.ctm.at[i], &world))
-            return pbrt_fail(p, STATUS_ERR_INPUT, &p->camera.at,
-                             "the camera's matrix cannot be inverted");
+            return pbrt_fail(p, STATUS_ERR_INPUT, &p->camera.at, "the camera's matrix cannot be inverted");
         if (i == 0) {
             *world_from_camera = world;
             p->mirrored = transform_d_determinant(&world) * transform_d_determinant(&axes) < 0;
@@ -228,8 +213,7 @@ status pbrt_camera(struct pbrt *p)
     TRY(read_kind(p, aspect, &world, &camera));
     p->shutter_open = pbrt_float(p->camera.params, "shutteropen", 0);
     p->shutter_close = pbrt_float(p->camera.params, "shutterclose", 1);
-    if (fabs(p->shutter_open) < 1e6 && fabs(p->shutter_close) < 1e6 &&
-        p->shutter_open < p->shutter_close) {
+    if (fabs(p->shutter_open) < 1e6 && fabs(p->shutter_close) < 1e6 && p->shutter_open < p->shutter_close) {
         camera.shutter_open_s = (float)p->shutter_open;
         camera.shutter_close_s = (float)p->shutter_close;
     }

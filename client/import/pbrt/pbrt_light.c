@@ -1,25 +1,22 @@
-/* Lights. pbrt-v4 divides each light's spectrum by its luminance under the camera's sensor, so that
- * "rgb L" [1 1 1] and any other spectrum of scale 1 give a radiance of luminance 1: an RGB value is
- * our radiance unchanged, and every other spectrum keeps only its colour. "power" and "illuminance"
- * are in the same units (lumen, lux). */
+/* Lights. pbrt-v4 divides each light's spectrum by its luminance under the camera's sensor, so that "rgb L" [1 1 1] and
+ * any other spectrum of scale 1 give a radiance of luminance 1: an RGB value is our radiance unchanged, and every other
+ * spectrum keeps only its colour. "power" and "illuminance" are in the same units (lumen, lux). */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
-#include "client/import/pbrt/pbrt.h"
+#include "client/import/pbrt/read/pbrt_context.h"
 #include "common/base/memory.h"
+#include "common/image/color.h"
 #include "common/math/elementary.h"
 
 #define FOV_MIN_DEG 0.01 /* of a projection's shorter side */
 #define FOV_MAX_DEG 179.0
 
-static double luminance(const double c[3])
-{
-    return 0.2126729 * c[0] + 0.7151522 * c[1] + 0.0721750 * c[2];
-}
+static double luminance(const double c[3]) { return 0.2126729 * c[0] + 0.7151522 * c[1] + 0.0721750 * c[2]; }
 
 /* name (L or I) times scale, which pbrt-v3 gives as a colour. */
-static status read_strength(struct pbrt *p, struct pbrt_params *params, const char *name,
-                            double out[3])
+static status read_strength(struct pbrt *p, struct pbrt_params *params, const char *name, double out[3])
 {
     double scale[3] = {1, 1, 1};
     int given;
@@ -46,6 +43,8 @@ static void put_rgb(const double from[3], float to[3])
         to[i] = (float)fmin(fmax(from[i], 0), 1e30);
 }
 
+static float linear_value(const struct pbrt_image *image, float v) { return image->is_float ? v : srgb_decode(v); }
+
 status pbrt_image_luminance(struct pbrt *p, struct pbrt_image *image, double *out)
 {
     double sum = 0;
@@ -56,12 +55,8 @@ status pbrt_image_luminance(struct pbrt *p, struct pbrt_image *image, double *ou
     for (size_t i = 0; i < count; i++) {
         const float *texel = image->pixels.pixels + i * image->channels;
         double c[3];
-        for (unsigned k = 0; k < 3; k++) {
-            c[k] = (double)texel[image->channels >= 3 ? k : 0];
-            if (!image->is_float) /* sRGB */
-                c[k] = c[k] <= 0.04045 ? c[k] / 12.92
-                                       : (double)det_pow((float)((c[k] + 0.055) / 1.055), 2.4f);
-        }
+        for (unsigned k = 0; k < 3; k++)
+            c[k] = (double)linear_value(image, texel[image->channels >= 3 ? k : 0]);
         sum += luminance(c);
     }
     *out = count ? sum / (double)count : 0;
@@ -95,12 +90,10 @@ status pbrt_area_light_resolve(struct pbrt *p, struct pbrt_area_light *light)
 
 /* ---- places ------------------------------------------------------------------------------- */
 
-static void transform_to(const struct transform_d *m, const double v[3], int is_point,
-                         double out[3])
+static void transform_to(const struct transform_d *m, const double v[3], int is_point, double out[3])
 {
     for (int i = 0; i < 3; i++)
-        out[i] = m->m[i][0] * v[0] + m->m[i][1] * v[1] + m->m[i][2] * v[2] +
-                 (is_point ? m->m[i][3] : 0);
+        out[i] = m->m[i][0] * v[0] + m->m[i][1] * v[1] + m->m[i][2] * v[2] + (is_point ? m->m[i][3] : 0);
 }
 
 /* The rotation or mirroring in a matrix: its axes made orthonormal, z kept. 0: singular. */
@@ -154,8 +147,7 @@ static status read_aim(struct pbrt *p, const struct pbrt_directive *d, struct sc
 }
 
 /* A frame of the light's axes turned by `turn` (columns). */
-static status read_frame(struct pbrt *p, const struct pbrt_directive *d, const double turn[3],
-                         struct scene_light *out)
+static status read_frame(struct pbrt *p, const struct pbrt_directive *d, const double turn[3], struct scene_light *out)
 {
     const struct transform_d world = pbrt_to_world(p, &d->ctm.at[0]);
     double axes[3][3];
@@ -186,10 +178,7 @@ static status read_point(struct pbrt *p, const struct pbrt_directive *d, struct 
     return STATUS_OK;
 }
 
-static double cosine_of_degrees(double angle)
-{
-    return (double)det_cos((float)(angle * PI_D / 180));
-}
+static double cosine_of_degrees(double angle) { return (double)det_cos((float)(angle * PI_D / 180)); }
 
 static status read_spot(struct pbrt *p, const struct pbrt_directive *d, struct scene_light *out)
 {
@@ -202,8 +191,8 @@ static status read_spot(struct pbrt *p, const struct pbrt_directive *d, struct s
     TRY(read_aim(p, d, out));
     TRY(read_strength(p, d->params, "I", strength));
     if (!(cone > 0 && cone <= 90)) {
-        pbrt_warn(p, &d->at, "cone angle",
-                  "a spot light's cone angle of %g is not supported: 90 degrees at most", cone);
+        pbrt_warn(p, &d->at, "cone angle", "a spot light's cone angle of %g is not supported: 90 degrees at most",
+                  cone);
         cone = cone > 0 ? 90 : 1;
     }
     delta = fmin(fmax(delta, 0), cone);
@@ -244,13 +233,11 @@ static status light_image(struct pbrt *p, const struct pbrt_directive *d, struct
     return name ? pbrt_image(p, name, &d->at, out) : STATUS_OK;
 }
 
-/* An EXR of these pixels as an image row. */
-static status add_pixels(struct pbrt *p, const char *name, const struct image *pixels,
-                         uint32_t *row)
+/* These pixels as an image row. */
+static status add_pixels(struct pbrt *p, const char *name, const struct image *pixels, uint32_t *row)
 {
-    const struct exr_options options = {0};
     struct buffer out = BUFFER_INIT;
-    status result = exr_encode(&out, pixels, &options, p->err);
+    status result = pfm_encode(&out, pixels, p->err);
 
     if (result == STATUS_OK)
         return builder_add_image(p->b, name, out.data, out.size, row);
@@ -258,11 +245,9 @@ static status add_pixels(struct pbrt *p, const char *name, const struct image *p
     return result;
 }
 
-static status read_goniometric(struct pbrt *p, const struct pbrt_directive *d,
-                               struct scene_light *out)
+static status read_goniometric(struct pbrt *p, const struct pbrt_directive *d, struct scene_light *out)
 {
     /* pbrt exchanges y and z: a square map's middle is the light's +y. */
-    static const double swapped[3][3] = {{1, 0, 0}, {0, 0, 1}, {0, 1, 0}};
     /* A lat-long picture begins at +x there, ours at -x: half a turn about y. */
     static const double same[3] = {1, 1, 1}, half_turn[3] = {-1, 1, -1};
     double power = pbrt_float(d->params, "power", 0), strength[3], mean;
@@ -289,7 +274,7 @@ static status read_goniometric(struct pbrt *p, const struct pbrt_directive *d,
         return STATUS_OK;
     }
     TRY(read_frame(p, d, same, out));
-    TRY(pbrt_octahedral_to_latlong(&image->pixels, swapped, &latlong, p->err));
+    TRY(pbrt_octahedral_to_latlong(&image->pixels, 1, &latlong, p->err));
     result = add_pixels(p, image->name, &latlong, &row);
     image_release(&latlong);
     if (result == STATUS_OK)
@@ -297,8 +282,7 @@ static status read_goniometric(struct pbrt *p, const struct pbrt_directive *d,
     return result;
 }
 
-static status read_projection(struct pbrt *p, const struct pbrt_directive *d,
-                              struct scene_light *out)
+static status read_projection(struct pbrt *p, const struct pbrt_directive *d, struct scene_light *out)
 {
     static const double flip[3] = {1, 1, -1}; /* pbrt's shines along +z */
     double power = pbrt_float(d->params, "power", 0), strength[3], aspect, tangent;
@@ -308,12 +292,10 @@ static status read_projection(struct pbrt *p, const struct pbrt_directive *d,
 
     TRY(light_image(p, d, &image));
     if (!image)
-        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
-                         "a projection light needs a picture (\"string filename\")");
+        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "a projection light needs a picture (\"string filename\")");
     if (!(fov >= FOV_MIN_DEG && fov <= FOV_MAX_DEG))
-        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
-                         "the projection light's fov is %g: it must be %g to %g degrees", fov,
-                         FOV_MIN_DEG, FOV_MAX_DEG);
+        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the projection light's fov is %g: it must be %g to %g degrees",
+                         fov, FOV_MIN_DEG, FOV_MAX_DEG);
     out->kind = LIGHT_PROJECTION;
     TRY(read_frame(p, d, flip, out));
     TRY(read_strength(p, d->params, "I", strength));
@@ -381,9 +363,7 @@ static status linear_copy(struct pbrt *p, const struct pbrt_image *image, struct
     for (size_t i = 0; i < (size_t)image->width * image->height; i++)
         for (unsigned k = 0; k < 3; k++) {
             float v = image->pixels.pixels[i * image->channels + (image->channels >= 3 ? k : 0)];
-            if (!image->is_float)
-                v = v <= 0.04045f ? v / 12.92f : det_pow((v + 0.055f) / 1.055f, 2.4f);
-            out->pixels[3 * i + k] = v;
+            out->pixels[3 * i + k] = linear_value(image, v);
         }
     return STATUS_OK;
 }
@@ -421,8 +401,7 @@ static status make_map(struct pbrt *p, const struct pbrt_directive *d, struct pb
     if (image->width == image->height) {
         /* Map axes (x, z, -+y) of the light: the zenith is +z, and the whole is a rotation. */
         const double map_of_light[3][3] = {{1, 0, 0}, {0, 0, 1}, {0, -handed, 0}};
-        const double light_of_map[3][3] = {{1, 0, 0}, {0, 0, -handed}, {0, 1, 0}};
-        result = pbrt_octahedral_to_latlong(&pixels, light_of_map, out, p->err);
+        result = pbrt_octahedral_to_latlong(&pixels, -handed, out, p->err);
         image_release(&pixels);
         set_to_map(p, map_of_light, axes);
         return result;
@@ -443,11 +422,10 @@ static status make_map(struct pbrt *p, const struct pbrt_directive *d, struct pb
     return STATUS_OK;
 }
 
-static status read_map(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_image *image,
-                       double lux, double strength[3])
+static status read_map(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_image *image, double lux,
+                       double strength[3])
 {
     const struct transform_d world = pbrt_to_world(p, &d->ctm.at[0]);
-    const struct exr_options options = {0};
     struct buffer bytes = BUFFER_INIT;
     struct image map = {0};
     double axes[3][3];
@@ -460,7 +438,7 @@ static status read_map(struct pbrt *p, const struct pbrt_directive *d, struct pb
         double known = map_illuminance(&map);
         scale_by(strength, known > 0 ? lux / known : 0);
     }
-    result = exr_encode(&bytes, &map, &options, p->err);
+    result = pfm_encode(&bytes, &map, p->err);
     image_release(&map);
     if (result != STATUS_OK) {
         buffer_release(&bytes);
@@ -527,10 +505,8 @@ status pbrt_light(struct pbrt *p, const struct pbrt_directive *d)
         const char *kind;
         status (*read)(struct pbrt *p, const struct pbrt_directive *d, struct scene_light *out);
     } kinds[] = {
-        {"point", read_point},
-        {"spot", read_spot},
-        {"distant", read_distant},
-        {"goniometric", read_goniometric},
+        {"point", read_point},           {"spot", read_spot},
+        {"distant", read_distant},       {"goniometric", read_goniometric},
         {"projection", read_projection},
     };
     struct scene_light light;

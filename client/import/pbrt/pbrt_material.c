@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "client/import/pbrt/pbrt_material_parts.h"
+#include "client/terminal/must.h"
 #include "common/math/elementary.h"
 
 /* A finished row: a material as one kind of shape needs it. */
@@ -29,19 +30,17 @@ static const struct pbrt_kind *kind_find(const char *name)
     return NULL;
 }
 
-static status refuse_kind(struct pbrt *p, struct pbrt_material *m)
+static void refuse_kind(struct pbrt *p, struct pbrt_material *m)
 {
     char kind[128];
 
     snprintf(kind, sizeof kind, "material %.60s", m->kind);
-    pbrt_warn(p, &m->at, kind,
-              "material \"%.60s\": the kind \"%.60s\" is not supported: matte grey instead",
-              m->name, m->kind);
+    pbrt_warn(p, &m->at, kind, "material \"%.60s\": the kind \"%.60s\" is not supported: matte grey instead", m->name,
+              m->kind);
     for (size_t i = 0; i < m->params->count; i++)
         m->params->items[i].used = 1;
     pbrt_be_matte(m);
     m->color = pbrt_constant(p, 0.5, 0.5, 0.5);
-    return m->color ? STATUS_OK : error_no_memory(p->err, "a material");
 }
 
 /* ---- what all kinds share ----------------------------------------------------------------- */
@@ -52,8 +51,7 @@ static status read_relief(struct pbrt *p, struct pbrt_material *m)
     struct pbrt_image *image;
 
     if (pbrt_param(m->params, "displacement", ~0u) || pbrt_param(m->params, "bumpmap", ~0u))
-        pbrt_warn(p, &m->at, "displacement",
-                  "material \"%.60s\": displacement (bump mapping) is not supported: smooth",
+        pbrt_warn(p, &m->at, "displacement", "material \"%.60s\": displacement (bump mapping) is not supported: smooth",
                   m->name);
     if (!name || !*name)
         return STATUS_OK;
@@ -72,8 +70,7 @@ status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned d
     if (m->resolved)
         return STATUS_OK;
     if (depth > PBRT_MATERIAL_DEPTH_MAX)
-        return pbrt_fail(p, STATUS_ERR_LIMIT, &m->at, "materials are mixed more than %d deep",
-                         PBRT_MATERIAL_DEPTH_MAX);
+        return pbrt_fail(p, STATUS_ERR_LIMIT, &m->at, "materials are mixed more than %d deep", PBRT_MATERIAL_DEPTH_MAX);
     scene_material_default(&m->base);
     m->base.name = builder_name(p->b, m->name);
     m->base.double_sided = 1;
@@ -83,7 +80,7 @@ status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned d
     else if (strcmp(m->kind, "mix") == 0)
         TRY(pbrt_read_mix(p, m, depth));
     else
-        TRY(refuse_kind(p, m));
+        refuse_kind(p, m);
     TRY(read_relief(p, m));
     (void)pbrt_string(m->params, "type", NULL);
     snprintf(what, sizeof what, "material \"%.60s\"", m->kind);
@@ -92,15 +89,11 @@ status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned d
     return STATUS_OK;
 }
 
-static int slot_used(const struct scene_texture_slot *slot)
-{
-    return slot->texture >= 0;
-}
+static int slot_used(const struct scene_texture_slot *slot) { return slot->texture >= 0; }
 
 /* Mixes refer to earlier materials only, at most PBRT_MATERIAL_DEPTH_MAX deep; `left` bounds the
  * walk if the same part is reached in many ways. */
-static int any_part(const struct pbrt_material *m, int (*asks)(const struct pbrt_material *),
-                    int *left)
+static int any_part(const struct pbrt_material *m, int (*asks)(const struct pbrt_material *), int *left)
 {
     if (--*left < 0 || asks(m))
         return 1;
@@ -121,10 +114,7 @@ static int asks_uv(const struct pbrt_material *m)
            (m->opacity && m->opacity->op != TEXTURE_CONSTANT);
 }
 
-static int asks_tangents(const struct pbrt_material *m)
-{
-    return m->wants_tangents;
-}
+static int asks_tangents(const struct pbrt_material *m) { return m->wants_tangents; }
 
 int pbrt_material_uses_uv(const struct pbrt_material *m)
 {
@@ -150,13 +140,9 @@ static status put_color(struct pbrt *p, struct pbrt_material *m, const struct pb
     *out = m->base;
     if (m->opacity) {
         cut = alpha ? pbrt_product(p, alpha, m->opacity) : m->opacity;
-        if (!cut)
-            return error_no_memory(p->err, "a material");
     }
     if (!color)
         color = m->color = pbrt_constant(p, 1, 1, 1);
-    if (!color)
-        return error_no_memory(p->err, "a material");
     if (cut && cut->op == TEXTURE_CONSTANT) {
         double a = (cut->value[0] + cut->value[1] + cut->value[2]) / 3;
         out->base_color[3] = (float)fmin(fmax(a, 0), 1);
@@ -166,8 +152,7 @@ static status put_color(struct pbrt *p, struct pbrt_material *m, const struct pb
     }
     if (!cut) {
         if (!m->color_in_slot)
-            TRY(pbrt_color_slot(p, color, NULL, 1, m->base.base_color,
-                                &m->base.base_color_texture));
+            TRY(pbrt_color_slot(p, color, NULL, 1, m->base.base_color, &m->base.base_color_texture));
         m->color_in_slot = 1;
         memcpy(out->base_color, m->base.base_color, 3 * sizeof(float));
         out->base_color_texture = m->base.base_color_texture;
@@ -197,8 +182,7 @@ static status put_light(struct pbrt *p, const struct pbrt_surface *s, struct sce
     for (int i = 0; i < 3; i++)
         out->emission[i] = (float)fmin(fmax(light->radiance[i] * scale, 0), 1e30);
     if (light->image)
-        return pbrt_image_slot(p, light->image, ENCODING_BY_SLOT, WRAP_CLAMP, 1,
-                               &out->emission_texture);
+        return pbrt_image_slot(p, light->image, ENCODING_BY_SLOT, WRAP_CLAMP, 1, &out->emission_texture);
     return STATUS_OK;
 }
 
@@ -208,11 +192,9 @@ static int lets_through(const struct scene_material *m)
            (m->kind == MATERIAL_SURFACE && (m->transmission > 0 || m->diffuse_transmission > 0));
 }
 
-static status make_row(struct pbrt *p, const struct pbrt_surface *s, unsigned depth,
-                       uint32_t *row);
+static status make_row(struct pbrt *p, const struct pbrt_surface *s, unsigned depth, uint32_t *row);
 
-static status find_or_make(struct pbrt *p, const struct pbrt_surface *s, unsigned depth,
-                           uint32_t *row)
+static status find_or_make(struct pbrt *p, const struct pbrt_surface *s, unsigned depth, uint32_t *row)
 {
     struct pbrt_variant **list = s->light ? &s->light->variants : &s->material->variants, *v;
     double area = s->light && s->light->power > 0 ? s->area : 0;
@@ -224,9 +206,7 @@ static status find_or_make(struct pbrt *p, const struct pbrt_surface *s, unsigne
             return STATUS_OK;
         }
     TRY(make_row(p, s, depth, row));
-    v = ARENA_NEW(&p->arena, struct pbrt_variant);
-    if (!v)
-        return error_no_memory(p->err, "a material");
+    v = must(ARENA_NEW(&p->arena, struct pbrt_variant));
     *v = (struct pbrt_variant){*list,     s->material,       s->light,     s->alpha, area,
                                s->medium, s->medium_outside, s->one_sided, *row};
     *list = v;
@@ -239,8 +219,7 @@ static status make_row(struct pbrt *p, const struct pbrt_surface *s, unsigned de
     struct scene_material out;
 
     if (depth > PBRT_MATERIAL_DEPTH_MAX)
-        return pbrt_fail(p, STATUS_ERR_LIMIT, &m->at, "materials are mixed more than %d deep",
-                         PBRT_MATERIAL_DEPTH_MAX);
+        return pbrt_fail(p, STATUS_ERR_LIMIT, &m->at, "materials are mixed more than %d deep", PBRT_MATERIAL_DEPTH_MAX);
     TRY(put_color(p, m, s->alpha, &out));
     TRY(put_light(p, s, &out));
     if (lets_through(&out)) {

@@ -7,12 +7,11 @@
 /* Oren and Nayar's sigma (degrees) as the roughness r of the energy-preserving model. Theirs is A +
  * B s/t (1994, qualitative model), with A and B of sigma; ours is proportional to 1 + r s/t: the
  * same shape for r = B / A, without pbrt's loss of energy. */
-static double oren_nayar_roughness(double sigma_deg, double unused)
+static double oren_nayar_roughness(double sigma_deg, double unused UNUSED)
 {
     double sigma = fmin(fmax(sigma_deg, 0), 90) * (double)PI_F / 180, sigma2 = sigma * sigma;
     double a = 1 - sigma2 / (2 * (sigma2 + 0.33)), b = 0.45 * sigma2 / (sigma2 + 0.09);
 
-    (void)unused;
     return b / a;
 }
 
@@ -44,20 +43,16 @@ static status read_translucent(struct pbrt *p, struct pbrt_material *m)
     (void)pbrt_param(m->params, "remaproughness", ~0u);
     r = pbrt_product(p, kd, r);
     t = pbrt_product(p, kd, t);
-    if (!r || !t)
-        return error_no_memory(p->err, "a material");
     return pbrt_put_two_sides(p, m, r, t);
 }
 
 /* Specular light of strength Ks times Fresnel's. */
-static status put_specular(struct pbrt *p, struct pbrt_material *m, const struct pbrt_texture *ks,
-                           double unit)
+static status put_specular(struct pbrt *p, struct pbrt_material *m, const struct pbrt_texture *ks, double unit)
 {
     double largest = 0;
 
     if (ks->op != TEXTURE_CONSTANT)
-        return pbrt_color_slot(p, ks, NULL, 1, m->base.specular_color,
-                               &m->base.specular_color_texture);
+        return pbrt_color_slot(p, ks, NULL, 1, m->base.specular_color, &m->base.specular_color_texture);
     for (int i = 0; i < 3; i++)
         largest = fmax(largest, ks->value[i]);
     m->base.specular = unit < 1 ? 1.0f : (float)fmin(largest, 1);
@@ -103,10 +98,8 @@ static status read_uber(struct pbrt *p, struct pbrt_material *m)
     m->base.ior = (float)index;
     for (int i = 0; i < 2; i++) {
         TRY(pbrt_color_texture(p, m->params, missing[i], USE_REFLECTANCE, &t));
-        if (t && (t->op != TEXTURE_CONSTANT || t->value[0] > 0 || t->value[1] > 0 ||
-                  t->value[2] > 0))
-            pbrt_warn(p, &m->at, "uber",
-                      "material \"%.60s\": \"%s\" of \"uber\" is not supported: left out", m->name,
+        if (t && (t->op != TEXTURE_CONSTANT || t->value[0] > 0 || t->value[1] > 0 || t->value[2] > 0))
+            pbrt_warn(p, &m->at, "uber", "material \"%.60s\": \"%s\" of \"uber\" is not supported: left out", m->name,
                       missing[i]);
     }
     return pbrt_color_texture(p, m->params, "opacity", USE_REFLECTANCE, &m->opacity);
@@ -132,8 +125,7 @@ static status read_glass(struct pbrt *p, struct pbrt_material *m)
     struct pbrt_roughness rough;
     double index, abbe;
 
-    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", PBRT_INDEX_MIN,
-                        &index, &abbe));
+    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", PBRT_INDEX_MIN, &index, &abbe));
     pbrt_be_glass(m, index, abbe);
     TRY(pbrt_color_or(p, m, "Kt", 1, &m->color));
     TRY(pbrt_color_or(p, m, "Kr", 1, &kr));
@@ -158,20 +150,18 @@ static status read_disney(struct pbrt *p, struct pbrt_material *m)
     TRY(pbrt_float_texture(p, a, "metallic", &t));
     m->base.metallic = t ? (float)fmin(fmax(t->value[0], 0), 1) : 0;
     if (t && t->op != TEXTURE_CONSTANT)
-        pbrt_warn(p, &m->at, "metallic texture",
-                  "material \"%.60s\": a texture for \"metallic\" is not supported: 0", m->name);
+        pbrt_warn(p, &m->at, "metallic texture", "material \"%.60s\": a texture for \"metallic\" is not supported: 0",
+                  m->name);
     TRY(pbrt_float_texture(p, a, "roughness", &t));
     m->base.roughness = 0.5f;
     if (t)
-        TRY(pbrt_scalar_slot(p, t, pbrt_unchanged, 0, &m->base.roughness,
-                             &m->base.metallic_roughness_texture));
+        TRY(pbrt_scalar_slot(p, t, pbrt_unchanged, 0, &m->base.roughness, &m->base.metallic_roughness_texture));
     TRY(pbrt_read_index(p, m, "eta", 1, &index, &abbe));
     m->base.ior = (float)index;
     m->base.transmission = (float)fmin(fmax(pbrt_float(a, "spectrans", 0), 0), 1);
     m->base.refractive = !pbrt_bool(a, "thin", 0);
     m->base.clearcoat = (float)fmin(fmax(pbrt_float(a, "clearcoat", 0) / 4, 0), 1);
-    m->base.clearcoat_roughness =
-        (float)sqrt(0.1 - 0.099 * fmin(fmax(pbrt_float(a, "clearcoatgloss", 1), 0), 1));
+    m->base.clearcoat_roughness = (float)sqrt(0.1 - 0.099 * fmin(fmax(pbrt_float(a, "clearcoatgloss", 1), 0), 1));
     tint = pbrt_float(a, "sheentint", 0.5);
     for (int i = 0; i < 3; i++) {
         double c = m->color->op == TEXTURE_CONSTANT ? m->color->value[i] : 1;

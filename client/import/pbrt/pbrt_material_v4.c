@@ -17,8 +17,8 @@ static status read_layers(struct pbrt *p, struct pbrt_material *m)
 
     pbrt_ignore(m->params, walk);
     TRY(pbrt_color_texture(p, m->params, "albedo", USE_REFLECTANCE, &albedo));
-    if (albedo && (albedo->op != TEXTURE_CONSTANT || albedo->value[0] != 0 ||
-                   albedo->value[1] != 0 || albedo->value[2] != 0))
+    if (albedo &&
+        (albedo->op != TEXTURE_CONSTANT || albedo->value[0] != 0 || albedo->value[1] != 0 || albedo->value[2] != 0))
         pbrt_warn(p, &m->at, "layer albedo",
                   "material \"%.60s\": a medium between coat and base (\"albedo\") is not "
                   "supported: clear",
@@ -41,8 +41,7 @@ static status read_coated_diffuse(struct pbrt *p, struct pbrt_material *m)
     return pbrt_put_roughness(p, m, &rough);
 }
 
-status pbrt_read_conductor(struct pbrt *p, struct pbrt_material *m, const char *prefix,
-                           double relative_to)
+status pbrt_read_conductor(struct pbrt *p, struct pbrt_material *m, const char *prefix, double relative_to)
 {
     const struct pbrt_texture *reflectance;
     double eta[3], k[3];
@@ -112,8 +111,8 @@ static status read_thin_dielectric(struct pbrt *p, struct pbrt_material *m)
     return STATUS_OK;
 }
 
-status pbrt_put_two_sides(struct pbrt *p, struct pbrt_material *m,
-                          const struct pbrt_texture *r, const struct pbrt_texture *t)
+status pbrt_put_two_sides(struct pbrt *p, struct pbrt_material *m, const struct pbrt_texture *r,
+                          const struct pbrt_texture *t)
 {
     const int constant = r->op == TEXTURE_CONSTANT && t->op == TEXTURE_CONSTANT;
     double rmax = 0, tmax = 0, w = 0.5;
@@ -131,16 +130,11 @@ status pbrt_put_two_sides(struct pbrt *p, struct pbrt_material *m,
                   "material \"%.60s\": reflects and transmits more light than falls on it: "
                   "darkened",
                   m->name);
-    to_r = pbrt_constant(p, w < 1 ? 1 / (1 - w) : 0, w < 1 ? 1 / (1 - w) : 0,
-                         w < 1 ? 1 / (1 - w) : 0);
+    to_r = pbrt_constant(p, w < 1 ? 1 / (1 - w) : 0, w < 1 ? 1 / (1 - w) : 0, w < 1 ? 1 / (1 - w) : 0);
     to_t = pbrt_constant(p, w > 0 ? 1 / w : 0, w > 0 ? 1 / w : 0, w > 0 ? 1 / w : 0);
-    if (!to_r || !to_t)
-        return error_no_memory(p->err, "a material");
     m->base.diffuse_transmission = (float)w;
     m->color = pbrt_product(p, r, to_r);
     t = pbrt_product(p, t, to_t);
-    if (!m->color || !t)
-        return error_no_memory(p->err, "a material");
     return pbrt_color_slot(p, t, NULL, 1, m->base.diffuse_transmission_color,
                            &m->base.diffuse_transmission_color_texture);
 }
@@ -155,22 +149,12 @@ static status read_diffuse_transmission(struct pbrt *p, struct pbrt_material *m)
     scale = pbrt_constant(p, s, s, s);
     r = scale ? pbrt_product(p, r, scale) : NULL;
     t = scale ? pbrt_product(p, t, scale) : NULL;
-    if (!r || !t)
-        return error_no_memory(p->err, "a material");
     return pbrt_put_two_sides(p, m, r, t);
 }
 
-double pbrt_unchanged(double value, double unused)
-{
-    (void)unused;
-    return value;
-}
+double pbrt_unchanged(double value, double unused UNUSED) { return value; }
 
-static double one_minus(double value, double unused)
-{
-    (void)unused;
-    return 1 - value;
-}
+static double one_minus(double value, double unused UNUSED) { return 1 - value; }
 
 status pbrt_read_mix(struct pbrt *p, struct pbrt_material *m, unsigned depth)
 {
@@ -188,33 +172,29 @@ status pbrt_read_mix(struct pbrt *p, struct pbrt_material *m, unsigned depth)
         version3 = 1;
     }
     if (!name[0] || !name[1])
-        return pbrt_fail(p, STATUS_ERR_INPUT, &m->at,
-                         "material \"%.60s\": a mix names two \"string materials\"", m->name);
+        return pbrt_fail(p, STATUS_ERR_INPUT, &m->at, "material \"%.60s\": a mix names two \"string materials\"",
+                         m->name);
     if (version3)
         TRY(pbrt_color_or(p, m, "amount", 0.5, &amount));
     else
         TRY(pbrt_float_texture(p, m->params, "amount", &amount));
     if (!amount)
         amount = pbrt_constant(p, 0.5, 0.5, 0.5);
-    if (!amount)
-        return error_no_memory(p->err, "a material");
     m->base.kind = MATERIAL_MIX;
     for (int i = 0; i < 2; i++) {
         m->mix[i] = pbrt_name_find(&p->materials, name[i]);
         if (!m->mix[i] || m->mix[i] == m)
             return pbrt_fail(p, STATUS_ERR_INPUT, &m->at,
-                             "material \"%.60s\": its part \"%.60s\" is not known: define it above",
-                             m->name, name[i]);
+                             "material \"%.60s\": its part \"%.60s\" is not known: define it above", m->name, name[i]);
         TRY(pbrt_material_resolve(p, m->mix[i], depth + 1));
     }
     /* In pbrt-v4 the amount is the share of the second material, in pbrt-v3 of the first. */
-    return pbrt_scalar_slot(p, amount, version3 ? one_minus : pbrt_unchanged, 0,
-                            &m->base.mix_amount, &m->base.mix_texture);
+    return pbrt_scalar_slot(p, amount, version3 ? one_minus : pbrt_unchanged, 0, &m->base.mix_amount,
+                            &m->base.mix_texture);
 }
 
-static status read_interface(struct pbrt *p, struct pbrt_material *m)
+static status read_interface(struct pbrt *p UNUSED, struct pbrt_material *m)
 {
-    (void)p;
     m->base.kind = MATERIAL_INTERFACE;
     return STATUS_OK;
 }

@@ -28,8 +28,8 @@ static double perceptual(double roughness, double remap)
     return sqrt(alpha > 0 ? alpha < 1 ? alpha : 1 : 0);
 }
 
-status pbrt_read_roughness(struct pbrt *p, struct pbrt_material *m, const char *prefix,
-                           double otherwise, int version3, struct pbrt_roughness *out)
+status pbrt_read_roughness(struct pbrt *p, struct pbrt_material *m, const char *prefix, double otherwise, int version3,
+                           struct pbrt_roughness *out)
 {
     const struct pbrt_texture *both;
     char name[3][64];
@@ -42,8 +42,6 @@ status pbrt_read_roughness(struct pbrt *p, struct pbrt_material *m, const char *
     TRY(pbrt_float_texture(p, m->params, name[2], &out->v));
     if (!both)
         both = pbrt_constant(p, otherwise, otherwise, otherwise);
-    if (!both)
-        return error_no_memory(p->err, "a material");
     out->u = out->u ? out->u : both;
     out->v = out->v ? out->v : both;
     out->remap = !pbrt_bool(m->params, "remaproughness", 1) ? REMAP_NONE
@@ -54,8 +52,7 @@ status pbrt_read_roughness(struct pbrt *p, struct pbrt_material *m, const char *
 
 int pbrt_same_constant(const struct pbrt_texture *a, const struct pbrt_texture *b)
 {
-    return a == b || (a->op == TEXTURE_CONSTANT && b->op == TEXTURE_CONSTANT &&
-                      a->value[0] == b->value[0]);
+    return a == b || (a->op == TEXTURE_CONSTANT && b->op == TEXTURE_CONSTANT && a->value[0] == b->value[0]);
 }
 
 static double unit_alpha(const struct pbrt_texture *t, enum pbrt_remap remap)
@@ -69,8 +66,7 @@ status pbrt_put_roughness(struct pbrt *p, struct pbrt_material *m, const struct 
 {
     double u, v, low, high;
 
-    if (!pbrt_same_constant(r->u, r->v) &&
-        (r->u->op != TEXTURE_CONSTANT || r->v->op != TEXTURE_CONSTANT))
+    if (!pbrt_same_constant(r->u, r->v) && (r->u->op != TEXTURE_CONSTANT || r->v->op != TEXTURE_CONSTANT))
         pbrt_warn(p, &m->at, "roughness by two textures",
                   "material \"%.60s\": two roughnesses are supported as numbers only: that along u "
                   "counts",
@@ -99,12 +95,11 @@ status pbrt_own_roughness(struct pbrt *p, struct pbrt_material *m, double otherw
     return pbrt_put_roughness(p, m, &rough);
 }
 
-status pbrt_put_coat_roughness(struct pbrt *p, struct pbrt_material *m,
-                               const struct pbrt_roughness *r)
+status pbrt_put_coat_roughness(struct pbrt *p, struct pbrt_material *m, const struct pbrt_roughness *r)
 {
     if (!pbrt_same_constant(r->u, r->v))
-        pbrt_warn(p, &m->at, "anisotropic coat",
-                  "material \"%.60s\": a coat has one roughness: that along u counts", m->name);
+        pbrt_warn(p, &m->at, "anisotropic coat", "material \"%.60s\": a coat has one roughness: that along u counts",
+                  m->name);
     return pbrt_scalar_slot(p, r->u, perceptual, (double)r->remap, &m->base.clearcoat_roughness,
                             &m->base.clearcoat_roughness_texture);
 }
@@ -113,8 +108,8 @@ status pbrt_put_coat_roughness(struct pbrt *p, struct pbrt_material *m,
 
 /* ---- indices of refraction ---------------------------------------------------------------- */
 
-status pbrt_read_index(struct pbrt *p, struct pbrt_material *m, const char *name,
-                       double least, double *index, double *abbe)
+status pbrt_read_index(struct pbrt *p, struct pbrt_material *m, const char *name, double least, double *index,
+                       double *abbe)
 {
     const struct pbrt_param *param = pbrt_param(m->params, name, PBRT_NUMBERS | PBRT_COLORS);
 
@@ -172,8 +167,7 @@ double pbrt_inner_reflectance(double eta)
     return 1 - (1 - sum) / (eta * eta);
 }
 
-status pbrt_read_metal(struct pbrt *p, struct pbrt_material *m, const char *prefix,
-                       double eta[3], double k[3])
+status pbrt_read_metal(struct pbrt *p, struct pbrt_material *m, const char *prefix, double eta[3], double k[3])
 {
     const struct spectrum *const copper[2] = {spectrum_named("metal-Cu-eta"),
                                               spectrum_named("metal-Cu-k")};
@@ -221,7 +215,7 @@ status pbrt_color_or(struct pbrt *p, struct pbrt_material *m, const char *name, 
     TRY(pbrt_color_texture(p, m->params, name, USE_REFLECTANCE, out));
     if (!*out)
         *out = pbrt_constant(p, otherwise, otherwise, otherwise);
-    return *out ? STATUS_OK : error_no_memory(p->err, "a material");
+    return STATUS_OK;
 }
 
 void pbrt_be_matte(struct pbrt_material *m)

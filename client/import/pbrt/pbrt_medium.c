@@ -1,9 +1,10 @@
-/* Participating media. They are built at their first use: only then is the world's handedness
- * known. */
+/* Participating media. They are built at their first use: only then is the world's handedness known. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
-#include "client/import/pbrt/pbrt.h"
+#include "client/import/pbrt/read/pbrt_context.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 
 enum { MEDIUM_UNREAD = -2, GRID_CELLS_MAX = 1 << 28 };
@@ -67,24 +68,19 @@ static const struct {
     {"Salt Powder", {0.027333, 0.032451, 0.031979}, {0.28415, 0.3257, 0.34148}},
     {"Sugar Powder", {0.00022272, 0.00025513, 0.000271}, {0.012638, 0.031051, 0.050124}},
     {"Suisse Mocha Powder", {2.7979, 3.5452, 4.3365}, {17.502, 27.004, 35.433}},
-    {"Pacific Ocean Surface Water", {0.0001764, 0.00032095, 0.00019617},
-     {0.031845, 0.031324, 0.030147}},
+    {"Pacific Ocean Surface Water", {0.0001764, 0.00032095, 0.00019617}, {0.031845, 0.031324, 0.030147}},
 };
 
-status pbrt_medium(struct pbrt *p, const char *name, const struct pbrt_directive *d)
+void pbrt_medium(struct pbrt *p, const char *name, const struct pbrt_directive *d)
 {
-    struct medium_entry *entry = ARENA_NEW(&p->arena, struct medium_entry);
+    struct medium_entry *entry = must(ARENA_NEW(&p->arena, struct medium_entry));
 
-    if (!entry)
-        return error_no_memory(p->err, "a medium");
     entry->d = *d;
     entry->name = name;
     entry->row = MEDIUM_UNREAD;
     entry->d.kind = pbrt_keep(p, d->kind);
     entry->d.params = pbrt_params_copy(d->params, &p->arena);
-    if (!entry->d.kind || !entry->d.params)
-        return error_no_memory(p->err, "a medium");
-    return pbrt_name_set(p, &p->media, name, entry);
+    pbrt_name_set(p, &p->media, name, entry);
 }
 
 static int preset_find(const char *name)
@@ -101,13 +97,12 @@ static float coefficient(struct pbrt *p, const struct medium_entry *e, double x)
 
     if (x > most)
         pbrt_warn(p, &e->d.at, "dense medium",
-                  "medium \"%.60s\": a coefficient of %g per metre is taken as %g, the largest there is",
-                  e->name, x, most);
+                  "medium \"%.60s\": a coefficient of %g per metre is taken as %g, the largest there is", e->name, x,
+                  most);
     return (float)fmin(fmax(x, 0), most);
 }
 
-static status read_coefficients(struct pbrt *p, const struct medium_entry *e,
-                                struct scene_medium *out)
+static status read_coefficients(struct pbrt *p, const struct medium_entry *e, struct scene_medium *out)
 {
     /* pbrt-v3's own default is Jensen's whole milk, pbrt-v4's is 1. */
     static const double milk_a[3] = {0.0011, 0.0024, 0.014}, milk_s[3] = {2.55, 3.21, 3.77};
@@ -135,8 +130,7 @@ static status read_coefficients(struct pbrt *p, const struct medium_entry *e,
     glow = pbrt_param(params, "Lescale", PBRT_NUMBERS);
     if (glow && glow->number_count > 1) {
         pbrt_warn(p, &glow->at, "emission grid",
-                  "medium \"%.60s\": a grid for \"Lescale\" is not supported: its mean is used",
-                  e->name);
+                  "medium \"%.60s\": a grid for \"Lescale\" is not supported: its mean is used", e->name);
         le_scale = 0;
         for (size_t i = 0; i < glow->number_count; i++)
             le_scale += glow->numbers[i] / (double)glow->number_count;
@@ -150,8 +144,7 @@ static status read_coefficients(struct pbrt *p, const struct medium_entry *e,
     return STATUS_OK;
 }
 
-static status read_grid(struct pbrt *p, const struct medium_entry *e, struct scene_medium *out,
-                        float **grid)
+static status read_grid(struct pbrt *p, const struct medium_entry *e, struct scene_medium *out, float **grid)
 {
     struct pbrt_params *params = e->d.params;
     const struct pbrt_param *density = pbrt_param(params, "density", PBRT_NUMBERS);
@@ -164,9 +157,8 @@ static status read_grid(struct pbrt *p, const struct medium_entry *e, struct sce
     for (int i = 0; i < 3; i++) {
         long n = pbrt_integer(params, axes[i], 1);
         if (n < 1 || n > SCENE_GRID_SIDE_MAX)
-            return pbrt_fail(p, STATUS_ERR_INPUT, &e->d.at,
-                             "medium \"%.60s\": \"%s\" is %ld: it must be 1 to %d", e->name,
-                             axes[i], n, SCENE_GRID_SIDE_MAX);
+            return pbrt_fail(p, STATUS_ERR_INPUT, &e->d.at, "medium \"%.60s\": \"%s\" is %ld: it must be 1 to %d",
+                             e->name, axes[i], n, SCENE_GRID_SIDE_MAX);
         out->grid_size[i] = (uint32_t)n;
         cells *= (size_t)n;
     }
@@ -179,8 +171,8 @@ static status read_grid(struct pbrt *p, const struct medium_entry *e, struct sce
     (void)pbrt_triple(params, "p1", p1);
     for (int i = 0; i < 3; i++) {
         if (!(p1[i] > p0[i]))
-            return pbrt_fail(p, STATUS_ERR_INPUT, &e->d.at,
-                             "medium \"%.60s\": the box from p0 to p1 is empty", e->name);
+            return pbrt_fail(p, STATUS_ERR_INPUT, &e->d.at, "medium \"%.60s\": the box from p0 to p1 is empty",
+                             e->name);
         box.m[i][i] = p1[i] - p0[i];
         box.m[i][3] = p0[i];
     }
@@ -190,9 +182,7 @@ static status read_grid(struct pbrt *p, const struct medium_entry *e, struct sce
     world = pbrt_to_world(p, &world);
     out->grid_to_world = world;
     out->has_grid = 1;
-    *grid = mem_alloc_array(cells, sizeof **grid);
-    if (!*grid)
-        return error_no_memory(p->err, "a medium");
+    *grid = must(mem_alloc_array(cells, sizeof **grid));
     for (size_t i = 0; i < cells; i++)
         (*grid)[i] = (float)fmin(fmax(density->numbers[i], 0), 1e9);
     return STATUS_OK;
@@ -200,8 +190,7 @@ static status read_grid(struct pbrt *p, const struct medium_entry *e, struct sce
 
 static status build(struct pbrt *p, struct medium_entry *e)
 {
-    const int grid = strcmp(e->d.kind, "uniformgrid") == 0 ||
-                     strcmp(e->d.kind, "heterogeneous") == 0;
+    const int grid = strcmp(e->d.kind, "uniformgrid") == 0 || strcmp(e->d.kind, "heterogeneous") == 0;
     struct scene_medium medium = {0};
     float *cells = NULL;
     char what[128];
@@ -210,8 +199,7 @@ static status build(struct pbrt *p, struct medium_entry *e)
     e->row = BUILDER_NO_ROW;
     if (!grid && strcmp(e->d.kind, "homogeneous") != 0) {
         snprintf(what, sizeof what, "medium %.60s", e->d.kind);
-        pbrt_warn(p, &e->d.at, what,
-                  "medium \"%.60s\": the kind \"%.60s\" is not supported: left out", e->name,
+        pbrt_warn(p, &e->d.at, what, "medium \"%.60s\": the kind \"%.60s\" is not supported: left out", e->name,
                   e->d.kind);
         return STATUS_OK;
     }

@@ -1,17 +1,16 @@
 /* The directives before WorldBegin, and WorldBegin itself. */
 #include <string.h>
 
-#include "client/import/pbrt/pbrt_directive.h"
+#include "client/import/pbrt/read/pbrt_directive.h"
 
 /* Camera and film wait for one another until the world begins. */
-static status keep_directive(struct pbrt *p, const char *word, const struct pbrt_place *at,
-                             struct pbrt_directive *out)
+static status keep_directive(struct pbrt *p, const char *word, const struct pbrt_place *at, struct pbrt_directive *out)
 {
     if (p->in_world)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must come before WorldBegin", word);
     TRY(pbrt_read_directive(p, word, NULL, at, out));
     out->params = pbrt_params_copy(&p->params, &p->arena);
-    return out->params ? STATUS_OK : error_no_memory(p->err, "parameters");
+    return STATUS_OK;
 }
 
 static status do_camera(struct pbrt *p, const struct pbrt_place *at)
@@ -23,7 +22,8 @@ static status do_camera(struct pbrt *p, const struct pbrt_place *at)
         if (!transform_d_invert(&p->camera.ctm.at[i], &world_from_camera.at[i]))
             return pbrt_fail(p, STATUS_ERR_INPUT, at, "the camera's matrix cannot be inverted");
     p->camera_medium = p->now.outside;
-    return pbrt_keep_system(p, "camera", &world_from_camera);
+    pbrt_keep_system(p, "camera", &world_from_camera);
+    return STATUS_OK;
 }
 
 static status do_film(struct pbrt *p, const struct pbrt_place *at)
@@ -39,7 +39,8 @@ static status do_sampler(struct pbrt *p, const struct pbrt_place *at)
     struct pbrt_directive d;
 
     TRY(pbrt_read_directive(p, "Sampler", NULL, at, &d));
-    return pbrt_sampler(p, &d);
+    pbrt_sampler(p, &d);
+    return STATUS_OK;
 }
 
 static status do_integrator(struct pbrt *p, const struct pbrt_place *at)
@@ -47,7 +48,8 @@ static status do_integrator(struct pbrt *p, const struct pbrt_place *at)
     struct pbrt_directive d;
 
     TRY(pbrt_read_directive(p, "Integrator", NULL, at, &d));
-    return pbrt_integrator(p, &d);
+    pbrt_integrator(p, &d);
+    return STATUS_OK;
 }
 
 static status do_filter(struct pbrt *p, const struct pbrt_place *at)
@@ -74,7 +76,8 @@ static status do_option(struct pbrt *p, const struct pbrt_place *at)
     struct pbrt_directive d = {.kind = "", .at = *at, .params = &p->params};
 
     TRY(pbrt_next_params(p, NULL));
-    return pbrt_option(p, &d);
+    pbrt_option(p, &d);
+    return STATUS_OK;
 }
 
 static status do_world(struct pbrt *p, const struct pbrt_place *at)
@@ -85,15 +88,11 @@ static status do_world(struct pbrt *p, const struct pbrt_place *at)
     p->in_world = 1;
     p->now.active = 3;
     pbrt_identity(p);
-    return pbrt_keep_system(p, "world", &p->now.ctm);
-}
-
-static status do_world_end(struct pbrt *p, const struct pbrt_place *at)
-{
-    (void)p;
-    (void)at;
+    pbrt_keep_system(p, "world", &p->now.ctm);
     return STATUS_OK;
 }
+
+static status do_world_end(struct pbrt *p UNUSED, const struct pbrt_place *at UNUSED) { return STATUS_OK; }
 
 const struct pbrt_word pbrt_preamble_words[] = {
     {"Camera", do_camera},

@@ -1,9 +1,11 @@
 /* Shapes: meshes with a material, placed once or as parts of an object. */
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "client/import/builder/shapes.h"
-#include "client/import/pbrt/pbrt.h"
+#include "client/import/pbrt/read/pbrt_context.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 
@@ -37,18 +39,13 @@ static status give_uv(struct pbrt *p, struct mesh_source *mesh)
 {
     static const float corner[3][2] = {{0, 0}, {1, 0}, {1, 1}};
     size_t count = mesh->triangle_count * 3;
-    status result;
 
     if (mesh->uv[0] || count == 0)
         return STATUS_OK;
     if (count > UINT32_MAX)
         return error_set(p->err, STATUS_ERR_LIMIT, "a mesh has too many triangles");
-    result = mesh_source_gather(mesh, mesh->indices, count, p->err);
-    if (result != STATUS_OK)
-        return result;
-    mesh->uv[0] = mem_alloc_array(count, 2 * sizeof *mesh->uv[0]);
-    if (!mesh->uv[0])
-        return error_no_memory(p->err, "texture coordinates");
+    mesh_source_gather(mesh, mesh->indices, count);
+    mesh->uv[0] = must(mem_alloc_array(count, 2 * sizeof *mesh->uv[0]));
     for (size_t i = 0; i < count; i++) {
         memcpy(mesh->uv[0] + 2 * i, corner[i % 3], sizeof corner[0]);
         mesh->indices[i] = (uint32_t)i;
@@ -64,9 +61,8 @@ static double world_area(const struct transform_d *m, const struct mesh_source *
         double e[2][3], w[2][3], square = 0;
         for (int k = 0; k < 2; k++)
             for (size_t c = 0; c < 3; c++)
-                e[k][c] =
-                    (double)mesh->positions[3 * (size_t)mesh->indices[3 * t + (size_t)k + 1] + c] -
-                    (double)mesh->positions[3 * (size_t)mesh->indices[3 * t] + c];
+                e[k][c] = (double)mesh->positions[3 * (size_t)mesh->indices[3 * t + (size_t)k + 1] + c] -
+                          (double)mesh->positions[3 * (size_t)mesh->indices[3 * t] + c];
         for (int k = 0; k < 2; k++)
             for (int r = 0; r < 3; r++)
                 w[k][r] = m->m[r][0] * e[k][0] + m->m[r][1] * e[k][1] + m->m[r][2] * e[k][2];
@@ -89,25 +85,19 @@ static double true_area(const struct transform_d *m, const struct mesh_source *m
     return world_area(m, mesh) * mesh->true_area / world_area(&own, mesh);
 }
 
-static status copy_mesh(struct pbrt *p, const struct mesh_source *from, struct mesh_source *to)
+static void copy_mesh(const struct mesh_source *from, struct mesh_source *to)
 {
     *to = (struct mesh_source){.vertex_count = from->vertex_count,
                                .triangle_count = from->triangle_count,
                                .stands_in = from->stands_in,
                                .true_area = from->true_area};
     memcpy(to->origin, from->origin, sizeof to->origin);
-    to->positions = mem_memdup(from->positions, from->vertex_count * 3 * sizeof(float));
-    to->indices = mem_memdup(from->indices, from->triangle_count * 3 * sizeof(uint32_t));
+    to->positions = must(mem_memdup(from->positions, from->vertex_count * 3 * sizeof(float)));
+    to->indices = must(mem_memdup(from->indices, from->triangle_count * 3 * sizeof(uint32_t)));
     if (from->normals)
-        to->normals = mem_memdup(from->normals, from->vertex_count * 3 * sizeof(float));
+        to->normals = must(mem_memdup(from->normals, from->vertex_count * 3 * sizeof(float)));
     if (from->uv[0])
-        to->uv[0] = mem_memdup(from->uv[0], from->vertex_count * 2 * sizeof(float));
-    if (!to->positions || !to->indices || (from->normals && !to->normals) ||
-        (from->uv[0] && !to->uv[0])) {
-        mesh_source_release(to);
-        return error_no_memory(p->err, "a shape");
-    }
-    return STATUS_OK;
+        to->uv[0] = must(mem_memdup(from->uv[0], from->vertex_count * 2 * sizeof(float)));
 }
 
 /* ---- placing ------------------------------------------------------------------------------ */
@@ -118,8 +108,7 @@ status pbrt_instance(struct pbrt *p, const struct pbrt_part *part)
     struct scene_instance instance;
 
     if (!transform_d_invert(&world, &inverse)) {
-        pbrt_warn(p, &part->at, "singular matrix",
-                  "the shape's matrix cannot be inverted: the shape is left out");
+        pbrt_warn(p, &part->at, "singular matrix", "the shape's matrix cannot be inverted: the shape is left out");
         return STATUS_OK;
     }
     scene_instance_default(&instance);
@@ -138,16 +127,13 @@ static status place(struct pbrt *p, const struct pbrt_part *part)
     if (!o)
         return pbrt_instance(p, part);
     if (o->count >= PBRT_OBJECT_SHAPES_MAX)
-        return pbrt_fail(p, STATUS_ERR_LIMIT, &part->at, "an object has more than %d shapes",
-                         PBRT_OBJECT_SHAPES_MAX);
-    if (!MEM_GROW(o->parts, o->capacity, o->count + 1))
-        return error_no_memory(p->err, "an object");
+        return pbrt_fail(p, STATUS_ERR_LIMIT, &part->at, "an object has more than %d shapes", PBRT_OBJECT_SHAPES_MAX);
+    MUST_GROW(o->parts, o->capacity, o->count + 1);
     o->parts[o->count++] = *part;
     return STATUS_OK;
 }
 
-status pbrt_object_place(struct pbrt *p, const struct pbrt_object *object,
-                         const struct pbrt_place *at)
+status pbrt_object_place(struct pbrt *p, const struct pbrt_object *object, const struct pbrt_place *at)
 {
     for (size_t i = 0; i < object->count; i++) {
         struct pbrt_part part = object->parts[i];
@@ -161,15 +147,13 @@ status pbrt_object_place(struct pbrt *p, const struct pbrt_object *object,
 
 /* ---- surfaces ----------------------------------------------------------------------------- */
 
-static status read_alpha(struct pbrt *p, const struct pbrt_directive *d,
-                         const struct pbrt_texture **out)
+static status read_alpha(struct pbrt *p, const struct pbrt_directive *d, const struct pbrt_texture **out)
 {
     TRY(pbrt_float_texture(p, d->params, "alpha", out));
     if (*out && (*out)->op == TEXTURE_CONSTANT && (*out)->value[0] >= 1)
         *out = NULL;
     if (pbrt_param(d->params, "shadowalpha", ~0u))
-        pbrt_warn(p, &d->at, "shadow alpha",
-                  "\"shadowalpha\" is not supported: \"alpha\" counts for shadows too");
+        pbrt_warn(p, &d->at, "shadow alpha", "\"shadowalpha\" is not supported: \"alpha\" counts for shadows too");
     return STATUS_OK;
 }
 
@@ -189,8 +173,8 @@ static void tangents_of(const struct pbrt_surface *s, struct mesh_tangents *out)
                                   .uv_transform = {{1, 0, 0}, {0, -1, 1}}};
 }
 
-static status add_part(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_surface *s,
-                       struct mesh_source *mesh, int64_t *mesh_row)
+static status add_part(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_surface *s, struct mesh_source *mesh,
+                       int64_t *mesh_row)
 {
     struct pbrt_part part = {.ctm = d->ctm, .at = d->at};
     struct mesh_tangents tangents;
@@ -210,8 +194,7 @@ static status add_part(struct pbrt *p, const struct pbrt_directive *d, struct pb
     return place(p, &part);
 }
 
-/* A one-sided light becomes two surfaces, each visible only from its own side; a closed one needs
- * no back. */
+/* A one-sided light becomes two surfaces, each visible only from its own side; a closed one needs no back. */
 static status add_light(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_surface *s,
                         struct mesh_source *mesh)
 {
@@ -219,11 +202,10 @@ static status add_light(struct pbrt *p, const struct pbrt_directive *d, struct p
     int64_t row;
     status result;
 
-    if (s->light->two_sided || s->material->base.kind == MATERIAL_INTERFACE ||
-        s->material->base.refractive)
+    if (s->light->two_sided || s->material->base.kind == MATERIAL_INTERFACE || s->material->base.refractive)
         return add_part(p, d, s, mesh, &row);
     s->one_sided = 1;
-    TRY(copy_mesh(p, mesh, &back));
+    copy_mesh(mesh, &back);
     result = add_part(p, d, s, mesh, &row);
     if (result == STATUS_OK && row >= 0 && !p->b->meshes[row].closed) {
         s->light = NULL;
@@ -254,8 +236,7 @@ static status add_shape(struct pbrt *p, const struct pbrt_directive *d, struct m
         s.light = NULL;
     }
     if (s.light && pbrt_is_moving(&d->ctm) && s.light->power > 0)
-        pbrt_warn(p, &d->at, "power of a moving light",
-                  "a moving light's area is taken at the start of its motion");
+        pbrt_warn(p, &d->at, "power of a moving light", "a moving light's area is taken at the start of its motion");
     if (s.light && s.alpha && s.alpha->op == TEXTURE_CONSTANT && s.alpha->value[0] <= 0)
         pbrt_warn(p, &d->at, "invisible light",
                   "a light of \"alpha\" 0, which cannot be seen itself, is not supported: it does "
@@ -284,8 +265,7 @@ status pbrt_shape(struct pbrt *p, const struct pbrt_directive *d)
         return STATUS_OK;
     }
     result = make(p, d, &mesh);
-    if (result == STATUS_OK)
-        result = add_shape(p, d, &mesh);
+    THEN(result, add_shape(p, d, &mesh));
     mesh_source_release(&mesh);
     if (result == STATUS_OK)
         pbrt_params_report(d->params, p->b, what);

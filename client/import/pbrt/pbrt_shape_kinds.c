@@ -3,8 +3,9 @@
 #include <string.h>
 
 #include "client/import/builder/shapes.h"
-#include "client/import/pbrt/pbrt.h"
+#include "client/import/pbrt/read/pbrt_context.h"
 #include "client/import/ply/ply.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 
@@ -12,13 +13,10 @@
 
 static status copy_floats(struct pbrt *p, const struct pbrt_param *param, float limit, float **out)
 {
-    *out = mem_alloc_array(param->number_count, sizeof **out);
-    if (!*out)
-        return error_no_memory(p->err, "a shape");
+    *out = must(mem_alloc_array(param->number_count, sizeof **out));
     for (size_t i = 0; i < param->number_count; i++) {
         if (!(fabs(param->numbers[i]) <= (double)limit))
-            return pbrt_fail(p, STATUS_ERR_INPUT, &param->at,
-                             "\"%.40s\" holds %g: at most %g is taken", param->name,
+            return pbrt_fail(p, STATUS_ERR_INPUT, &param->at, "\"%.40s\" holds %g: at most %g is taken", param->name,
                              param->numbers[i], (double)limit);
         (*out)[i] = (float)param->numbers[i];
     }
@@ -46,8 +44,7 @@ static void choose_origin(void *user, const double first[3], double origin[3])
         mesh_origin_choose(world, p->origin);
         p->has_origin = 1;
     }
-    if ((p->origin[0] == 0 && p->origin[1] == 0 && p->origin[2] == 0) ||
-        !transform_d_invert(ctm, &inverse))
+    if ((p->origin[0] == 0 && p->origin[1] == 0 && p->origin[2] == 0) || !transform_d_invert(ctm, &inverse))
         return;
     transform_d_point(&inverse, p->origin, local);
     for (int c = 0; c < 3; c++) {
@@ -70,8 +67,8 @@ static double metre_of(const struct transform_d *ctm)
 }
 
 /* "P" relative to its new origin. */
-static status copy_positions(struct pbrt *p, const struct pbrt_directive *d,
-                             const struct pbrt_param *param, float **out, double origin[3])
+static status copy_positions(struct pbrt *p, const struct pbrt_directive *d, const struct pbrt_param *param,
+                             float **out, double origin[3])
 {
     struct origin_choice choice = {p, d};
     struct mesh_origin near;
@@ -86,16 +83,12 @@ static status copy_positions(struct pbrt *p, const struct pbrt_directive *d,
     return STATUS_OK;
 }
 
-static status copy_indices(struct pbrt *p, const struct pbrt_param *param, size_t vertex_count,
-                           uint32_t **out)
+static status copy_indices(struct pbrt *p, const struct pbrt_param *param, size_t vertex_count, uint32_t **out)
 {
-    *out = mem_alloc_array(param->number_count, sizeof **out);
-    if (!*out)
-        return error_no_memory(p->err, "a shape");
+    *out = must(mem_alloc_array(param->number_count, sizeof **out));
     for (size_t i = 0; i < param->number_count; i++) {
         if (!(param->numbers[i] >= 0 && param->numbers[i] < (double)vertex_count))
-            return pbrt_fail(p, STATUS_ERR_INPUT, &param->at,
-                             "\"%.40s\" holds %g: there are %zu vertices", param->name,
+            return pbrt_fail(p, STATUS_ERR_INPUT, &param->at, "\"%.40s\" holds %g: there are %zu vertices", param->name,
                              param->numbers[i], vertex_count);
         (*out)[i] = (uint32_t)param->numbers[i];
     }
@@ -119,8 +112,7 @@ static void arrays_release(struct vertex_arrays *a)
     memset(a, 0, sizeof *a);
 }
 
-static status read_arrays(struct pbrt *p, const struct pbrt_directive *d, unsigned corners,
-                          struct vertex_arrays *a)
+static status read_arrays(struct pbrt *p, const struct pbrt_directive *d, unsigned corners, struct vertex_arrays *a)
 {
     static const char *const uv_names[] = {"uv", "st"};
     const struct pbrt_param *positions = pbrt_param(d->params, "P", PBRT_TRIPLES),
@@ -135,15 +127,14 @@ static status read_arrays(struct pbrt *p, const struct pbrt_directive *d, unsign
     for (int i = 0; i < 2 && !uv; i++) /* pbrt-v3 has them as floats too */
         uv = pbrt_param(d->params, uv_names[i], PBRT_PAIRS | PBRT_BIT(PBRT_FLOAT));
     if (normals && normals->number_count != positions->number_count) {
-        pbrt_warn(p, &normals->at, "count of normals",
-                  "the shape has %zu normals for %zu vertices: left out",
+        pbrt_warn(p, &normals->at, "count of normals", "the shape has %zu normals for %zu vertices: left out",
                   normals->number_count / 3, a->vertex_count);
         normals = NULL;
     }
     if (uv && uv->number_count / 2 != a->vertex_count) {
         pbrt_warn(p, &uv->at, "count of texture coordinates",
-                  "the shape has %zu texture coordinates for %zu vertices: left out",
-                  uv->number_count / 2, a->vertex_count);
+                  "the shape has %zu texture coordinates for %zu vertices: left out", uv->number_count / 2,
+                  a->vertex_count);
         uv = NULL;
     }
     TRY(copy_positions(p, d, positions, &a->positions, a->origin));
@@ -153,17 +144,14 @@ static status read_arrays(struct pbrt *p, const struct pbrt_directive *d, unsign
         TRY(copy_floats(p, uv, 1e9f, &a->uv));
     if (indices) {
         if (indices->number_count % corners)
-            return pbrt_fail(p, STATUS_ERR_INPUT, &indices->at,
-                             "the shape has %zu indices: they come by %u", indices->number_count,
-                             corners);
+            return pbrt_fail(p, STATUS_ERR_INPUT, &indices->at, "the shape has %zu indices: they come by %u",
+                             indices->number_count, corners);
         a->index_count = indices->number_count;
         return copy_indices(p, indices, a->vertex_count, &a->indices);
     }
     if (a->vertex_count != corners)
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the shape has no \"integer indices\"");
-    a->indices = mem_alloc_array(corners, sizeof *a->indices);
-    if (!a->indices)
-        return error_no_memory(p->err, "a shape");
+    a->indices = must(mem_alloc_array(corners, sizeof *a->indices));
     for (unsigned i = 0; i < corners; i++)
         a->indices[i] = i;
     a->index_count = corners;
@@ -179,8 +167,7 @@ static double phi_max(const struct pbrt_directive *d)
     return fmin(fmax(degrees, 0), 360) * PI_D / 180;
 }
 
-static status make_triangles(struct pbrt *p, const struct pbrt_directive *d,
-                             struct mesh_source *out)
+static status make_triangles(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
 {
     static const char *const unneeded[] = {"S", "faceIndices", NULL};
     struct vertex_arrays a = {0};
@@ -214,8 +201,7 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
     if (!name)
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the shape names no \"string filename\"");
     if (pbrt_param(d->params, "displacement", ~0u))
-        pbrt_warn(p, &d->at, "displaced mesh",
-                  "displacement of a mesh is not supported: the mesh is not displaced");
+        pbrt_warn(p, &d->at, "displaced mesh", "displacement of a mesh is not supported: the mesh is not displaced");
     pbrt_ignore(d->params, detail);
     result = pbrt_read_file(&p->reader, name, &d->at, &bytes, p->err);
     if (result == STATUS_OK) {
@@ -232,8 +218,7 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
                   "is not a vertex",
                   name, report.faces_invalid);
     if (report.has_strips)
-        pbrt_warn(p, &d->at, "strips of a PLY file",
-                  "%.200s: triangle strips are not read", name);
+        pbrt_warn(p, &d->at, "strips of a PLY file", "%.200s: triangle strips are not read", name);
     /* pbrt materials do not use a file's colours. */
     mem_free(out->colors);
     out->colors = NULL;
@@ -245,28 +230,24 @@ static status make_sphere(struct pbrt *p, const struct pbrt_directive *d, struct
     double r = pbrt_float(d->params, "radius", 1);
     double low = pbrt_float(d->params, "zmin", -r), high = pbrt_float(d->params, "zmax", r);
 
-    return shape_sphere(r, fmin(low, high), fmax(low, high), phi_max(d), SHAPE_SEGMENTS_DEFAULT,
-                        out, p->err);
+    return shape_sphere(r, fmin(low, high), fmax(low, high), phi_max(d), SHAPE_SEGMENTS_DEFAULT, out, p->err);
 }
 
 static status make_disk(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
 {
     return shape_disk(pbrt_float(d->params, "height", 0), pbrt_float(d->params, "radius", 1),
-                      pbrt_float(d->params, "innerradius", 0), phi_max(d), SHAPE_SEGMENTS_DEFAULT,
-                      out, p->err);
+                      pbrt_float(d->params, "innerradius", 0), phi_max(d), SHAPE_SEGMENTS_DEFAULT, out, p->err);
 }
 
-static status make_cylinder(struct pbrt *p, const struct pbrt_directive *d,
-                            struct mesh_source *out)
+static status make_cylinder(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
 {
     double low = pbrt_float(d->params, "zmin", -1), high = pbrt_float(d->params, "zmax", 1);
 
-    return shape_cylinder(pbrt_float(d->params, "radius", 1), fmin(low, high), fmax(low, high),
-                          phi_max(d), SHAPE_SEGMENTS_DEFAULT, out, p->err);
+    return shape_cylinder(pbrt_float(d->params, "radius", 1), fmin(low, high), fmax(low, high), phi_max(d),
+                          SHAPE_SEGMENTS_DEFAULT, out, p->err);
 }
 
-static status make_patches(struct pbrt *p, const struct pbrt_directive *d,
-                           struct mesh_source *out)
+static status make_patches(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
 {
     enum { DIVISIONS = 16 };
     struct vertex_arrays a = {0};
@@ -274,8 +255,7 @@ static status make_patches(struct pbrt *p, const struct pbrt_directive *d,
 
     (void)pbrt_param(d->params, "faceIndices", ~0u);
     if (pbrt_param(d->params, "emissionfilename", ~0u))
-        pbrt_warn(p, &d->at, "emission of a patch",
-                  "\"emissionfilename\" is not supported: the patch shines evenly");
+        pbrt_warn(p, &d->at, "emission of a patch", "\"emissionfilename\" is not supported: the patch shines evenly");
     if (result == STATUS_OK) {
         const struct shape_patches patches = {.positions = a.positions,
                                               .normals = a.normals,
@@ -299,9 +279,8 @@ static status make_loop(struct pbrt *p, const struct pbrt_directive *d, struct m
 
     (void)pbrt_string(d->params, "scheme", NULL);
     if (result == STATUS_OK && (levels < 0 || levels > SHAPE_LOOP_LEVELS_MAX))
-        result = pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
-                           "a subdivision surface of %ld levels is not supported: 0 to %d", levels,
-                           SHAPE_LOOP_LEVELS_MAX);
+        result = pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "a subdivision surface of %ld levels is not supported: 0 to %d",
+                           levels, SHAPE_LOOP_LEVELS_MAX);
     if (result == STATUS_OK) {
         const struct shape_control control = {.positions = a.positions,
                                               .uv = a.uv,
@@ -319,8 +298,7 @@ static status make_curve(struct pbrt *p, const struct pbrt_directive *d, struct 
 {
     enum { PIECES = 8, SIDES = 6 };
     static const char *const kinds[] = {"flat", "cylinder", "ribbon"};
-    const char *basis = pbrt_string(d->params, "basis", "bezier"),
-               *kind = pbrt_string(d->params, "type", "flat");
+    const char *basis = pbrt_string(d->params, "basis", "bezier"), *kind = pbrt_string(d->params, "type", "flat");
     const struct pbrt_param *points = pbrt_param(d->params, "P", PBRT_TRIPLES),
                             *normals = pbrt_param(d->params, "N", PBRT_TRIPLES);
     double width = pbrt_float(d->params, "width", 1);
@@ -348,8 +326,7 @@ static status make_curve(struct pbrt *p, const struct pbrt_directive *d, struct 
         result = pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
                            "a ribbon needs as many \"normal N\" as it has segments, and one more");
     curve.normals = facing;
-    if (result == STATUS_OK)
-        result = shape_curves(&curve, 1, PIECES, SIDES, out, p->err);
+    THEN(result, shape_curves(&curve, 1, PIECES, SIDES, out, p->err));
     memcpy(out->origin, origin, sizeof out->origin);
     mem_free(position);
     mem_free(facing);

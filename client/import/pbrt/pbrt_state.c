@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "client/import/pbrt/pbrt_directive.h"
-#include "common/base/memory.h"
+#include "client/import/pbrt/read/pbrt_directive.h"
+#include "client/terminal/must.h"
 
 static void ctm_apply(struct pbrt *p, const struct transform_d *t)
 {
@@ -25,11 +25,9 @@ static void ctm_replace(struct pbrt *p, const struct transform_d *t)
 status pbrt_push(struct pbrt *p, int kind, const struct pbrt_place *at)
 {
     if (p->stack_count >= PBRT_STACK_MAX)
-        return pbrt_fail(p, STATUS_ERR_LIMIT, at, "attributes are nested more than %d deep",
-                         PBRT_STACK_MAX);
-    if (!MEM_GROW(p->stack, p->stack_capacity, p->stack_count + 1) ||
-        !MEM_GROW(p->stack_kinds, p->kinds_capacity, p->stack_count + 1))
-        return error_no_memory(p->err, "the stack of attributes");
+        return pbrt_fail(p, STATUS_ERR_LIMIT, at, "attributes are nested more than %d deep", PBRT_STACK_MAX);
+    MUST_GROW(p->stack, p->stack_capacity, p->stack_count + 1);
+    MUST_GROW(p->stack_kinds, p->kinds_capacity, p->stack_count + 1);
     p->stack[p->stack_count] = p->now;
     p->stack_kinds[p->stack_count++] = kind;
     return STATUS_OK;
@@ -44,8 +42,7 @@ status pbrt_pop(struct pbrt *p, int kind, const struct pbrt_place *at)
     if (!top)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "there is nothing to end here");
     if (p->stack_kinds[p->stack_count - 1] != kind)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must be ended first",
-                         begins[p->stack_kinds[p->stack_count - 1]]);
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "%s must be ended first", begins[p->stack_kinds[p->stack_count - 1]]);
     if (kind == PBRT_STACK_TRANSFORM) {
         p->now.ctm = top->ctm;
         p->now.active = top->active;
@@ -65,19 +62,17 @@ void pbrt_identity(struct pbrt *p)
     ctm_replace(p, &identity);
 }
 
-static status do_identity(struct pbrt *p, const struct pbrt_place *at)
+static status do_identity(struct pbrt *p, const struct pbrt_place *at UNUSED)
 {
-    (void)at;
     pbrt_identity(p);
     return STATUS_OK;
 }
 
-static status do_translate(struct pbrt *p, const struct pbrt_place *at)
+static status do_translate(struct pbrt *p, const struct pbrt_place *at UNUSED)
 {
     struct transform_d t = transform_d_identity();
     double n[3];
 
-    (void)at;
     TRY(pbrt_next_numbers(p, "Translate", n, 3));
     for (int i = 0; i < 3; i++)
         t.m[i][3] = n[i];
@@ -85,12 +80,11 @@ static status do_translate(struct pbrt *p, const struct pbrt_place *at)
     return STATUS_OK;
 }
 
-static status do_scale(struct pbrt *p, const struct pbrt_place *at)
+static status do_scale(struct pbrt *p, const struct pbrt_place *at UNUSED)
 {
     struct transform_d t = transform_d_identity();
     double n[3];
 
-    (void)at;
     TRY(pbrt_next_numbers(p, "Scale", n, 3));
     for (int i = 0; i < 3; i++)
         t.m[i][i] = n[i];
@@ -156,23 +150,21 @@ static status do_concat(struct pbrt *p, const struct pbrt_place *at)
     return STATUS_OK;
 }
 
-status pbrt_keep_system(struct pbrt *p, const char *name, const struct pbrt_matrices *m)
+void pbrt_keep_system(struct pbrt *p, const char *name, const struct pbrt_matrices *m)
 {
-    struct pbrt_matrices *copy = ARENA_NEW(&p->arena, struct pbrt_matrices);
+    struct pbrt_matrices *copy = must(ARENA_NEW(&p->arena, struct pbrt_matrices));
 
-    if (!copy)
-        return error_no_memory(p->err, "a coordinate system");
     *copy = *m;
-    return pbrt_name_set(p, &p->systems, name, copy);
+    pbrt_name_set(p, &p->systems, name, copy);
 }
 
-static status do_system(struct pbrt *p, const struct pbrt_place *at)
+static status do_system(struct pbrt *p, const struct pbrt_place *at UNUSED)
 {
     const char *name;
 
-    (void)at;
     TRY(pbrt_next_string(p, "CoordinateSystem", &name));
-    return pbrt_keep_system(p, name, &p->now.ctm);
+    pbrt_keep_system(p, name, &p->now.ctm);
+    return STATUS_OK;
 }
 
 static status do_system_transform(struct pbrt *p, const struct pbrt_place *at)
@@ -201,8 +193,7 @@ static status do_active(struct pbrt *p, const struct pbrt_place *at)
     else if (t.kind == TOKEN_WORD && strcmp(t.text, "EndTime") == 0)
         p->now.active = 2;
     else
-        return pbrt_fail(p, STATUS_ERR_INPUT, at,
-                         "ActiveTransform takes StartTime, EndTime or All");
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "ActiveTransform takes StartTime, EndTime or All");
     return STATUS_OK;
 }
 
@@ -221,9 +212,8 @@ static status do_times(struct pbrt *p, const struct pbrt_place *at)
 
 /* ---- attributes ----------------------------------------------------------------------------- */
 
-static status do_reverse(struct pbrt *p, const struct pbrt_place *at)
+static status do_reverse(struct pbrt *p, const struct pbrt_place *at UNUSED)
 {
-    (void)at;
     p->now.reversed = !p->now.reversed;
     return STATUS_OK;
 }
@@ -268,7 +258,7 @@ static status do_attribute(struct pbrt *p, const struct pbrt_place *at)
                          "\"texture\"");
     TRY(pbrt_next_params(p, *slot));
     *slot = pbrt_params_copy(&p->params, &p->arena);
-    return *slot ? STATUS_OK : error_no_memory(p->err, "attributes");
+    return STATUS_OK;
 }
 
 static status do_color_space(struct pbrt *p, const struct pbrt_place *at)
@@ -287,11 +277,10 @@ static status do_color_space(struct pbrt *p, const struct pbrt_place *at)
     return STATUS_OK;
 }
 
-static status do_medium_interface(struct pbrt *p, const struct pbrt_place *at)
+static status do_medium_interface(struct pbrt *p, const struct pbrt_place *at UNUSED)
 {
     struct pbrt_token t;
 
-    (void)at;
     TRY(pbrt_next_string(p, "MediumInterface", &p->now.inside));
     p->now.outside = p->now.inside;
     TRY(pbrt_peek(&p->reader, &t, p->err));
@@ -331,8 +320,7 @@ static status do_import(struct pbrt *p, const struct pbrt_place *at)
 
 status pbrt_end_imports(struct pbrt *p, const struct pbrt_place *at, int all)
 {
-    while (p->import_count &&
-           (all || p->reader.depth < p->import_depth[p->import_count - 1])) {
+    while (p->import_count && (all || p->reader.depth < p->import_depth[p->import_count - 1])) {
         p->import_count--;
         TRY(pbrt_pop(p, PBRT_STACK_IMPORT, at));
     }

@@ -1,14 +1,14 @@
-/* Texture directives and parameters: each is a small expression. pbrt_texture_slot.c decides how it
- * is used. */
+/* Texture directives and parameters: each is a small expression. pbrt_texture_slot.c decides how it is used. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "client/terminal/must.h"
 #include "client/import/pbrt/pbrt_texture_parts.h"
 
 static struct pbrt_texture *texture_new(struct pbrt *p, enum pbrt_texture_op op)
 {
-    struct pbrt_texture *t = ARENA_NEW(&p->arena, struct pbrt_texture);
+    struct pbrt_texture *t = must(ARENA_NEW(&p->arena, struct pbrt_texture));
 
     if (t) {
         t->op = op;
@@ -51,8 +51,7 @@ static const struct pbrt_texture *fold(struct pbrt *p, struct pbrt_texture *t)
     if (t->op == TEXTURE_SCALE && pbrt_is_constant(c[0]) && pbrt_is_constant(c[1]))
         for (int i = 0; i < 3; i++)
             v[i] = c[0]->value[i] * c[1]->value[i];
-    else if (t->op == TEXTURE_MIX && pbrt_is_constant(c[0]) && pbrt_is_constant(c[1]) &&
-             pbrt_is_constant(c[2]))
+    else if (t->op == TEXTURE_MIX && pbrt_is_constant(c[0]) && pbrt_is_constant(c[1]) && pbrt_is_constant(c[2]))
         for (int i = 0; i < 3; i++)
             v[i] = c[0]->value[i] * (1 - c[2]->value[i]) + c[1]->value[i] * c[2]->value[i];
     else
@@ -60,8 +59,7 @@ static const struct pbrt_texture *fold(struct pbrt *p, struct pbrt_texture *t)
     return pbrt_constant(p, v[0], v[1], v[2]);
 }
 
-const struct pbrt_texture *pbrt_product(struct pbrt *p, const struct pbrt_texture *a,
-                                        const struct pbrt_texture *b)
+const struct pbrt_texture *pbrt_product(struct pbrt *p, const struct pbrt_texture *a, const struct pbrt_texture *b)
 {
     struct pbrt_texture *t = texture_new(p, TEXTURE_SCALE);
 
@@ -74,8 +72,7 @@ const struct pbrt_texture *pbrt_product(struct pbrt *p, const struct pbrt_textur
     return fold(p, t);
 }
 
-static status find_texture(struct pbrt *p, const struct pbrt_param *param, int color,
-                           const struct pbrt_texture **out)
+static status find_texture(struct pbrt *p, const struct pbrt_param *param, int color, const struct pbrt_texture **out)
 {
     const char *name = param->strings[0];
     const struct pbrt_table *first = color ? &p->color_textures : &p->float_textures,
@@ -85,16 +82,13 @@ static status find_texture(struct pbrt *p, const struct pbrt_param *param, int c
     if (!*out)
         *out = pbrt_name_find(second, name);
     if (!*out)
-        return pbrt_fail(p, STATUS_ERR_INPUT, &param->at,
-                         "the texture \"%.80s\" is not known: define it above", name);
+        return pbrt_fail(p, STATUS_ERR_INPUT, &param->at, "the texture \"%.80s\" is not known: define it above", name);
     return STATUS_OK;
 }
 
-status pbrt_float_texture(struct pbrt *p, struct pbrt_params *params, const char *name,
-                          const struct pbrt_texture **out)
+status pbrt_float_texture(struct pbrt *p, struct pbrt_params *params, const char *name, const struct pbrt_texture **out)
 {
-    const struct pbrt_param *param = pbrt_param(params, name, PBRT_NUMBERS |
-                                                PBRT_BIT(PBRT_TEXTURE));
+    const struct pbrt_param *param = pbrt_param(params, name, PBRT_NUMBERS | PBRT_BIT(PBRT_TEXTURE));
     struct pbrt_texture *t;
 
     *out = NULL;
@@ -103,19 +97,16 @@ status pbrt_float_texture(struct pbrt *p, struct pbrt_params *params, const char
     if (param->type == PBRT_TEXTURE)
         return find_texture(p, param, 0, out);
     t = texture_new(p, TEXTURE_CONSTANT);
-    if (!t)
-        return error_no_memory(p->err, "a texture");
     t->is_color = 0;
     t->value[0] = t->value[1] = t->value[2] = param->numbers[0];
     *out = t;
     return STATUS_OK;
 }
 
-status pbrt_color_texture(struct pbrt *p, struct pbrt_params *params, const char *name,
-                          enum pbrt_use use, const struct pbrt_texture **out)
+status pbrt_color_texture(struct pbrt *p, struct pbrt_params *params, const char *name, enum pbrt_use use,
+                          const struct pbrt_texture **out)
 {
-    const struct pbrt_param *param = pbrt_param(params, name, PBRT_COLORS | PBRT_NUMBERS |
-                                                PBRT_BIT(PBRT_TEXTURE));
+    const struct pbrt_param *param = pbrt_param(params, name, PBRT_COLORS | PBRT_NUMBERS | PBRT_BIT(PBRT_TEXTURE));
     double rgb[3];
 
     *out = NULL;
@@ -128,12 +119,12 @@ status pbrt_color_texture(struct pbrt *p, struct pbrt_params *params, const char
     else
         TRY(pbrt_color_of(p, param, params->color_space, use, rgb));
     *out = pbrt_constant(p, rgb[0], rgb[1], rgb[2]);
-    return *out ? STATUS_OK : error_no_memory(p->err, "a texture");
+    return STATUS_OK;
 }
 
 /* An optional child. */
-static status child_or(struct pbrt *p, const struct pbrt_directive *d, const char *name, int color,
-                       double otherwise, const struct pbrt_texture **out)
+static status child_or(struct pbrt *p, const struct pbrt_directive *d, const char *name, int color, double otherwise,
+                       const struct pbrt_texture **out)
 {
     if (color)
         TRY(pbrt_color_texture(p, d->params, name, USE_UNBOUNDED, out));
@@ -141,7 +132,7 @@ static status child_or(struct pbrt *p, const struct pbrt_directive *d, const cha
         TRY(pbrt_float_texture(p, d->params, name, out));
     if (!*out)
         *out = pbrt_constant(p, otherwise, otherwise, otherwise);
-    return *out ? STATUS_OK : error_no_memory(p->err, "a texture");
+    return STATUS_OK;
 }
 
 static status read_mapping(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_texture *t)
@@ -156,13 +147,11 @@ static status read_mapping(struct pbrt *p, const struct pbrt_directive *d, struc
     if (strcmp(kind, "uv") != 0) {
         pbrt_ignore(d->params, planar);
         pbrt_warn(p, &d->at, "texture mapping",
-                  "the texture mapping \"%.40s\" is not supported: the surface's u and v are used",
-                  kind);
+                  "the texture mapping \"%.40s\" is not supported: the surface's u and v are used", kind);
     }
     for (int i = 0; i < 2; i++)
         if (!(fabs(t->mapping[i][i]) < 1e5) || !(fabs(t->mapping[i][2]) < 1e5))
-            return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
-                             "a texture's scale and delta must be below 100000");
+            return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "a texture's scale and delta must be below 100000");
     return STATUS_OK;
 }
 
@@ -176,8 +165,7 @@ static enum scene_wrap wrap_of(struct pbrt *p, const struct pbrt_directive *d)
         return WRAP_CLAMP;
     if (strcmp(wrap, "black") == 0)
         return WRAP_BLACK;
-    pbrt_warn(p, &d->at, "texture wrap", "the wrap mode \"%.40s\" is not supported: repeated",
-              wrap);
+    pbrt_warn(p, &d->at, "texture wrap", "the wrap mode \"%.40s\" is not supported: repeated", wrap);
     return WRAP_REPEAT;
 }
 
@@ -191,16 +179,13 @@ static void read_encoding(struct pbrt *p, const struct pbrt_directive *d, struct
         t->gamma = 1;
     if (strcmp(encoding, "linear") == 0)
         t->gamma = 1;
-    else if (strncmp(encoding, "gamma ", 6) == 0 && pbrt_number(encoding + 6, &power) &&
-             power > 0.1 && power < 10)
+    else if (strncmp(encoding, "gamma ", 6) == 0 && pbrt_number(encoding + 6, &power) && power > 0.1 && power < 10)
         t->gamma = power;
     else if (strcmp(encoding, "sRGB") != 0 && strcmp(encoding, "srgb") != 0)
-        pbrt_warn(p, &d->at, "texture encoding",
-                  "the encoding \"%.40s\" is not known: taken as sRGB", encoding);
+        pbrt_warn(p, &d->at, "texture encoding", "the encoding \"%.40s\" is not known: taken as sRGB", encoding);
 }
 
-static status read_imagemap(struct pbrt *p, const struct pbrt_directive *d, int color,
-                            struct pbrt_texture **out)
+static status read_imagemap(struct pbrt *p, const struct pbrt_directive *d, int color, struct pbrt_texture **out)
 {
     static const char *const unneeded[] = {"maxanisotropy", "trilinear", NULL};
     const char *name = pbrt_string(d->params, "filename", NULL);
@@ -208,8 +193,6 @@ static status read_imagemap(struct pbrt *p, const struct pbrt_directive *d, int 
     const char *filter;
 
     *out = t;
-    if (!t)
-        return error_no_memory(p->err, "a texture");
     t->is_color = color;
     if (!name)
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the texture names no \"string filename\"");
@@ -229,46 +212,37 @@ static status read_imagemap(struct pbrt *p, const struct pbrt_directive *d, int 
     return STATUS_OK;
 }
 
-static status read_checkerboard(struct pbrt *p, const struct pbrt_directive *d, int color,
-                                struct pbrt_texture **out)
+static status read_checkerboard(struct pbrt *p, const struct pbrt_directive *d, int color, struct pbrt_texture **out)
 {
     struct pbrt_texture *t = texture_new(p, TEXTURE_CHECKER);
 
     *out = t;
-    if (!t)
-        return error_no_memory(p->err, "a texture");
     TRY(read_mapping(p, d, t));
     if (pbrt_integer(d->params, "dimension", 2) != 2)
-        pbrt_warn(p, &d->at, "checkerboard",
-                  "a checkerboard of three dimensions is not supported: one of two is used");
+        pbrt_warn(p, &d->at, "checkerboard", "a checkerboard of three dimensions is not supported: one of two is used");
     (void)pbrt_string(d->params, "aamode", NULL);
     TRY(child_or(p, d, "tex1", color, 1, &t->child[0]));
     return child_or(p, d, "tex2", color, 0, &t->child[1]);
 }
 
-static status read_bilerp(struct pbrt *p, const struct pbrt_directive *d, int color,
-                          struct pbrt_texture **out)
+static status read_bilerp(struct pbrt *p, const struct pbrt_directive *d, int color, struct pbrt_texture **out)
 {
     static const char *const names[4] = {"v00", "v01", "v10", "v11"};
     struct pbrt_texture *t = texture_new(p, TEXTURE_BILERP);
 
     *out = t;
-    if (!t)
-        return error_no_memory(p->err, "a texture");
     TRY(read_mapping(p, d, t));
     for (int i = 0; i < 4; i++) {
         const struct pbrt_texture *value;
         TRY(child_or(p, d, names[i], color, i & 1, &value));
         if (!pbrt_is_constant(value))
-            return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
-                             "\"%s\" of a bilerp texture must be constant", names[i]);
+            return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "\"%s\" of a bilerp texture must be constant", names[i]);
         memcpy(t->corner[i], value->value, sizeof t->corner[i]);
     }
     return STATUS_OK;
 }
 
-static status read_combination(struct pbrt *p, const struct pbrt_directive *d, int color,
-                               struct pbrt_texture **out)
+static status read_combination(struct pbrt *p, const struct pbrt_directive *d, int color, struct pbrt_texture **out)
 {
     struct pbrt_texture *t;
 
@@ -276,8 +250,6 @@ static status read_combination(struct pbrt *p, const struct pbrt_directive *d, i
         const struct pbrt_texture *value;
         TRY(child_or(p, d, "value", color, 1, &value));
         *out = texture_new(p, TEXTURE_CONSTANT);
-        if (!*out)
-            return error_no_memory(p->err, "a texture");
         memcpy((*out)->value, value->value, sizeof value->value);
         return STATUS_OK;
     }
@@ -285,8 +257,6 @@ static status read_combination(struct pbrt *p, const struct pbrt_directive *d, i
                        : strcmp(d->kind, "directionmix") == 0 ? TEXTURE_DIRECTION_MIX
                                                               : TEXTURE_MIX);
     *out = t;
-    if (!t)
-        return error_no_memory(p->err, "a texture");
     if (t->op == TEXTURE_SCALE && (pbrt_has(d->params, "tex1") || pbrt_has(d->params, "tex2"))) {
         TRY(child_or(p, d, "tex1", color, 1, &t->child[0])); /* pbrt-v3 */
         return child_or(p, d, "tex2", color, 1, &t->child[1]);
@@ -298,8 +268,7 @@ static status read_combination(struct pbrt *p, const struct pbrt_directive *d, i
     TRY(child_or(p, d, "tex1", color, t->op == TEXTURE_MIX ? 0 : 1, &t->child[0]));
     TRY(child_or(p, d, "tex2", color, t->op == TEXTURE_MIX ? 1 : 0, &t->child[1]));
     if (t->op == TEXTURE_DIRECTION_MIX) {
-        pbrt_warn(p, &d->at, "directionmix",
-                  "a texture \"directionmix\" is not supported: its \"tex1\" is used");
+        pbrt_warn(p, &d->at, "directionmix", "a texture \"directionmix\" is not supported: its \"tex1\" is used");
         (void)pbrt_param(d->params, "dir", ~0u);
         t->child[1] = NULL;
         return STATUS_OK;
@@ -315,8 +284,7 @@ static int is_one_of(const char *word, const char *const *list)
     return 0;
 }
 
-status pbrt_texture(struct pbrt *p, const char *name, const char *type,
-                    const struct pbrt_directive *d)
+status pbrt_texture(struct pbrt *p, const char *name, const char *type, const struct pbrt_directive *d)
 {
     static const char *const combinations[] = {"constant", "scale", "mix", "directionmix", NULL};
     int color = strcmp(type, "spectrum") == 0 || strcmp(type, "color") == 0;
@@ -325,8 +293,8 @@ status pbrt_texture(struct pbrt *p, const char *name, const char *type,
     char what[128];
 
     if (!color && strcmp(type, "float") != 0)
-        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at,
-                         "a texture is of type \"float\" or \"spectrum\", not \"%.40s\"", type);
+        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "a texture is of type \"float\" or \"spectrum\", not \"%.40s\"",
+                         type);
     if (strcmp(d->kind, "imagemap") == 0)
         TRY(read_imagemap(p, d, color, &t));
     else if (strcmp(d->kind, "checkerboard") == 0)
@@ -338,11 +306,8 @@ status pbrt_texture(struct pbrt *p, const char *name, const char *type,
     else {
         char kind[128];
         snprintf(kind, sizeof kind, "texture %.60s", d->kind);
-        pbrt_warn(p, &d->at, kind,
-                  "the texture kind \"%.60s\" is not supported: mid grey instead", d->kind);
+        pbrt_warn(p, &d->at, kind, "the texture kind \"%.60s\" is not supported: mid grey instead", d->kind);
         t = texture_new(p, TEXTURE_CONSTANT);
-        if (!t)
-            return error_no_memory(p->err, "a texture");
         t->value[0] = t->value[1] = t->value[2] = 0.5;
         for (size_t i = 0; i < d->params->count; i++)
             d->params->items[i].used = 1;
@@ -354,9 +319,8 @@ status pbrt_texture(struct pbrt *p, const char *name, const char *type,
                          "textures are built of one another more than %d deep or of more than %d",
                          PBRT_TEXTURE_DEPTH_MAX, PBRT_TEXTURE_COST_MAX);
     made = fold(p, t);
-    if (!made)
-        return error_no_memory(p->err, "a texture");
     snprintf(what, sizeof what, "texture \"%.60s\"", d->kind);
     pbrt_params_report(d->params, p->b, what);
-    return pbrt_name_set(p, color ? &p->color_textures : &p->float_textures, name, made);
+    pbrt_name_set(p, color ? &p->color_textures : &p->float_textures, name, made);
+    return STATUS_OK;
 }

@@ -3,15 +3,16 @@
 #include <string.h>
 
 #include "client/import/pbrt/pbrt_texture_parts.h"
+#include "common/system/parallel.h"
 #include "common/image/color.h"
 
 /* Common properties of the leaves below a texture. */
 struct domain {
-    const struct pbrt_texture *first;   /* the leaf that gives the mapping */
+    const struct pbrt_texture *first; /* the leaf that gives the mapping */
     int same_mapping;
     int images, checkers, bilerps;
-    int all_wrap, all_nearest;          /* of the images; -1: none, -2: different */
-    uint32_t width, height;             /* the largest image */
+    int all_wrap, all_nearest; /* of the images; -1: none, -2: different */
+    uint32_t width, height;    /* the largest image */
 };
 
 static status collect(struct pbrt *p, const struct pbrt_texture *t, struct domain *d)
@@ -44,7 +45,7 @@ static status collect(struct pbrt *p, const struct pbrt_texture *t, struct domai
 struct canvas {
     uint32_t width, height;
     double period;
-    double mapping[2][3];   /* mesh uv to (s, t) */
+    double mapping[2][3]; /* mesh uv to (s, t) */
     enum scene_wrap wrap;
     int nearest;
 };
@@ -96,18 +97,17 @@ static int canvas_uv(const struct canvas *c, uint32_t x, uint32_t y, double uv[2
     return 1;
 }
 
-static status add_canvas(struct pbrt *p, const struct canvas *c, const struct image *pixels,
-                         int as_exr, enum scene_encoding encoding, struct scene_texture_slot *slot)
+static status add_canvas(struct pbrt *p, const struct canvas *c, const struct image *pixels, int as_pfm,
+                         enum scene_encoding encoding, struct scene_texture_slot *slot)
 {
     const int small = (size_t)c->width * c->height <= 4096;
-    const struct exr_options options = {0};
     struct scene_texture texture = {.wrap_u = c->wrap,
                                     .wrap_v = c->wrap,
                                     .nearest = c->nearest,
                                     .encoding = encoding};
     struct buffer out = BUFFER_INIT;
-    status result = as_exr ? exr_encode(&out, pixels, &options, p->err)
-                           : png_encode_texture(&out, pixels, small ? 16 : 8, p->err);
+    status result =
+        as_pfm ? pfm_encode(&out, pixels, p->err) : png_encode_texture(&out, pixels, small ? 16 : 8, p->err);
 
     if (result != STATUS_OK) {
         buffer_release(&out);
@@ -117,8 +117,7 @@ static status add_canvas(struct pbrt *p, const struct canvas *c, const struct im
     return pbrt_slot_put(p, &texture, c->mapping, c->period, slot);
 }
 
-static status plan(struct pbrt *p, const struct pbrt_texture *a, const struct pbrt_texture *b,
-                   struct canvas *c)
+static status plan(struct pbrt *p, const struct pbrt_texture *a, const struct pbrt_texture *b, struct canvas *c)
 {
     struct domain d = {.same_mapping = 1, .all_wrap = -1, .all_nearest = -1};
 
@@ -129,64 +128,79 @@ static status plan(struct pbrt *p, const struct pbrt_texture *a, const struct pb
     return STATUS_OK;
 }
 
-status pbrt_bake_color(struct pbrt *p, const struct pbrt_texture *color,
-                       const struct pbrt_texture *alpha, float limit,
+/* The texels of a canvas, row by row: each depends on its place alone. */
+struct baker {
+    const struct canvas *canvas;
+    const struct pbrt_texture *texture, *alpha; /* alpha, change: may be NULL */
+    float limit;
+    pbrt_change *change;
+    double parameter;
+    struct image *out;
+};
+
+static float within(double v, double most) { return (float)fmin(fmax(v, 0), most); }
+
+static void bake_rows(void *user, size_t begin, size_t end)
+{
+    const struct baker *b = user;
+    const struct canvas *c = b->canvas;
+
+    for (size_t i = begin * c->width; i < end * c->width; i++) {
+        float *to = b->out->pixels + i * b->out->channels;
+        double uv[2], v[4] = {0}, a[4] = {0};
+        int known = canvas_uv(c, (uint32_t)(i % c->width), (uint32_t)(i / c->width), uv);
+
+        if (known)
+            pbrt_evaluate(b->texture, uv, v);
+        if (known && b->alpha)
+            pbrt_evaluate(b->alpha, uv, a);
+        if (b->change)
+            v[0] = v[1] = v[2] = a[3] = b->change(v[3], b->parameter);
+        for (uint32_t k = 0; k < b->out->channels; k++)
+            to[k] = within(k < 3 ? v[k] : a[3], k < 3 ? (double)b->limit : 1);
+    }
+}
+
+status pbrt_bake_color(struct pbrt *p, const struct pbrt_texture *color, const struct pbrt_texture *alpha, float limit,
                        float factor[3], struct scene_texture_slot *slot)
 {
     struct image pixels = {0};
     struct canvas c;
-    double brightest = 0;
-    int as_exr;
+    struct baker baker = {
+        .canvas = &c, .texture = color, .alpha = alpha, .limit = limit, .out = &pixels};
+    size_t values;
+    int as_pfm = 0;
     status result;
 
     TRY(plan(p, color, alpha, &c));
     TRY(image_init(&pixels, c.width, c.height, alpha ? 4 : 3, p->err));
-    for (size_t i = 0; i < (size_t)c.width * c.height; i++) {
-        double uv[2], v[4] = {0}, a[4];
-        float *to = pixels.pixels + i * pixels.channels;
-        if (canvas_uv(&c, (uint32_t)(i % c.width), (uint32_t)(i / c.width), uv)) {
-            pbrt_evaluate(color, uv, v);
-            if (alpha) {
-                pbrt_evaluate(alpha, uv, a);
-                to[3] = (float)fmin(fmax(a[3], 0), 1);
-            }
-        }
-        for (int k = 0; k < 3; k++) {
-            to[k] = (float)fmin(fmax(v[k], 0), (double)limit);
-            brightest = fmax(brightest, (double)to[k]);
-        }
-    }
+    parallel_for(0, c.height, 1, bake_rows, &baker);
     /* Light above 1 does not fit into a PNG, nor does it need alpha. */
-    as_exr = brightest > 1;
-    for (size_t i = 0; !as_exr && i < (size_t)c.width * c.height; i++)
-        for (int k = 0; k < 3; k++) {
-            float *to = pixels.pixels + i * pixels.channels + k;
-            *to = srgb_encode(*to);
-        }
-    result = add_canvas(p, &c, &pixels, as_exr, as_exr ? ENCODING_BY_SLOT : ENCODING_SRGB, slot);
+    values = (size_t)c.width * c.height * pixels.channels;
+    for (size_t i = 0; i < values; i++)
+        as_pfm |= pixels.pixels[i] > 1;
+    for (size_t i = 0; !as_pfm && i < values; i++)
+        if (i % pixels.channels < 3)
+            pixels.pixels[i] = srgb_encode(pixels.pixels[i]);
+    result = add_canvas(p, &c, &pixels, as_pfm, as_pfm ? ENCODING_BY_SLOT : ENCODING_SRGB, slot);
     image_release(&pixels);
     pbrt_images_trim(p);
     factor[0] = factor[1] = factor[2] = 1;
     return result;
 }
 
-status pbrt_bake_scalar(struct pbrt *p, const struct pbrt_texture *value, pbrt_change *change,
-                        double parameter, float *factor, struct scene_texture_slot *slot)
+status pbrt_bake_scalar(struct pbrt *p, const struct pbrt_texture *value, pbrt_change *change, double parameter,
+                        float *factor, struct scene_texture_slot *slot)
 {
     struct image pixels = {0};
     struct canvas c;
+    struct baker baker = {.canvas = &c, .texture = value, .limit = 1, .change = change,
+                          .parameter = parameter, .out = &pixels};
     status result;
 
     TRY(plan(p, value, NULL, &c));
     TRY(image_init(&pixels, c.width, c.height, 4, p->err));
-    for (size_t i = 0; i < (size_t)c.width * c.height; i++) {
-        double uv[2], v[4] = {0};
-        if (canvas_uv(&c, (uint32_t)(i % c.width), (uint32_t)(i / c.width), uv))
-            pbrt_evaluate(value, uv, v);
-        for (int k = 0; k < 4; k++)
-            pixels.pixels[4 * i + (size_t)k] =
-                (float)fmin(fmax(change(v[3], parameter), 0), 1);
-    }
+    parallel_for(0, c.height, 1, bake_rows, &baker);
     result = add_canvas(p, &c, &pixels, 0, ENCODING_LINEAR, slot);
     image_release(&pixels);
     pbrt_images_trim(p);

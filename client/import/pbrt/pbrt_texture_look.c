@@ -10,6 +10,8 @@ static double decode(const struct pbrt_texture *t, float encoded)
 {
     if (t->image->is_float || t->gamma == 1)
         return (double)encoded;
+    if (t->gamma == 0 && t->image->has_codes)
+        return (double)srgb_decode_table()[(int)(encoded * 255 + 0.5f)];
     if (t->gamma == 0)
         return (double)srgb_decode(encoded);
     return (double)det_pow(encoded, (float)t->gamma);
@@ -80,9 +82,7 @@ void pbrt_evaluate(const struct pbrt_texture *t, const double uv[2], double out[
         memcpy(out, t->value, sizeof t->value);
         out[3] = (out[0] + out[1] + out[2]) / 3;
         break;
-    case TEXTURE_IMAGE:
-        look_up_image(t, st[0], st[1], out);
-        break;
+    case TEXTURE_IMAGE: look_up_image(t, st[0], st[1], out); break;
     case TEXTURE_SCALE:
         pbrt_evaluate(t->child[0], uv, a);
         pbrt_evaluate(t->child[1], uv, b);
@@ -96,18 +96,14 @@ void pbrt_evaluate(const struct pbrt_texture *t, const double uv[2], double out[
         for (int i = 0; i < 4; i++)
             out[i] = a[i] * (1 - m[3]) + b[i] * m[3];
         break;
-    case TEXTURE_CHECKER:
-        pbrt_evaluate(t->child[fmod(floor(st[0]) + floor(st[1]), 2) != 0], uv, out);
-        break;
+    case TEXTURE_CHECKER: pbrt_evaluate(t->child[fmod(floor(st[0]) + floor(st[1]), 2) != 0], uv, out); break;
     case TEXTURE_BILERP:
         for (int i = 0; i < 3; i++)
             out[i] = (1 - st[0]) * ((1 - st[1]) * t->corner[0][i] + st[1] * t->corner[1][i]) +
                      st[0] * ((1 - st[1]) * t->corner[2][i] + st[1] * t->corner[3][i]);
         out[3] = (out[0] + out[1] + out[2]) / 3;
         break;
-    case TEXTURE_DIRECTION_MIX:
-        pbrt_evaluate(t->child[0], uv, out);
-        break;
+    case TEXTURE_DIRECTION_MIX: pbrt_evaluate(t->child[0], uv, out); break;
     }
     if (!t->is_color)
         out[0] = out[1] = out[2] = out[3];

@@ -2,6 +2,7 @@
  * own if it can be used as stored. */
 #include <math.h>
 
+#include "client/terminal/must.h"
 #include "client/import/pbrt/pbrt_texture_parts.h"
 
 /* Rows of a picture run downwards, pbrt's t upwards. */
@@ -26,15 +27,14 @@ static status texture_row(struct pbrt *p, const struct scene_texture *texture, u
         return STATUS_OK;
     }
     TRY(builder_add_texture(p->b, texture, row));
-    known = ARENA_NEW(&p->arena, uint32_t);
-    if (!known)
-        return error_no_memory(p->err, "a texture");
+    known = must(ARENA_NEW(&p->arena, uint32_t));
     *known = *row;
-    return pbrt_table_set(&p->texture_rows, &p->arena, key, sizeof key, known, p->err);
+    pbrt_table_set(&p->texture_rows, &p->arena, key, sizeof key, known);
+    return STATUS_OK;
 }
 
-status pbrt_slot_put(struct pbrt *p, const struct scene_texture *texture,
-                     const double mapping[2][3], double period, struct scene_texture_slot *slot)
+status pbrt_slot_put(struct pbrt *p, const struct scene_texture *texture, const double mapping[2][3], double period,
+                     struct scene_texture_slot *slot)
 {
     uint32_t row;
 
@@ -57,8 +57,7 @@ static int is_plain(const struct pbrt_texture *t)
            (t->image->is_float || t->gamma == 0 || t->gamma == 1);
 }
 
-static status plain_slot(struct pbrt *p, const struct pbrt_texture *t,
-                         struct scene_texture_slot *slot)
+static status plain_slot(struct pbrt *p, const struct pbrt_texture *t, struct scene_texture_slot *slot)
 {
     struct scene_texture texture = {.wrap_u = t->wrap, .wrap_v = t->wrap, .nearest = t->nearest};
 
@@ -69,17 +68,15 @@ static status plain_slot(struct pbrt *p, const struct pbrt_texture *t,
     return pbrt_slot_put(p, &texture, t->mapping, 1, slot);
 }
 
-status pbrt_color_slot(struct pbrt *p, const struct pbrt_texture *color,
-                       const struct pbrt_texture *alpha, float limit, float factor[3],
-                       struct scene_texture_slot *slot)
+status pbrt_color_slot(struct pbrt *p, const struct pbrt_texture *color, const struct pbrt_texture *alpha, float limit,
+                       float factor[3], struct scene_texture_slot *slot)
 {
     const struct pbrt_texture *t = color;
     double f[3] = {1, 1, 1};
     int fits = 1;
 
     no_slot(slot);
-    while (t->op == TEXTURE_SCALE &&
-           (pbrt_is_constant(t->child[0]) || pbrt_is_constant(t->child[1]))) {
+    while (t->op == TEXTURE_SCALE && (pbrt_is_constant(t->child[0]) || pbrt_is_constant(t->child[1]))) {
         const int which = pbrt_is_constant(t->child[0]) ? 0 : 1;
         for (int i = 0; i < 3; i++)
             f[i] *= t->child[which]->value[i];
@@ -100,8 +97,6 @@ status pbrt_color_slot(struct pbrt *p, const struct pbrt_texture *color,
     if (pbrt_is_constant(t)) { /* the factor has the colour, the picture only alpha */
         float ignored[3];
         const struct pbrt_texture *white = pbrt_constant(p, 1, 1, 1);
-        if (!white)
-            return error_no_memory(p->err, "a texture");
         return pbrt_bake_color(p, white, alpha, 1, ignored, slot);
     }
     if (is_plain(t) && fits && !alpha)
@@ -109,8 +104,8 @@ status pbrt_color_slot(struct pbrt *p, const struct pbrt_texture *color,
     return pbrt_bake_color(p, color, alpha, limit, factor, slot);
 }
 
-status pbrt_scalar_slot(struct pbrt *p, const struct pbrt_texture *value, pbrt_change *change,
-                        double parameter, float *factor, struct scene_texture_slot *slot)
+status pbrt_scalar_slot(struct pbrt *p, const struct pbrt_texture *value, pbrt_change *change, double parameter,
+                        float *factor, struct scene_texture_slot *slot)
 {
     no_slot(slot);
     if (pbrt_is_constant(value)) {
@@ -120,8 +115,8 @@ status pbrt_scalar_slot(struct pbrt *p, const struct pbrt_texture *value, pbrt_c
     return pbrt_bake_scalar(p, value, change, parameter, factor, slot);
 }
 
-status pbrt_image_slot(struct pbrt *p, struct pbrt_image *image, enum scene_encoding encoding,
-                       enum scene_wrap wrap, int nearest, struct scene_texture_slot *slot)
+status pbrt_image_slot(struct pbrt *p, struct pbrt_image *image, enum scene_encoding encoding, enum scene_wrap wrap,
+                       int nearest, struct scene_texture_slot *slot)
 {
     static const double identity[2][3] = {{1, 0, 0}, {0, 1, 0}};
     struct scene_texture texture = {

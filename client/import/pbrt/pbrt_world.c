@@ -1,7 +1,8 @@
 /* The directives after WorldBegin: textures, materials, media, lights, shapes and objects. */
 #include <string.h>
 
-#include "client/import/pbrt/pbrt_directive.h"
+#include "client/terminal/must.h"
+#include "client/import/pbrt/read/pbrt_directive.h"
 
 static status need_world(struct pbrt *p, const char *word, const struct pbrt_place *at)
 {
@@ -22,19 +23,16 @@ static status do_texture(struct pbrt *p, const struct pbrt_place *at)
     return pbrt_texture(p, name, type, &d);
 }
 
-status pbrt_material_new(struct pbrt *p, const char *kind, const char *name,
-                         const struct pbrt_place *at, struct pbrt_material **out)
+void pbrt_material_new(struct pbrt *p, const char *kind, const char *name, const struct pbrt_place *at,
+                       struct pbrt_material **out)
 {
-    struct pbrt_material *m = ARENA_NEW(&p->arena, struct pbrt_material);
+    struct pbrt_material *m = must(ARENA_NEW(&p->arena, struct pbrt_material));
 
     *out = m;
-    if (!m)
-        return error_no_memory(p->err, "a material");
     m->kind = kind;
     m->name = name;
     m->at = *at;
     m->params = pbrt_params_copy(&p->params, &p->arena);
-    return m->params ? STATUS_OK : error_no_memory(p->err, "a material");
 }
 
 static status do_material(struct pbrt *p, const struct pbrt_place *at)
@@ -43,7 +41,8 @@ static status do_material(struct pbrt *p, const struct pbrt_place *at)
 
     TRY(need_world(p, "Material", at));
     TRY(pbrt_read_directive(p, "Material", p->now.material_defaults, at, &d));
-    return pbrt_material_new(p, d.kind, d.kind, at, &p->now.material);
+    pbrt_material_new(p, d.kind, d.kind, at, &p->now.material);
+    return STATUS_OK;
 }
 
 static status do_make_material(struct pbrt *p, const struct pbrt_place *at)
@@ -56,13 +55,11 @@ static status do_make_material(struct pbrt *p, const struct pbrt_place *at)
     TRY(pbrt_next_params(p, p->now.material_defaults));
     kind = pbrt_string(&p->params, "type", NULL);
     if (!kind)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at,
-                         "the material \"%.80s\" has no \"string type\"", name);
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "the material \"%.80s\" has no \"string type\"", name);
     kind = pbrt_keep(p, kind);
-    if (!kind)
-        return error_no_memory(p->err, "a material");
-    TRY(pbrt_material_new(p, kind, name, at, &m));
-    return pbrt_name_set(p, &p->materials, name, m);
+    pbrt_material_new(p, kind, name, at, &m);
+    pbrt_name_set(p, &p->materials, name, m);
+    return STATUS_OK;
 }
 
 static status do_named_material(struct pbrt *p, const struct pbrt_place *at)
@@ -90,7 +87,8 @@ static status do_make_medium(struct pbrt *p, const struct pbrt_place *at)
     TRY(pbrt_next_string(p, "MakeNamedMedium", &name));
     TRY(pbrt_next_params(p, p->now.medium_defaults));
     d.kind = pbrt_string(&p->params, "type", "");
-    return pbrt_medium(p, name, &d);
+    pbrt_medium(p, name, &d);
+    return STATUS_OK;
 }
 
 static status do_light(struct pbrt *p, const struct pbrt_place *at)
@@ -112,19 +110,16 @@ static status do_area_light(struct pbrt *p, const struct pbrt_place *at)
     TRY(need_world(p, "AreaLightSource", at));
     TRY(pbrt_read_directive(p, "AreaLightSource", p->now.light_defaults, at, &d));
     if (strcmp(d.kind, "diffuse") != 0 && strcmp(d.kind, "area") != 0) {
-        pbrt_warn(p, at, "area light kind", "the area light \"%.60s\" is not known: left out",
-                  d.kind);
+        pbrt_warn(p, at, "area light kind", "the area light \"%.60s\" is not known: left out", d.kind);
         p->now.area_light = NULL;
         return STATUS_OK;
     }
-    light = ARENA_NEW(&p->arena, struct pbrt_area_light);
-    if (!light)
-        return error_no_memory(p->err, "a light");
+    light = must(ARENA_NEW(&p->arena, struct pbrt_area_light));
     light->at = *at;
     light->params = pbrt_params_copy(&p->params, &p->arena);
     p->now.area_light = light;
     p->b->has_light = 1;
-    return light->params ? STATUS_OK : error_no_memory(p->err, "a light");
+    return STATUS_OK;
 }
 
 static status do_shape(struct pbrt *p, const struct pbrt_place *at)
@@ -143,15 +138,13 @@ static status do_object_begin(struct pbrt *p, const struct pbrt_place *at)
     TRY(need_world(p, "ObjectBegin", at));
     TRY(pbrt_next_string(p, "ObjectBegin", &name));
     if (p->object)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at,
-                         "an object cannot be defined inside of another one");
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "an object cannot be defined inside of another one");
     TRY(pbrt_push(p, PBRT_STACK_OBJECT, at));
-    p->object = ARENA_NEW(&p->arena, struct pbrt_object);
-    if (!p->object)
-        return error_no_memory(p->err, "an object");
+    p->object = must(ARENA_NEW(&p->arena, struct pbrt_object));
     if (pbrt_name_find(&p->objects, name)) /* its parts stay with the arena's owner until the end */
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "the object \"%.80s\" is defined twice", name);
-    return pbrt_name_set(p, &p->objects, name, p->object);
+    pbrt_name_set(p, &p->objects, name, p->object);
+    return STATUS_OK;
 }
 
 static status do_object_end(struct pbrt *p, const struct pbrt_place *at)
@@ -172,8 +165,7 @@ static status do_object_instance(struct pbrt *p, const struct pbrt_place *at)
     if (!object)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "the object \"%.80s\" is not known", name);
     if (p->object)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at,
-                         "an object cannot be placed in an object definition");
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "an object cannot be placed in an object definition");
     return pbrt_object_place(p, object, at);
 }
 

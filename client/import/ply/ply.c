@@ -5,6 +5,7 @@
 
 #include "client/import/builder/polygon.h"
 #include "client/import/ply/ply_parts.h"
+#include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/image/color.h"
 
@@ -87,10 +88,9 @@ static status read_vertex(struct ply *p, const struct element *element, size_t v
     return STATUS_OK;
 }
 
-static status make_array(struct ply *p, float **array, uint64_t count, size_t width)
+static void make_array(float **array, uint64_t count, size_t width)
 {
-    *array = mem_calloc((size_t)count, width * sizeof **array);
-    return *array ? STATUS_OK : error_no_memory(p->err, "PLY vertices");
+    *array = must(mem_calloc((size_t)count, width * sizeof **array));
 }
 
 static status read_vertices(struct ply *p, const struct element *element)
@@ -105,13 +105,13 @@ static status read_vertices(struct ply *p, const struct element *element)
     }
     if (!has[ROLE_X] || !has[ROLE_Y] || !has[ROLE_Z])
         return error_set(p->err, STATUS_ERR_INPUT, "the element vertex lacks x, y or z");
-    TRY(make_array(p, &out->positions, element->count, 3));
+    make_array(&out->positions, element->count, 3);
     if (has[ROLE_NX] && has[ROLE_NY] && has[ROLE_NZ])
-        TRY(make_array(p, &out->normals, element->count, 3));
+        make_array(&out->normals, element->count, 3);
     if (has[ROLE_U] && has[ROLE_V])
-        TRY(make_array(p, &out->uv[0], element->count, 2));
+        make_array(&out->uv[0], element->count, 2);
     if (has[ROLE_RED] && has[ROLE_GREEN] && has[ROLE_BLUE])
-        TRY(make_array(p, &out->colors, element->count, 4));
+        make_array(&out->colors, element->count, 4);
     out->vertex_count = (size_t)element->count;
     for (size_t v = 0; out->colors && v < out->vertex_count; v++)
         out->colors[4 * v + 3] = 1;
@@ -139,18 +139,16 @@ static status read_corners(struct ply *p, const struct property *property)
 
     TRY(ply_list_size(p, property, &count));
     if (count > POLYGON_CORNERS_MAX)
-        return error_set(p->err, STATUS_ERR_LIMIT, "face %zu has %zu corners: at most %d are taken",
-                         p->face_count, count, POLYGON_CORNERS_MAX);
-    if (!MEM_GROW(p->corners, p->corner_capacity, p->corner_count + count) ||
-        !MEM_GROW(p->sizes, p->face_capacity, p->face_count + 1))
-        return error_no_memory(p->err, "PLY faces");
+        return error_set(p->err, STATUS_ERR_LIMIT, "face %zu has %zu corners: at most %d are taken", p->face_count,
+                         count, POLYGON_CORNERS_MAX);
+    MUST_GROW(p->corners, p->corner_capacity, p->corner_count + count);
+    MUST_GROW(p->sizes, p->face_capacity, p->face_count + 1);
     for (size_t i = 0; i < count; i++) {
         double value;
         TRY(ply_value_read(p, property->type, &value));
         /* An invalid vertex number becomes one that no mesh has. */
-        p->corners[p->corner_count + i] = value >= 0 && value < UINT32_MAX && value == floor(value)
-                                              ? (uint32_t)value
-                                              : UINT32_MAX;
+        p->corners[p->corner_count + i] =
+            value >= 0 && value < UINT32_MAX && value == floor(value) ? (uint32_t)value : UINT32_MAX;
     }
     p->corner_count += count;
     p->sizes[p->face_count++] = (uint32_t)count;
@@ -164,8 +162,7 @@ static status read_faces(struct ply *p, const struct element *element)
     for (uint32_t i = 0; i < element->property_count; i++)
         has_corners |= p->properties[element->first_property + i].role == ROLE_CORNERS;
     if (element->count && !has_corners)
-        return error_set(p->err, STATUS_ERR_INPUT,
-                         "the element face lacks the list vertex_indices");
+        return error_set(p->err, STATUS_ERR_INPUT, "the element face lacks the list vertex_indices");
     for (uint64_t f = 0; f < element->count; f++)
         for (uint32_t i = 0; i < element->property_count; i++) {
             const struct property *property = &p->properties[element->first_property + i];
@@ -190,18 +187,15 @@ static status make_triangles(struct ply *p)
     struct polygon_scratch scratch = {0};
     struct mesh_source *out = p->out;
     size_t triangles = 0, first = 0;
-    status result = STATUS_OK;
 
     assert(p->sizes || p->face_count == 0);
     for (size_t f = 0; f < p->face_count; f++)
         triangles += p->sizes[f] >= 3 ? p->sizes[f] - 2 : 0;
     if (triangles > SCENE_TRIANGLES_MAX)
-        return error_set(p->err, STATUS_ERR_LIMIT, "has %zu triangles: at most %d are taken",
-                         triangles, SCENE_TRIANGLES_MAX);
-    out->indices = mem_alloc_array(triangles, 3 * sizeof *out->indices);
-    if (!out->indices)
-        return error_no_memory(p->err, "PLY faces");
-    for (size_t f = 0; f < p->face_count && result == STATUS_OK; first += p->sizes[f++]) {
+        return error_set(p->err, STATUS_ERR_LIMIT, "has %zu triangles: at most %d are taken", triangles,
+                         SCENE_TRIANGLES_MAX);
+    out->indices = must(mem_alloc_array(triangles, 3 * sizeof *out->indices));
+    for (size_t f = 0; f < p->face_count; first += p->sizes[f++]) {
         uint32_t *indices = out->indices + 3 * out->triangle_count;
         size_t count = p->sizes[f];
         const uint32_t *corners = count ? p->corners + first : NULL;
@@ -209,14 +203,14 @@ static status make_triangles(struct ply *p)
             p->report.faces_invalid++;
             continue;
         }
-        result = polygon_triangulate(&scratch, out->positions, corners, count, indices, p->err);
-        for (size_t i = 0; result == STATUS_OK && i < 3 * (count - 2); i++)
+        polygon_triangulate(&scratch, out->positions, corners, count, indices);
+        for (size_t i = 0; i < 3 * (count - 2); i++)
             indices[i] = corners[indices[i]];
         out->triangle_count += count - 2;
     }
     p->report.faces_fanned = scratch.fans;
     polygon_scratch_release(&scratch);
-    return result;
+    return STATUS_OK;
 }
 
 /* ---- the whole ------------------------------------------------------------------------------- */
@@ -252,8 +246,8 @@ static status read_all(struct ply *p)
     return make_triangles(p);
 }
 
-status ply_read(const void *data, size_t size_bytes, const struct ply_origin *origin,
-                struct mesh_source *out, struct ply_report *report, struct error *err)
+status ply_read(const void *data, size_t size_bytes, const struct ply_origin *origin, struct mesh_source *out,
+                struct ply_report *report, struct error *err)
 {
     struct ply p = {.at = data, .start = data, .err = err, .out = out, .origin = origin};
     status result;

@@ -3,7 +3,7 @@
 
 #include "client/import/builder/scan.h"
 #include "client/import/ply/ply_parts.h"
-#include "common/base/memory.h"
+#include "client/terminal/must.h"
 
 struct word {
     const char *text;
@@ -18,12 +18,10 @@ static status next_line(struct ply *p, struct word *out)
 
     while (end < p->end && *end != '\n' && *end != '\r')
         if ((size_t)(++end - p->at) > PLY_HEADER_LINE_BYTES_MAX)
-            return error_set(p->err, STATUS_ERR_LIMIT,
-                             "line %zu of the header is longer than %d bytes", p->line + 1,
+            return error_set(p->err, STATUS_ERR_LIMIT, "line %zu of the header is longer than %d bytes", p->line + 1,
                              PLY_HEADER_LINE_BYTES_MAX);
     if (room == 0 || end == p->end)
-        return error_set(p->err, STATUS_ERR_INPUT,
-                         "the PLY header has no end_header: the file is cut short");
+        return error_set(p->err, STATUS_ERR_INPUT, "the PLY header has no end_header: the file is cut short");
     *out = (struct word){(const char *)p->at, (size_t)(end - p->at)};
     p->at = end + 1;
     if (*end == '\r' && p->at < p->end && *p->at == '\n')
@@ -127,8 +125,7 @@ static status parse_element(struct ply *p, struct word line)
     int64_t count = -1;
 
     if (p->element_count == PLY_ELEMENTS_MAX)
-        return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: more than %d elements", p->line,
-                         PLY_ELEMENTS_MAX);
+        return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: more than %d elements", p->line, PLY_ELEMENTS_MAX);
     if (name.length == 0 || number.length == 0 ||
         scan_integer(number.text, number.text + number.length, &count) != number.length ||
         count < 0)
@@ -141,8 +138,8 @@ static status parse_element(struct ply *p, struct word line)
         element->kind = ELEMENT_VERTEX;
         p->has_vertices = 1;
         if (count >= UINT32_MAX)
-            return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: %lld vertices are too many",
-                             p->line, (long long)count);
+            return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: %lld vertices are too many", p->line,
+                             (long long)count);
     } else if (word_is(name, "face") && !p->has_faces) {
         element->kind = ELEMENT_FACE;
         p->has_faces = 1;
@@ -161,8 +158,7 @@ static status parse_property(struct ply *p, struct word line)
     int is_list = word_is(type, "list");
 
     if (p->element_count == 0)
-        return error_set(p->err, STATUS_ERR_INPUT, "line %zu: a property before any element",
-                         p->line);
+        return error_set(p->err, STATUS_ERR_INPUT, "line %zu: a property before any element", p->line);
     element = &p->elements[p->element_count - 1];
     if (is_list) {
         property.count_type = parse_type(next_word(&line));
@@ -172,22 +168,18 @@ static status parse_property(struct ply *p, struct word line)
     name = next_word(&line);
     if (property.type == TYPE_NONE || name.length == 0 ||
         (is_list && (property.count_type == TYPE_NONE || property.count_type >= TYPE_F32)))
-        return error_set(p->err, STATUS_ERR_INPUT,
-                         "line %zu: a property needs a known type and a name", p->line);
+        return error_set(p->err, STATUS_ERR_INPUT, "line %zu: a property needs a known type and a name", p->line);
     if (element->property_count == PLY_PROPERTIES_MAX)
-        return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: more than %d properties", p->line,
-                         PLY_PROPERTIES_MAX);
+        return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: more than %d properties", p->line, PLY_PROPERTIES_MAX);
     if (element->kind == ELEMENT_VERTEX && !is_list)
         property.role = parse_role(name);
-    if (element->kind == ELEMENT_FACE && is_list &&
-        (word_is(name, "vertex_indices") || word_is(name, "vertex_index")))
+    if (element->kind == ELEMENT_FACE && is_list && (word_is(name, "vertex_indices") || word_is(name, "vertex_index")))
         property.role = ROLE_CORNERS;
     /* Of several properties with one role, the first one counts. */
     for (uint32_t i = 0; i < element->property_count; i++)
         if (p->properties[element->first_property + i].role == property.role)
             property.role = ROLE_NONE;
-    if (!MEM_GROW(p->properties, p->property_capacity, p->property_count + 1))
-        return error_no_memory(p->err, "a PLY header");
+    MUST_GROW(p->properties, p->property_capacity, p->property_count + 1);
     p->properties[p->property_count++] = property;
     element->property_count++;
     return STATUS_OK;
@@ -212,8 +204,8 @@ status ply_header_read(struct ply *p)
         else if (word_is(word, "property"))
             TRY(parse_property(p, line));
         else if (word.length && !word_is(word, "comment") && !word_is(word, "obj_info"))
-            return error_set(p->err, STATUS_ERR_INPUT, "line %zu: \"%.*s\" is not a PLY keyword",
-                             p->line, (int)(word.length < 40 ? word.length : 40), word.text);
+            return error_set(p->err, STATUS_ERR_INPUT, "line %zu: \"%.*s\" is not a PLY keyword", p->line,
+                             (int)(word.length < 40 ? word.length : 40), word.text);
     }
     if (p->format == FORMAT_NONE)
         return error_set(p->err, STATUS_ERR_INPUT, "the PLY header has no format line");

@@ -1,8 +1,6 @@
 /* ply_parts: shared by the parts of the PLY reader; private to them. */
-#ifndef AZULEJO_IMPORT_PLY_PARTS_H
-#define AZULEJO_IMPORT_PLY_PARTS_H
+#pragma once
 
-#include "client/import/builder/try.h"
 #include "client/import/ply/ply.h"
 
 enum ply_format { FORMAT_NONE, FORMAT_ASCII, FORMAT_LITTLE, FORMAT_BIG };
@@ -81,5 +79,3 @@ status ply_list_size(struct ply *p, const struct property *property, size_t *out
 status ply_property_skip(struct ply *p, const struct property *property) MUST_CHECK;
 /* Are there enough bytes for the elements, if each is as short as possible? */
 status ply_check_room(struct ply *p, const struct element *element) MUST_CHECK;
-
-#endif

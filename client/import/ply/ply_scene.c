@@ -4,7 +4,7 @@
 
 #include "client/import/ply/ply.h"
 #include "client/import/ply/ply_scene.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 
 static const float grey = 0.8f;
 
@@ -16,13 +16,11 @@ static int recognise(const void *data, size_t size_bytes, const char *name)
 static void warn(struct builder *b, const char *name, const struct ply_report *report)
 {
     if (report->faces_invalid)
-        builder_warn_at(
-            b, name, 0, "PLY faces",
-            "%zu faces have fewer than three corners or one that is not a vertex: left out",
-            report->faces_invalid);
+        builder_warn_at(b, name, 0, "PLY faces",
+                        "%zu faces have fewer than three corners or one that is not a vertex: left out",
+                        report->faces_invalid);
     if (report->faces_fanned)
-        builder_warn_at(b, name, 0, "PLY fans",
-                        "%zu faces cross themselves or are too large to be cut cleanly",
+        builder_warn_at(b, name, 0, "PLY fans", "%zu faces cross themselves or are too large to be cut cleanly",
                         report->faces_fanned);
     if (report->has_strips)
         builder_warn_at(b, name, 0, "PLY strips", "triangle strips are not read");
@@ -40,12 +38,9 @@ static status add_mesh(struct builder *b, struct mesh_source *mesh, const char *
 
     memcpy(origin, mesh->origin, sizeof origin);
     mesh_source_flip_v(mesh);
-    result = mesh_finish(b, mesh, name, &none, &row);
-    if (result != STATUS_OK)
-        return result;
+    TRY(mesh_finish(b, mesh, name, &none, &row));
     if (row == BUILDER_NO_ROW)
-        return error_set(b->err, STATUS_ERR_INPUT,
-                         "there is nothing to render: the file has no face with an area");
+        return error_set(b->err, STATUS_ERR_INPUT, "there is nothing to render: the file has no face with an area");
     scene_material_default(&material);
     material.name = builder_name(b, "default");
     material.double_sided = 1;

@@ -9,8 +9,7 @@ static const size_t type_bytes[] = {0, 1, 1, 2, 2, 4, 4, 4, 8};
 
 static status cut_short(const struct ply *p)
 {
-    return error_set(p->err, STATUS_ERR_INPUT, "the data is cut short after %zu bytes",
-                     (size_t)(p->end - p->start));
+    return error_set(p->err, STATUS_ERR_INPUT, "the data is cut short after %zu bytes", (size_t)(p->end - p->start));
 }
 
 static status read_ascii(struct ply *p, double *out)

@@ -41,8 +41,7 @@ static void set_spreads(struct film_level *t, float codes, uint32_t pixels)
         return;
     while (i + 2 < LEVEL_SPREADS && codes >= level_spread(i + 1))
         i++;
-    above = (uint32_t)lrintf((codes - level_spread(i)) / (level_spread(i + 1) - level_spread(i)) *
-                             LEVEL_SPREAD_ONE);
+    above = (uint32_t)lrintf((codes - level_spread(i)) / (level_spread(i + 1) - level_spread(i)) * LEVEL_SPREAD_ONE);
     t->spreads[i] = (uint16_t)((LEVEL_SPREAD_ONE - above) * pixels);
     t->spreads[i + 1] = (uint16_t)(above * pixels);
 }
@@ -76,8 +75,7 @@ static void random_frame(struct frame *f, uint32_t width, uint32_t height, uint3
 
     frame_init(f, width, height, level);
     for (uint32_t t = 0; t < tile_count(width, height); t++)
-        set_tile(f, t, exp2((double)(next_random(&state) % 1000) / 100 - 4), 0.1,
-                 1 + next_random(&state) % 300);
+        set_tile(f, t, exp2((double)(next_random(&state) % 1000) / 100 - 4), 0.1, 1 + next_random(&state) % 300);
 }
 
 static void run(struct allocation_round *round, const struct frame *f)
@@ -330,8 +328,7 @@ static void test_prediction(void **state)
         set_tile(&f, t, 4, 0.1, 64);
     run(&round, &f);
     assert_true(fabs(allocation_predict(&round, ALLOCATION_RMSE, 0) - 10 / sqrt(2)) < 1e-9);
-    assert_true(fabs(allocation_predict(&round, ALLOCATION_PSNR, 0) -
-                     20 * log10(255 / (4 / sqrt(2)))) < 1e-6);
+    assert_true(fabs(allocation_predict(&round, ALLOCATION_PSNR, 0) - 20 * log10(255 / (4 / sqrt(2)))) < 1e-6);
     /* 95 % of normal errors are within 1.96 standard deviations. */
     assert_true(fabs(allocation_predict(&round, ALLOCATION_DISPLAY, 0) / (1.96 * 4 / sqrt(2)) - 1) < 0.01);
     f.wanted[0] = level_passes(5); /* what was wanted before counts, too */
@@ -356,8 +353,8 @@ static void test_prediction_leans_on_the_neighbourhood(void **state)
     error = allocation_predict(&round, ALLOCATION_RMSE, 0);
     /* Two thirds of its square (a half, and a sixth as its own share of the mean) at a quarter, a
      * third beside it. */
-    assert_true(fabs(error * error - 100 * 0.5 * (2.0 / 3 * pow(0.25, 1 - allocation_rules.caution) +
-                                                  1.0 / 3) / 8) < 1e-9);
+    assert_true(fabs(error * error - 100 * 0.5 * (2.0 / 3 * pow(0.25, 1 - allocation_rules.caution) + 1.0 / 3) / 8) <
+                1e-9);
     allocation_round_release(&round);
 }
 
@@ -386,8 +383,13 @@ static void test_exponent_is_learnt(void **state)
     assert_true(fabs(at_floor / later - exp2((0.9 - allocation_rules.caution) / 2)) < 1e-9);
     for (uint32_t t = 0; t < 16; t++) /* never faster than the rules allow */
         set_tile(&before, t, 4 * 4, 0.1 * 4, 64);
-    later = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    at_floor = allocation_predict(&round, ALLOCATION_RMSE, 0);
+    for (uint32_t t = 0; t < 16; t++)
+        f.wanted[t] = level_passes(3);
+    later = at_floor;
+    at_floor = allocation_predict(&round, ALLOCATION_RMSE, 0);
     assert_true(fabs(at_floor / later - exp2((allocation_rules.exponent_max - allocation_rules.caution) / 2)) < 1e-9);
+    assert_true(fabs(at_floor - 10 / sqrt(2) * sqrt(level_correction(1, 16))) < 1e-9); /* halves that hide a part */
     allocation_round_release(&round);
 }
 
@@ -395,7 +397,7 @@ static void test_exponent_is_learnt(void **state)
 
 enum { SIDE = 64, GROUP_SAMPLES = 64 };
 
-/* Rare bright samples on a dim ground, as reflections of small lamps are: sums of one replicate. */
+/* Rare bright samples on a dim ground, as reflections of small lamps are. */
 static void rare_light(double *sums, uint32_t samples, uint32_t *random)
 {
     memset(sums, 0, (size_t)SIDE * SIDE * 3 * sizeof *sums);
@@ -407,19 +409,20 @@ static void rare_light(double *sums, uint32_t samples, uint32_t *random)
         }
 }
 
-/* Level statistics of every tile, from two replicates of the whole picture. */
-static void measure_picture(struct film_level *tiles, double *const replicates[2], uint32_t samples)
+/* Level statistics of every tile, from two halves of the whole picture's samples. */
+static void measure_picture(struct film_level *tiles, const double *first, const double *second, uint32_t samples)
 {
-    double sums[2 * TILE_PIXELS_MAX * 3];
-
     for (uint32_t t = 0; t < tile_count(SIDE, SIDE); t++) {
         struct tile_rect r = tile_rect_of(SIDE, SIDE, t);
-        for (uint32_t k = 0; k < 2; k++)
-            for (uint32_t y = 0; y < r.height; y++)
-                memcpy(sums + (k * r.height + y) * r.width * 3,
-                       replicates[k] + ((r.y + y) * SIDE + r.x) * 3, r.width * 3 * sizeof *sums);
+        double sums[TILE_PIXELS_MAX * 3];
+        float later[TILE_PIXELS_MAX * 3];
+        for (uint32_t i = 0; i < r.width * r.height * 3; i++) {
+            uint32_t at = ((r.y + i / 3 / r.width) * SIDE + r.x + i / 3 % r.width) * 3 + i % 3;
+            sums[i] = first[at] + second[at];
+            later[i] = (float)second[at];
+        }
         tiles[t].rays = 1;
-        film_level_measure(&tiles[t], sums, r.width, r.height, samples,
+        film_level_measure(&tiles[t], sums, later, r.width, r.height, samples,
                            &(struct film_codes){film_codes_plain, NULL});
     }
 }
@@ -435,8 +438,8 @@ static status plain_codes(void *user, const float *rgb, uint32_t width, uint32_t
 /* What one group predicts of both groups' picture is what that picture reports, or a little worse. */
 static void test_prediction_is_what_is_reported(void **state)
 {
-    static double sums[8][SIDE * SIDE * 3]; /* four replicates' first and second halves */
-    static float means[4][SIDE * SIDE * 3];
+    static double sums[GROUPS][4][SIDE * SIDE * 3]; /* of quarters */
+    static float means[GROUPS][SIDE * SIDE * 3];
     struct accuracy_picture picture = {.width = SIDE, .height = SIDE};
     struct accuracy_figures reported;
     struct frame f, before;
@@ -448,22 +451,24 @@ static void test_prediction_is_what_is_reported(void **state)
 
     frame_init(&f, SIDE, SIDE, 5);
     frame_init(&before, SIDE, SIDE, 4);
-    for (int i = 0; i < 8; i++)
-        rare_light(sums[i], GROUP_SAMPLES / 4, &random);
-    measure_picture(before.tiles, (double *const[]){sums[0], sums[2]}, GROUP_SAMPLES / 2);
-    for (int r = 0; r < 4; r++) {
+    for (int g = 0; g < GROUPS; g++)
+        for (int i = 0; i < 4; i++)
+            rare_light(sums[g][i], GROUP_SAMPLES / 4, &random);
+    measure_picture(before.tiles, sums[0][0], sums[0][1], GROUP_SAMPLES / 2);
+    for (int g = 0; g < GROUPS; g++) {
         for (int i = 0; i < SIDE * SIDE * 3; i++) {
-            sums[r * 2][i] += sums[r * 2 + 1][i];
-            means[r][i] = (float)(sums[r * 2][i] / (GROUP_SAMPLES / 2));
+            sums[g][0][i] += sums[g][1][i];
+            sums[g][2][i] += sums[g][3][i];
+            means[g][i] = (float)((sums[g][0][i] + sums[g][2][i]) / GROUP_SAMPLES);
         }
-        picture.replicates[r] = means[r];
+        picture.groups[g] = means[g];
     }
-    measure_picture(f.tiles, (double *const[]){sums[0], sums[2]}, GROUP_SAMPLES);
+    measure_picture(f.tiles, sums[0][0], sums[0][2], GROUP_SAMPLES);
     f.in.previous = before.tiles;
     run(&round, &f);
     display = allocation_predict(&round, ALLOCATION_DISPLAY, 0);
     psnr = allocation_predict(&round, ALLOCATION_PSNR, 0);
-    assert_int_equal(accuracy_figures_of(&reported, &picture, &(struct accuracy_transform){plain_codes, NULL}, NULL,
+    assert_int_equal(accuracy_figures_of(&reported, &picture, &(struct accuracy_transform){.apply = plain_codes, .user = NULL}, NULL,
                                          NULL, &err), STATUS_OK);
     if (!(display > reported.display_error && display < 1.2 * reported.display_error &&
           psnr < reported.psnr_db && psnr > reported.psnr_db - 1))
@@ -500,8 +505,8 @@ static void test_target_is_met_at_the_smallest_lambda(void **state)
         assert_true(allocation_target(&round, &target, &lambda));
         assert_in_range(lambda, 1, round.full);
         { /* one less would not do */
-            double aim = target.measure == ALLOCATION_PSNR ? target.value - 20 * log10(1 - room)
-                                                           : target.value * (1 - room);
+            double aim =
+                target.measure == ALLOCATION_PSNR ? target.value - 20 * log10(1 - room) : target.value * (1 - room);
             double here = allocation_predict(&round, target.measure, lambda);
             double before = allocation_predict(&round, target.measure, lambda - 1);
             assert_true(target.measure == ALLOCATION_PSNR ? here >= aim - 1e-9 : here <= aim + 1e-9);
@@ -556,8 +561,8 @@ static double toy_weight(uint32_t outcome)
 
 /* What a round decides from a group's first `passes` passes, as if they had been the floor's:
  * passes of the tile, and whether the target is met. */
-static uint32_t toy_round(uint32_t outcome, uint32_t level, uint32_t passes, uint32_t wanted,
-                          double target_codes, int *ended)
+static uint32_t toy_round(uint32_t outcome, uint32_t level, uint32_t passes, uint32_t wanted, double target_codes,
+                          int *ended)
 {
     struct frame f;
     struct allocation_round round;
@@ -589,8 +594,8 @@ struct toy {
     } decisions[TOY_LAST_LEVEL + 1][TOY_PASSES + 1][TOY_PASSES + 1][TOY_OUTCOMES];
 };
 
-static uint32_t toy_decide(struct toy *toy, uint32_t level, uint32_t passes, uint32_t wanted,
-                           uint32_t outcome, int *ended)
+static uint32_t toy_decide(struct toy *toy, uint32_t level, uint32_t passes, uint32_t wanted, uint32_t outcome,
+                           int *ended)
 {
     struct toy_decision *d;
 
@@ -619,9 +624,9 @@ static double toy_picture(struct toy *toy, enum toy_fault fault, const uint32_t 
             int by = fault == TOY_OWN ? g : 1 - g;
             next[g] = n[g];
             if (!ended[g])
-                next[g] = toy_decide(toy, level,
-                                     fault == TOY_ALL_SAMPLES && n[by] > floor_passes ? n[by] : floor_passes,
-                                     n[g], outcome[by], &ended[g]);
+                next[g] =
+                    toy_decide(toy, level, fault == TOY_ALL_SAMPLES && n[by] > floor_passes ? n[by] : floor_passes,
+                               n[g], outcome[by], &ended[g]);
         }
         n[0] = next[0];
         n[1] = next[1];

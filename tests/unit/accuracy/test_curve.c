@@ -72,8 +72,8 @@ static void test_slope_stays_plausible(void **state)
     }
 }
 
-/* One point says nothing of the slope: the cost of a tenth of its error lies between what the steepest
- * and the flattest pictures need, 10 and 10000 times its own. */
+/* One point says nothing of the slope: the cost of a tenth of its error is 100 times its own by the prior alone, and no
+ * single number is told (price.h). */
 static void test_one_point_promises_little(void **state)
 {
     struct accuracy_point point = {1, 40, 39.9, 40.1};
@@ -84,8 +84,7 @@ static void test_one_point_promises_little(void **state)
     accuracy_curve_fit(&curve, &point, 1);
     cost = accuracy_curve_cost(&curve, 4);
     assert_near(cost.value, 100, 0.01);
-    assert_near(cost.lo, 10, 0.03);
-    assert_near(cost.hi, 10000, 0.1);
+    assert_true(cost.lo > 10 && cost.hi < 10000 && cost.hi > 10 * cost.lo);
 }
 
 /* Codes that saturate at first: the last doublings, not the first, tell how the error falls on. */
@@ -101,7 +100,7 @@ static void test_last_points_count_most(void **state)
         error *= pow(2, i < 3 ? -0.75 : -0.35);
     }
     accuracy_curve_fit(&curve, points, 6);
-    assert_near(accuracy_curve_cost(&curve, points[5].error * pow(4, -0.35)).value, 4 * 32, 0.2);
+    assert_near(accuracy_curve_cost(&curve, points[5].error * pow(4, -0.35)).value, 4 * 32, 0.25);
 }
 
 /* A cost 8 times the last point's lies in its interval about as often as it says: of 300 at least 276, which a
@@ -123,6 +122,23 @@ static void test_intervals_hold(void **state)
         held += cost.lo <= truth && truth <= cost.hi;
     }
     assert_true(held >= 276);
+}
+
+/* The slope goes back to 1/2: far beyond the last point, a factor 16 of cost is worth a factor 4 of error again, whatever
+ * the last doublings showed. */
+static void test_slope_returns(void **state)
+{
+    struct accuracy_point points[6];
+    struct accuracy_curve curve;
+    double near, far;
+
+    (void)state;
+    accuracy_curve_fit(&curve, points, law(points, 6, 0.3, 0));
+    near = accuracy_curve_error(&curve, 2 * points[5].cost).value / points[5].error;
+    assert_near(near, pow(2, -0.33), 0.05);
+    far = accuracy_curve_error(&curve, 1e9 * points[5].cost).value / accuracy_curve_error(&curve, 16e9 * points[5].cost).value;
+    assert_near(far, 4, 0.01);
+    assert_near(accuracy_curve_cost(&curve, accuracy_curve_error(&curve, 1e4).value).value, 1e4, 1e-6);
 }
 
 static void test_few_points(void **state)
@@ -217,6 +233,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_slope_stays_plausible), cmocka_unit_test(test_one_point_promises_little),
         cmocka_unit_test(test_exact_law), cmocka_unit_test(test_last_points_count_most), cmocka_unit_test(test_intervals_hold),
+        cmocka_unit_test(test_slope_returns),
         cmocka_unit_test(test_few_points), cmocka_unit_test(test_target_points),
         cmocka_unit_test(test_tail_index),
         cmocka_unit_test(test_tail_lists), cmocka_unit_test(test_causes),

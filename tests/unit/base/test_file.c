@@ -12,31 +12,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
-
-static char folder[64];
-
-static int set_up(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    file_remove_tree(folder);
-    return 0;
-}
-
-static const char *path_of(const char *name)
-{
-    static char path[128];
-
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
+#include "common/system/file.h"
+#include "tests/support/scratch.h"
 
 static unsigned mode_of(const char *name)
 {
@@ -100,8 +77,8 @@ static void failed_reads_are_told_apart(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(rights_are_as_asked_for, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(failed_reads_are_told_apart, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(rights_are_as_asked_for, folder_set_up, folder_tear_down),
+        cmocka_unit_test_setup_teardown(failed_reads_are_told_apart, folder_set_up, folder_tear_down),
     };
     return cmocka_run_group_tests_name("file", tests, NULL, NULL);
 }

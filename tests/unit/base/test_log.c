@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 
 /* What one line of the log is for that text; the caller frees it. */
 static char *line_of(const char *text)

@@ -8,8 +8,8 @@
 
 #include <cmocka.h>
 
-#include "common/base/clock.h"
-#include "common/base/log_limit.h"
+#include "common/system/clock.h"
+#include "common/system/log_limit.h"
 
 static const uint64_t PERIOD_NS = LOG_LIMIT_PERIOD_MS * NS_PER_MS;
 

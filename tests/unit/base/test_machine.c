@@ -9,7 +9,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "common/base/machine.h"
+#include "common/system/machine.h"
 
 static void test_available(void **state)
 {

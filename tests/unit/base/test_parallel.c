@@ -9,7 +9,8 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "common/base/parallel.h"
+#include "common/system/clock.h"
+#include "common/system/parallel.h"
 
 enum { COUNT_MAX = 1000 };
 
@@ -72,6 +73,34 @@ static void test_loops_within_loops(void **state)
             assert_int_equal(v[k].seen[i], 1);
 }
 
+static void burn(void *user, size_t begin, size_t end)
+{
+    uint64_t until_ns = clock_thread_cpu_ns() + (end - begin) * 5 * NS_PER_MS;
+
+    (void)user;
+    while (clock_thread_cpu_ns() < until_ns)
+        ;
+}
+
+/* What the others computed is counted, in loops within loops, too. */
+static void burn_nested(void *user, size_t begin, size_t end)
+{
+    for (size_t i = begin; i < end; i++)
+        parallel_for(2, 4, 1, burn, user);
+}
+
+static void test_cpu_time(void **state)
+{
+    uint64_t begin_ns = parallel_cpu_ns();
+
+    (void)state;
+    parallel_for(4, 4, 1, burn, NULL);
+    assert_true(parallel_cpu_ns() - begin_ns >= 20 * NS_PER_MS);
+    begin_ns = parallel_cpu_ns();
+    parallel_for(2, 4, 1, burn_nested, NULL);
+    assert_true(parallel_cpu_ns() - begin_ns >= 80 * NS_PER_MS);
+}
+
 static void test_processors(void **state)
 {
     (void)state;
@@ -84,6 +113,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_index_once),
         cmocka_unit_test(test_loops_within_loops),
+        cmocka_unit_test(test_cpu_time),
         cmocka_unit_test(test_processors),
     };
     return cmocka_run_group_tests_name("parallel", tests, NULL, NULL);

@@ -17,8 +17,9 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
-#include "common/base/trash.h"
+#include "common/system/file.h"
+#include "common/system/trash.h"
+#include "tests/support/scratch.h"
 
 /* ---- a disk whose removals wait at a gate ----------------------------------------------------- */
 
@@ -57,29 +58,10 @@ int unlinkat(int at, const char *path, int flags)
 
 /* ---- files ------------------------------------------------------------------------------------ */
 
-static char folder[64];
-
-static int set_up(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
 static int tear_down(void **state)
 {
-    (void)state;
     gate_set(0);
-    file_remove_tree(folder);
-    return 0;
-}
-
-static const char *path_of(const char *name)
-{
-    static char path[128];
-
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
+    return folder_tear_down(state);
 }
 
 static void make_folder(const char *name) { assert_int_equal(mkdir(path_of(name), 0700), 0); }
@@ -257,7 +239,7 @@ static void closing_waits_for_one_file(void **state)
     trash_close(trash);
 }
 
-#define TRASH_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TRASH_TEST(name) cmocka_unit_test_setup_teardown(name, folder_set_up, tear_down)
 
 int main(void)
 {

@@ -11,26 +11,9 @@
 
 #include <cmocka.h>
 
-#include "client/farm/claims.h"
-#include "common/base/file.h"
-
-static char folder[] = "/tmp/azulejo-claims-XXXXXX";
-
-static int make_folder(void **state)
-{
-    (void)state;
-    memcpy(folder + strlen(folder) - 6, "XXXXXX", 6);
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int remove_folder(void **state)
-{
-    char command[64];
-
-    (void)state;
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    return system(command);
-}
+#include "client/follow/claims.h"
+#include "common/system/file.h"
+#include "tests/support/scratch.h"
 
 static void touch(const char *name)
 {
@@ -51,8 +34,7 @@ static Azulejo__Wire__JobInfo job_of(uint64_t number, const char *name, int64_t 
 }
 
 /* Take a name and put a file there, as fetch does. */
-static void expect_base(uint64_t number, const char *name, int64_t submitted, int force,
-                        const char *base)
+static void expect_base(uint64_t number, const char *name, int64_t submitted, int force, const char *base)
 {
     const Azulejo__Wire__JobInfo job = job_of(number, name, submitted);
     struct claim claim = {0};
@@ -152,10 +134,10 @@ static void test_damaged_list(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_jobs_of_one_name, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_files_of_unknown_origin, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_names, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_damaged_list, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(test_jobs_of_one_name, folder_set_up, folder_tear_down),
+        cmocka_unit_test_setup_teardown(test_files_of_unknown_origin, folder_set_up, folder_tear_down),
+        cmocka_unit_test_setup_teardown(test_names, folder_set_up, folder_tear_down),
+        cmocka_unit_test_setup_teardown(test_damaged_list, folder_set_up, folder_tear_down),
     };
 
     return cmocka_run_group_tests_name("client/claims", tests, NULL, NULL);

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "client/commands/compare.h"
+#include "client/views/compare.h"
 #include "common/image/color.h"
 
 static void near(double got, double wanted, double relative)

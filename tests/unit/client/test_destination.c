@@ -10,12 +10,12 @@
 
 #include <cmocka.h>
 
-#include "client/farm/destination.h"
-#include "client/farm/fetch.h"
-#include "client/farm/job_options.h"
+#include "client/follow/destination.h"
+#include "client/follow/fetch.h"
+#include "client/options/job_options.h"
 
-static void expect(const char *out, uint32_t frames, unsigned formats, uint32_t frame,
-                   const char *extension, const char *path)
+static void expect(const char *out, uint32_t frames, unsigned formats, uint32_t frame, const char *extension,
+                   const char *path)
 {
     struct destination d;
     struct buffer got = BUFFER_INIT;
@@ -74,8 +74,7 @@ static void of_jobs(void **state)
         assert_int_equal(d.formats, rows[i].formats);
         destination_release(&d);
     }
-    assert_int_equal(destination_of_job(&d, "a.exr", OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG, &err),
-                     STATUS_ERR_USAGE);
+    assert_int_equal(destination_of_job(&d, "a.exr", OUTPUT_FORMAT_PNG | OUTPUT_FORMAT_JPEG, &err), STATUS_ERR_USAGE);
 }
 
 static void formats_are_chosen(void **state)
@@ -87,11 +86,9 @@ static void formats_are_chosen(void **state)
     assert_int_equal(destination_init(&d, "pic", OUTPUT_FORMAT_ALL, "scene", 1, &err), STATUS_OK);
     assert_int_equal(d.formats, OUTPUT_FORMAT_ALL);
     destination_release(&d);
-    assert_int_equal(destination_init(&d, "pic.png", OUTPUT_FORMAT_PNG, "scene", 1, &err),
-                     STATUS_OK);
+    assert_int_equal(destination_init(&d, "pic.png", OUTPUT_FORMAT_PNG, "scene", 1, &err), STATUS_OK);
     destination_release(&d);
-    assert_int_equal(destination_init(&d, "pic.png", OUTPUT_FORMAT_ALL, "scene", 1, &err),
-                     STATUS_ERR_USAGE);
+    assert_int_equal(destination_init(&d, "pic.png", OUTPUT_FORMAT_ALL, "scene", 1, &err), STATUS_ERR_USAGE);
     assert_non_null(strstr(err.text, "--format"));
 }
 

@@ -19,13 +19,14 @@ struct lab {
     double bias[EFFECT_COUNT], width_at_32[EFFECT_COUNT], saved[EFFECT_COUNT], noise[EFFECT_COUNT];
     double together_bias[2]; /* of two effects, and of three */
     double render_s, cost_s; /* of one pilot of 32 samples, all rounds */
+    double spent_s;          /* on pilots, the whole picture among them */
     double saved_width;
     int length[EFFECT_COUNT]; /* last measured; -1: never */
     int together_count;
 };
 
-static void price_of(const struct lab *lab, struct effects_price *out, double bias, double width,
-                     double saved, double noise, int length)
+static void price_of(const struct lab *lab, struct effects_price *out, double bias, double width, double saved,
+                     double noise, int length)
 {
     const double w = width * sqrt(32.0 / choose_lengths[length]);
     const double t = lab->saved_width * sqrt(32.0 / choose_lengths[length]);
@@ -45,6 +46,7 @@ static status alone(void *user, uint64_t bits, int length, struct error *err)
     for (int b = 0; b < EFFECT_COUNT; b++)
         if (bits >> b & 1)
             lab->length[b] = length;
+    lab->spent_s += lab->cost_s * (__builtin_popcountll(bits) + 1) * choose_lengths[length] / 32;
     return STATUS_OK;
 }
 
@@ -66,6 +68,7 @@ static status together(void *user, uint64_t set, int length, struct effects_pric
     (void)err;
     assert_true(count >= 2);
     lab->together_count++;
+    lab->spent_s += lab->cost_s * choose_lengths[length] / 32;
     price_of(lab, out, lab->together_bias[count - 2], 0.01, 0.2, 1, length);
     return STATUS_OK;
 }
@@ -75,10 +78,7 @@ static double cost_s(void *user, unsigned effects, int length)
     return ((struct lab *)user)->cost_s * (effects + 1) * choose_lengths[length] / 32;
 }
 
-static double render_s(void *user)
-{
-    return ((struct lab *)user)->render_s;
-}
+static double render_s(void *user) { return ((struct lab *)user)->render_s; }
 
 static struct lab lab_of_hidden(void)
 {
@@ -169,16 +169,16 @@ static void longer_pilots_must_pay(void **state)
 
     (void)state;
     lab.width_at_32[A] = 0.6;
-    lab.cost_s = 10;    /* 128 samples: (1 + 1) * 10 * 4 = 80 */
-    lab.render_s = 700; /* of which a tenth is 70, and saves 70 */
+    lab.cost_s = 10;     /* 8, 32, 128 samples: (1 + 1) * 10 * (1/4 + 1 + 4) = 105 */
+    lab.render_s = 1000; /* of which a tenth is 100, and saves 100 */
     c = choose(&lab, BIT(A));
     assert_int_equal(c.set, 0);
     assert_int_equal(lab.length[A], 1);
     assert_int_equal(c.open_count, 1);
     assert_int_equal(c.open[0].bit, A);
-    lab.render_s = 900;
+    lab.render_s = 1100;
     assert_int_equal(choose(&lab, BIT(A)).set, BIT(A));
-    lab.saved[A] = 0.05; /* 45 of 900: less than 80 */
+    lab.saved[A] = 0.05; /* 55 of 1100: less than 80 */
     assert_int_equal(choose(&lab, BIT(A)).set, 0);
     /* The better bargain first: there is room for one of two. */
     lab = lab_of_hidden();
@@ -186,11 +186,33 @@ static void longer_pilots_must_pay(void **state)
     lab.saved[A] = 0.2;
     lab.saved[B] = 0.3;
     lab.cost_s = 10;
-    lab.render_s = 900;
+    lab.render_s = 1300; /* 37.5 for both up to 32 samples, 80 for one at 128 */
     c = choose(&lab, BIT(A) | BIT(B));
     assert_int_equal(c.set, BIT(B));
     assert_int_equal(c.open_count, 1);
     assert_int_equal(lab.length[A], 1);
+}
+
+/* Whatever is measured, all of it is within a tenth of the render; what is not measured stays, and is named. */
+static void never_more_than_a_tenth(void **state)
+{
+    (void)state;
+    for (double render_s = 1; render_s < 1e5; render_s *= 1.07) {
+        struct lab lab = lab_of_hidden();
+        struct effects_choice c;
+        lab.width_at_32[A] = lab.width_at_32[B] = 0.6;
+        lab.cost_s = 10;
+        lab.render_s = render_s;
+        c = choose(&lab, BIT(A) | BIT(B) | BIT(C));
+        assert_true(lab.spent_s <= 0.1 * render_s);
+        for (int b = 0; b < EFFECT_COUNT; b++)
+            if (c.unmeasured >> b & 1)
+                assert_true(lab.length[b] == -1 && !(c.set >> b & 1));
+        if (render_s < 49)
+            assert_int_equal(c.unmeasured, BIT(A) | BIT(B) | BIT(C));
+        if (render_s > 1e4)
+            assert_int_equal(c.set, BIT(A) | BIT(B) | BIT(C));
+    }
 }
 
 /* Upper ends of 0.5 each: added up they are above 0.75, measured together they are below. */
@@ -233,6 +255,7 @@ int main(void)
         cmocka_unit_test(time_must_be_sure),
         cmocka_unit_test(noise_costs_time),
         cmocka_unit_test(longer_pilots_must_pay),
+        cmocka_unit_test(never_more_than_a_tenth),
         cmocka_unit_test(a_sum_proves_nothing),
         cmocka_unit_test(together_is_measured),
     };

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "client/commands/estimate.h"
+#include "client/views/estimate.h"
 
 enum { POINTS = 4, PILOT_SPP = 32, CAP_SPP = 512 };
 
@@ -52,6 +52,7 @@ static void pilot_init(struct pilot *p, double worse)
         f->rmse_high = error * 0.6;
         p->points[i] = (Azulejo__Wire__HistoryPoint)AZULEJO__WIRE__HISTORY_POINT__INIT;
         p->points[i].core_seconds = cost_s(i);
+        p->points[i].samples = (uint64_t)ldexp(1000, i);
         p->points[i].figures = f;
         p->pointers[i] = &p->points[i];
     }
@@ -66,8 +67,8 @@ static const struct estimate plain = {
 static void the_curve_has_each_point_once(void **state)
 {
     struct estimate e = plain;
-    struct accuracy_point display[POINTS], rmse[POINTS];
-    struct accuracy_curve expected;
+    struct price_point points[POINTS] = {0};
+    struct prices expected;
     struct pilot pilot;
 
     (void)state;
@@ -76,19 +77,22 @@ static void the_curve_has_each_point_once(void **state)
     e.count = 1;
     for (int i = 0; i < POINTS; i++) {
         double error = error_codes(i);
-        display[i] = (struct accuracy_point){cost_s(i), error, error * 0.9, error * 1.1};
-        rmse[i] = (struct accuracy_point){cost_s(i), error / 2, error * 0.4, error * 0.6};
+        points[i].core_s = cost_s(i);
+        points[i].samples = ldexp(1000, i);
+        points[i].figures = (struct accuracy_figures){
+            .known = 1, .display_error = error, .display_lo = error * 0.9, .display_hi = error * 1.1,
+            .rmse_percent = error / 2, .rmse_lo = error * 0.4, .rmse_hi = error * 0.6};
     }
     estimate_fit(&e);
-    accuracy_curve_fit(&expected, display, POINTS);
-    assert_int_equal(e.frames[0].curve.points, POINTS);
-    assert_memory_equal(&e.frames[0].curve, &expected, sizeof expected);
-    accuracy_curve_fit(&expected, rmse, POINTS);
-    assert_memory_equal(&e.frames[0].target_curve, &expected, sizeof expected);
+    prices_fit(&expected, points, POINTS, ALLOCATION_DISPLAY);
+    assert_int_equal(e.frames[0].prices.curve.points, POINTS);
+    assert_memory_equal(&e.frames[0].prices, &expected, sizeof expected);
+    prices_fit(&expected, points, POINTS, ALLOCATION_RMSE);
+    assert_memory_equal(&e.frames[0].target_prices, &expected, sizeof expected);
     pilot.history.n_points = 1; /* the first point alone is the pilot */
     estimate_fit(&e);
-    accuracy_curve_fit(&expected, display, 1);
-    assert_memory_equal(&e.frames[0].curve, &expected, sizeof expected);
+    prices_fit(&expected, points, 1, ALLOCATION_DISPLAY);
+    assert_memory_equal(&e.frames[0].prices, &expected, sizeof expected);
 }
 
 /* What estimate --json prints. */

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "client/farm/figures_view.h"
+#include "client/follow/figures_view.h"
 #include "client/terminal/format.h"
 #include "client/terminal/table.h"
 

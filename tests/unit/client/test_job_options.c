@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "client/farm/job_options.h"
+#include "client/options/job_options.h"
 #include "common/scene/effects.h"
 
 /* A camera that may follow a node, which may move. */
@@ -51,8 +51,7 @@ static status complete(struct stage *s, struct error *err)
 
     if (result == STATUS_OK)
         result = job_options_check(&s->options, &s->request, err);
-    return result == STATUS_OK ? job_request_complete(&s->request, &s->options, &s->scene, err)
-                               : result;
+    return result == STATUS_OK ? job_request_complete(&s->request, &s->options, &s->scene, err) : result;
 }
 
 static void plain(void **state)
@@ -80,24 +79,25 @@ static void every_setting(void **state)
 
     (void)state;
     stage_set(&s);
-    s.options.fps = 30;
-    s.options.shutter = 0.5;
-    s.options.lens_radius = 0.25;
-    s.options.focus_distance = 3;
-    s.options.without.items[0] = "caustics,fog";
-    s.options.without.items[1] = "sheen";
-    s.options.without.count = 2;
-    s.options.aovs.items[0] = "depth";
-    s.options.aovs.items[1] = "uv,error";
-    s.options.aovs.count = 2;
-    s.options.env_sampling = "importance-only";
-    s.options.sampler = "independent";
-    s.options.light_choice = "power";
-    s.options.roulette = "off";
-    s.options.clamp = 2.5;
-    s.options.texture_filter = "bilinear";
-    s.options.bvh_quality = "high";
-    s.options.robust = "off";
+    s.options.said[SETTING_fps].text = "30";
+    s.options.said[SETTING_shutter].text = "0.5";
+    s.options.said[SETTING_lens_radius].text = "0.25";
+    s.options.said[SETTING_focus_distance].text = "3";
+    s.options.said[SETTING_without].list.items[0] = "caustics,fog";
+    s.options.said[SETTING_without].list.items[1] = "sheen";
+    s.options.said[SETTING_without].list.count = 2;
+    s.options.said[SETTING_aovs].list.items[0] = "depth";
+    s.options.said[SETTING_aovs].list.items[1] = "uv,error";
+    s.options.said[SETTING_aovs].list.count = 2;
+    s.options.said[SETTING_env_sampling].text = "importance-only";
+    s.options.said[SETTING_exr_names].text = "blender";
+    s.options.said[SETTING_sampler].text = "independent";
+    s.options.said[SETTING_light_choice].text = "power";
+    s.options.said[SETTING_no_roulette].text = "off";
+    s.options.said[SETTING_clamp].text = "2.5";
+    s.options.said[SETTING_texture_filter].text = "bilinear";
+    s.options.said[SETTING_bvh_quality].text = "high";
+    s.options.said[SETTING_not_robust].text = "off";
     assert_int_equal(complete(&s, &err), STATUS_OK);
     r = &s.request.settings;
     assert_true(r->fps == 30 && r->shutter == 0.5f && r->lens_radius == 0.25f);
@@ -109,9 +109,9 @@ static void every_setting(void **state)
     assert_true(r->texture_filter == TEXTURE_FILTER_BILINEAR && r->not_robust);
     assert_true(r->bvh_quality == BVH_QUALITY_HIGH);
     assert_string_equal(settings_choices_text(r, text),
-                        "sampler independent, light choice power, roulette off, clamp 2.5, "
+                        "EXR names blender, sampler independent, light choice power, roulette off, clamp 2.5, "
                         "texture filter bilinear, BVH quality high, robust off");
-    s.options.robust = "on"; /* Embree would build the same trees as for medium */
+    s.options.said[SETTING_not_robust].text = "on"; /* Embree would build the same trees as for medium */
     assert_int_equal(complete(&s, &err), STATUS_ERR_INPUT);
     assert_non_null(strstr(err.text, "--robust off"));
 }
@@ -146,7 +146,7 @@ static void exposure(void **state)
     (void)state;
     stage_set(&s);
     s.camera.exposure_ev = -3.5f;
-    s.options.output.tone.exposure_ev = 1.25;
+    s.options.output.tone.said[LOOK_exposure_ev].text = "1.25";
     assert_int_equal(complete(&s, &err), STATUS_OK);
     assert_true(s.request.output.tonemap.exposure_ev == -2.25 && s.request.output.camera_ev == -3.5);
 }
@@ -158,7 +158,7 @@ static void lens(void **state)
 
     (void)state;
     stage_set(&s);
-    s.options.lens_radius = 0.01;
+    s.options.said[SETTING_lens_radius].text = "0.01";
     assert_int_equal(complete(&s, &err), STATUS_ERR_USAGE);
     assert_non_null(strstr(err.text, "--focus"));
     s.camera.focus_distance = 2;
@@ -166,7 +166,7 @@ static void lens(void **state)
     s.camera.kind = CAMERA_PANORAMA;
     assert_int_equal(complete(&s, &err), STATUS_ERR_USAGE);
     assert_non_null(strstr(err.text, "panorama"));
-    s.options.lens_radius = 0;
+    s.options.said[SETTING_lens_radius].text = "0";
     assert_int_equal(complete(&s, &err), STATUS_OK);
 }
 

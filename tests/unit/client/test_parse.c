@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "client/farm/output.h"
+#include "client/options/output.h"
 #include "client/terminal/frame_list.h"
 #include "client/terminal/parse.h"
 #include "common/film/tiles.h"
@@ -123,8 +123,7 @@ static void frames_of_a_job(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
-        assert_int_equal(frame_choice_of(&good[i].choice, good[i].first, good[i].last, &list, &err),
-                         STATUS_OK);
+        assert_int_equal(frame_choice_of(&good[i].choice, good[i].first, good[i].last, &list, &err), STATUS_OK);
         assert_string_equal(list_text(&list, text), good[i].frames);
         frame_list_free(&list);
     }
@@ -149,12 +148,10 @@ static void parameters(void **state)
     assert_string_equal(value, "b=c");
     /* The longest name that fits, and one byte more. */
     assert_int_equal(parse_parameter("seven77=1", name, sizeof name, &value, &err), STATUS_OK);
-    assert_int_equal(parse_parameter("eight888=1", name, sizeof name, &value, &err),
-                     STATUS_ERR_USAGE);
+    assert_int_equal(parse_parameter("eight888=1", name, sizeof name, &value, &err), STATUS_ERR_USAGE);
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         err.text[0] = 0;
-        assert_int_equal(parse_parameter(bad[i], name, sizeof name, &value, &err),
-                         STATUS_ERR_USAGE);
+        assert_int_equal(parse_parameter(bad[i], name, sizeof name, &value, &err), STATUS_ERR_USAGE);
         assert_non_null(strstr(err.text, "--tonemap-param"));
     }
 }
@@ -219,10 +216,8 @@ static void effects(void **state)
     (void)state;
     assert_int_equal(parse_effects("caustics", &set, &err), STATUS_OK);
     assert_true(set == EFFECT_CAUSTICS);
-    assert_int_equal(parse_effects("dispersion,normal-map,multiple-scattering", &set, &err),
-                     STATUS_OK);
-    assert_true(set == (EFFECT_CAUSTICS | EFFECT_DISPERSION | EFFECT_NORMAL_MAP |
-                        EFFECT_MULTIPLE_SCATTERING));
+    assert_int_equal(parse_effects("dispersion,normal-map,multiple-scattering", &set, &err), STATUS_OK);
+    assert_true(set == (EFFECT_CAUSTICS | EFFECT_DISPERSION | EFFECT_NORMAL_MAP | EFFECT_MULTIPLE_SCATTERING));
     /* Every name that an error lists is taken. */
     for (int i = 0; i < EFFECT_COUNT; i++) {
         char text[SETTINGS_TEXT_SIZE];
@@ -245,33 +240,10 @@ static void effects(void **state)
     }
 }
 
-static void aovs(void **state)
-{
-    struct error err = {0};
-    uint32_t set = 0;
-    char text[SETTINGS_TEXT_SIZE];
-
-    (void)state;
-    assert_int_equal(parse_aovs("depth,object-id", &set, &err), STATUS_OK);
-    assert_int_equal(parse_aovs("error", &set, &err), STATUS_OK);
-    assert_int_equal(set, 1u << AOV_DEPTH | 1u << AOV_OBJECT_ID | 1u << AOV_ERROR);
-    assert_string_equal(settings_aovs_text(set, text), "depth,object-id,error");
-    set = 0;
-    assert_int_equal(parse_aovs(settings_aovs_text((1u << AOV_COUNT) - 1, text), &set, &err),
-                     STATUS_OK);
-    assert_int_equal(set, (1u << AOV_COUNT) - 1);
-    set = 7;
-    assert_int_equal(parse_aovs("depth,beauty", &set, &err), STATUS_ERR_USAGE);
-    assert_int_equal(set, 7);
-    assert_non_null(strstr(err.text, "'beauty'"));
-    assert_non_null(strstr(err.text, "depth,normal,albedo"));
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(effects),
-        cmocka_unit_test(aovs),
         cmocka_unit_test(sizes), cmocka_unit_test(regions),        cmocka_unit_test(frame_lists), cmocka_unit_test(frames_of_a_job),
         cmocka_unit_test(parameters), cmocka_unit_test(formats),    cmocka_unit_test(job_numbers),
         cmocka_unit_test(default_sizes),

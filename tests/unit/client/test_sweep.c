@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "client/commands/sweep.h"
+#include "client/views/sweep.h"
 #include "client/terminal/text_draw.h"
 
 static void sweep_of(struct sweep *s, const char *text)
@@ -100,8 +100,8 @@ static void check_sheet(const struct sheet *s)
         assert_true(y >= s->top && y + s->tile_height + s->margin <= s->height);
         for (uint32_t k = 0; k < i; k++) {
             sheet_tile_at(s, k, &u, &v);
-            assert_true(x >= u + s->tile_width || u >= x + s->tile_width ||
-                        y >= v + s->tile_height || v >= y + s->tile_height);
+            assert_true(x >= u + s->tile_width || u >= x + s->tile_width || y >= v + s->tile_height ||
+                        v >= y + s->tile_height);
         }
     }
     for (size_t i = 0; i < s->sweeps[0].count; i++)
@@ -174,12 +174,11 @@ static void titles_are_wrapped(void **state)
         for (size_t i = 0; i < sheet.title_lines; i++) {
             assert_true(sheet.title_length[i] > 0);
             assert_true(sheet.title_length[i] == 1 ||
-                        (uint32_t)(sheet.title_length[i] * TEXT_ADVANCE - 1) * sheet.scale +
-                                2 * sheet.margin <= sheet.width);
+                        (uint32_t)(sheet.title_length[i] * TEXT_ADVANCE - 1) * sheet.scale + 2 * sheet.margin <=
+                            sheet.width);
             shown += sheet.title_length[i];
             if (i)
-                blanks += sheet.title_begin[i] -
-                          (sheet.title_begin[i - 1] + sheet.title_length[i - 1]);
+                blanks += sheet.title_begin[i] - (sheet.title_begin[i - 1] + sheet.title_length[i - 1]);
         }
         if (sheet.title_lines < SWEEP_TITLE_LINES_MAX)
             assert_int_equal(shown + blanks, strlen(title));

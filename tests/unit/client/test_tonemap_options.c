@@ -11,22 +11,21 @@
 
 #include <cmocka.h>
 
-#include "client/farm/picture_file.h"
-#include "common/base/file.h"
+#include "client/follow/picture_file.h"
+#include "common/system/file.h"
 
 struct line {
     struct tonemap_options o;
     struct tonemap_settings settings;
     struct positionals rest;
     struct error err;
-    int taken; /* of an option that is in the way of a parameter */
+    int taken;      /* of an option that is in the way of a parameter */
     char text[256]; /* what the options point into */
 };
 
 /* Parse the words and check them. */
 static status run(struct line *l, const char *words)
 {
-    const struct tonemap_options plain = TONEMAP_OPTIONS_INIT;
     const struct option table[] = {
         TONEMAP_OPTION_ROWS(l->o),
         {"gain", 0, OPTION_FLAG, &l->taken, NULL, "in the way", 0, 0, NULL},
@@ -39,12 +38,10 @@ static status run(struct line *l, const char *words)
     status result;
 
     memset(l, 0, sizeof *l);
-    l->o = plain;
     snprintf(l->text, sizeof l->text, "program %s", words);
     for (char *word = strtok(l->text, " "); word; word = strtok(NULL, " "))
         argv[argc++] = word;
-    result = options_parse(tonemap_options_table(&l->o, table, rows), argc, argv, &l->rest, &help,
-                           &l->err);
+    result = options_parse(tonemap_options_table(&l->o, table, rows), argc, argv, &l->rest, &help, &l->err);
     if (result == STATUS_OK)
         result = tonemap_options_check(&l->o, &l->settings, &file, &l->err);
     assert_int_equal(file.size, 0);
@@ -90,7 +87,7 @@ static void every_parameter(void **state)
     size_t count;
     const struct tonemap_operator *const *operators = tonemap_operators(&count);
     const struct option none[] = {{0}};
-    struct tonemap_options o = TONEMAP_OPTIONS_INIT;
+    struct tonemap_options o = {0};
     struct option rows[TONEMAP_ROWS_MAX];
 
     (void)state;
@@ -130,15 +127,15 @@ static void common(void **state)
 
 static void on_the_wire(void **state)
 {
-    struct output_options o = OUTPUT_OPTIONS_INIT;
+    struct output_options o = {0};
     struct output_request request;
-    struct output_message out;
+    struct wire_output out;
     struct error err = {0};
 
     (void)state;
     o.formats = "jpg,png";
     o.png_bits = "16";
-    o.temporal = 5;
+    o.tone.said[LOOK_temporal].text = "5";
     o.no_dither = 1;
     o.tone.tonemap = "gamma";
     assert_int_equal(output_options_check(&o, &request, &err), STATUS_OK);
@@ -199,8 +196,7 @@ static void files(void **state)
     read_back(path, &coded);
     assert_int_equal(coded.bits, 16);
     for (size_t i = 0; i < WIDTH * HEIGHT * 3; i++)
-        assert_float_equal(((const uint16_t *)(const void *)coded.pixels)[i] / 65535.0,
-                           image.pixels[i], 1.01 / 65535);
+        assert_float_equal(((const uint16_t *)(const void *)coded.pixels)[i] / 65535.0, image.pixels[i], 1.01 / 65535);
     image8_release(&coded);
     unlink(path);
     snprintf(path, sizeof path, "%s/a.jpg", folder);

@@ -165,7 +165,7 @@ static void test_oldest_silent_makes_room(void **state)
     for (uint32_t i = 0; i < PLACES; i++)
         assert_null(enter(i, i % 5));
     admission_ready(&a, &crowd[0]);
-    assert_ptr_equal(enter(100, 9), &crowd[1]);  /* of an address with the most places */
+    assert_ptr_equal(enter(100, 9), &crowd[1]); /* of an address with the most places */
     assert_ptr_equal(enter(101, 9), &crowd[2]);
 }
 

@@ -12,8 +12,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
-#include "coordinator/store/audit.h"
+#include "common/system/file.h"
+#include "coordinator/store/files/audit.h"
 
 static const struct audit_actor person = {.who = "anna@ws3", .address = "10.0.0.7:512", .key = "client", .session = 4};
 

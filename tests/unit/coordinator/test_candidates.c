@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "coordinator/farm/roster.h"
 #include "coordinator/farm/scheduler.h"
 #include "tests/support/sim_farm.h"
@@ -68,8 +68,7 @@ static void lanes_are_complete(const struct queue *queue)
         if (!job->all_begun)
             continue;
         for (uint32_t n = job->first_frame; n <= job->last_frame; n++)
-            assert_true(job_frame_is_done(job, n) || job_frame_is_resting(job, n) ||
-                        farm_frame_find(job, n));
+            assert_true(job_frame_is_done(job, n) || job_frame_is_resting(job, n) || farm_frame_find(job, n));
     }
 }
 
@@ -131,9 +130,7 @@ static void change_some(struct sim *sim)
         return;
     job = queue->active[sim_random(sim, (uint32_t)queue->active_count)];
     switch (sim_random(sim, 6)) {
-    case 0:
-        queue_set_priority(queue, job, (int32_t)sim_random(sim, 3) - 1);
-        break;
+    case 0: queue_set_priority(queue, job, (int32_t)sim_random(sim, 3) - 1); break;
     case 1:
         if (job->state == JOB_STATE_QUEUED || job->state == JOB_STATE_RUNNING) {
             farm_job_revoke(&sim->farm, job, "paused");
@@ -145,9 +142,7 @@ static void change_some(struct sim *sim)
         if (job->state == JOB_STATE_PAUSED)
             farm_job_change(&sim->farm, job, JOB_STATE_QUEUED, NULL, sim->now_ns);
         break;
-    case 4:
-        farm_cancel(&sim->farm, job, (int)sim_random(sim, 2), sim->now_ns);
-        break;
+    case 4: farm_cancel(&sim->farm, job, (int)sim_random(sim, 2), sim->now_ns); break;
     default:
         if (job->state == JOB_STATE_RUNNING)
             farm_job_change(&sim->farm, job, JOB_STATE_FINISHING, NULL, sim->now_ns);
@@ -162,19 +157,15 @@ static void work_some(struct sim *sim)
 
     if (!worker->connected) {
         sim_connect(sim, i, 1 + sim_random(sim, 4));
-        if (sim_random(sim, 2)) /* it pins jobs to another kernel */
-            snprintf(worker->worker.kernel, sizeof worker->worker.kernel, "another");
+        if (sim_random(sim, 2)) /* it pins jobs to another ray tracer */
+            snprintf(worker->worker.ray_tracer, sizeof worker->worker.ray_tracer, "another");
         return;
     }
     switch (sim_random(sim, 16)) {
-    case 0:
-        sim_disconnect(sim, i);
-        break;
+    case 0: sim_disconnect(sim, i); break;
     case 1:
     case 2:
-    case 3:
-        sim_grant(sim, worker, 1 + sim_random(sim, 12));
-        break;
+    case 3: sim_grant(sim, worker, 1 + sim_random(sim, 12)); break;
     default:
         if (worker->unit_count > 0) {
             size_t unit = sim_random(sim, (uint32_t)worker->unit_count);
@@ -196,9 +187,7 @@ static void lists_hold_what_a_walk_finds(void **state)
                 if (sim->farm.queue.active_count < 24)
                     submit_some(sim);
                 break;
-            case 1:
-                change_some(sim);
-                break;
+            case 1: change_some(sim); break;
             case 2:
                 sim_commit(sim);
                 sim_develop(sim);
@@ -207,9 +196,7 @@ static void lists_hold_what_a_walk_finds(void **state)
                 sim->now_ns += (uint64_t)sim_random(sim, 20000) * NS_PER_MS;
                 farm_tick(&sim->farm, sim->now_ns);
                 break;
-            default:
-                work_some(sim);
-                break;
+            default: work_some(sim); break;
             }
             lists_are_right(&sim->farm.queue);
             lanes_are_complete(&sim->farm.queue);

@@ -10,8 +10,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/store/store.h"
 #include "coordinator/film/store_film.h"
@@ -27,8 +27,7 @@ static struct job *begin_job(struct sim_stored *f, struct sim_worker *worker)
     assert_true(sim_grant(f->sim, worker, 16) == 16);
     for (size_t i = 0; i < sizeof done / sizeof done[0]; i++)
         for (size_t u = 0; u < worker->unit_count; u++)
-            if (worker->units[u].name.tile == done[i].tile &&
-                worker->units[u].name.group == done[i].group &&
+            if (worker->units[u].name.tile == done[i].tile && worker->units[u].name.group == done[i].group &&
                 worker->units[u].name.pass == done[i].pass && worker->units[u].frame == 1)
                 assert_int_equal(sim_send(f->sim, worker, u, 100), MERGE_PENDING);
     return job;
@@ -75,7 +74,7 @@ static void a_cancelled_job_makes_its_picture(void **state)
     sim_develop(sim);
     check_cut(job);
     assert_int_equal(sim->wrong_frames, 0);
-    assert_int_equal(worker->unit_count, 0); /* what waited is disowned as well */
+    assert_int_equal(worker->unit_count, 0);    /* what waited is disowned as well */
     worker->units[worker->unit_count++] = late; /* it is not in the picture: not acknowledged */
     assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_UNWANTED);
     assert_false(store_film_exists(f->store, job->id, 2));
@@ -117,6 +116,32 @@ static void nothing_is_made_of_nothing(void **state)
     assert_int_equal(begun->state, JOB_STATE_CANCELLED);
     assert_int_equal(begun->cut_count, 0);
     assert_int_equal(sim->farm.open_frames, 0);
+}
+
+/* The cancel came when its last picture was being made: also after a kill at that moment. */
+static void a_job_with_all_frames_is_done(void **state)
+{
+    struct sim_stored *f = *state;
+    struct sim *sim = f->sim;
+    struct job *job = sim_submit(sim, 16, 16, 4, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, 16);
+
+    while (sim_grant(sim, worker, 16) > 0) {
+        for (size_t u = 0; u < worker->unit_count; u++)
+            sim_send(sim, worker, u, 100);
+        sim_commit(sim);
+    }
+    farm_tick(&sim->farm, sim->now_ns);
+    assert_int_equal(sim->developing_count, 1);
+    farm_cancel(&sim->farm, job, 0, sim->now_ns);
+    assert_int_equal(job->state, JOB_STATE_CANCELLING);
+    sim_stored_restart(f);
+    farm_tick(&sim->farm, sim->now_ns);
+    sim_develop(sim);
+    job = sim->farm.queue.all[0];
+    assert_int_equal(job->frames_done_count, 1);
+    assert_int_equal(job->cut_count, 0);
+    assert_int_equal(job->state, JOB_STATE_DONE);
 }
 
 static void discarding_makes_no_picture(void **state)
@@ -195,6 +220,7 @@ int main(void)
         TEST(a_cancelled_job_makes_its_picture),
         TEST(closing_survives_restarts),
         TEST(nothing_is_made_of_nothing),
+        TEST(a_job_with_all_frames_is_done),
         TEST(discarding_makes_no_picture),
         TEST(a_full_disk_delays_the_end),
         TEST(a_parked_job_keeps_its_film),

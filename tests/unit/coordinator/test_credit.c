@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "common/base/clock.h"
-#include "coordinator/job/credit.h"
+#include "common/system/clock.h"
+#include "coordinator/frame/credit.h"
 
 #define BEGIN_NS (100 * NS_PER_SECOND)
 
@@ -86,8 +86,7 @@ static void a_lapse_halves_it_once_for_all_leases_of_its_time(void **state)
     credit_lapsed(&credit, now_ns, now_ns + NS_PER_SECOND); /* a later one */
     assert_int_equal(credit.threads, CREDIT_THREADS_FIRST / 4);
     for (int i = 2; i < 10; i++)
-        credit_lapsed(&credit, now_ns + (uint64_t)i * NS_PER_SECOND,
-                      now_ns + (uint64_t)i * NS_PER_SECOND);
+        credit_lapsed(&credit, now_ns + (uint64_t)i * NS_PER_SECOND, now_ns + (uint64_t)i * NS_PER_SECOND);
     assert_int_equal(credit.threads, 1);
     /* Results bring it back. */
     credit_lent(&credit, 0, now_ns);

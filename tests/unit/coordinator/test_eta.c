@@ -8,37 +8,22 @@
 
 #include <cmocka.h>
 
-#include "common/base/clock.h"
-#include "coordinator/job/eta.h"
+#include "common/system/clock.h"
+#include "coordinator/frame/eta.h"
 #include "tests/support/eta_replay.h"
 
 enum { WIDTH = 320, HEIGHT = 192, THREADS_MAX = 8 };
 
 /* Cost of a sample, in units of 100 ns, of tile (x, y) of 20 x 12: sky above, and something dear below or in it. */
-static double slope(double x, double y)
-{
-    return y < 5 ? 100 : 100 + 3900 * (y - 4) / 7 * (0.6 + x / 50);
-}
+static double slope(double x, double y) { return y < 5 ? 100 : 100 + 3900 * (y - 4) / 7 * (0.6 + x / 50); }
 
-static double sphere(double x, double y)
-{
-    return hypot(x - 9.5, y - 6) < 4 ? 9600 : 100;
-}
+static double sphere(double x, double y) { return hypot(x - 9.5, y - 6) < 4 ? 9600 : 100; }
 
-static double trees(double x, double y)
-{
-    return y < 6 ? 120 : 1900 + 1500 * sin(x * 1.7) * cos(y * 2.3);
-}
+static double trees(double x, double y) { return y < 6 ? 120 : 1900 + 1500 * sin(x * 1.7) * cos(y * 2.3); }
 
-static double lake(double x, double y)
-{
-    return (y < 4 ? 150 : y < 8 ? 800 : 2400) * (1 + x / 40);
-}
+static double lake(double x, double y) { return (y < 4 ? 150 : y < 8 ? 800 : 2400) * (1 + x / 40); }
 
-static double lamp(double x, double y)
-{
-    return hypot(x - 3, y - 9) < 2 ? 6400 : y < 7 ? 100 : 700;
-}
+static double lamp(double x, double y) { return hypot(x - 3, y - 9) < 2 ? 6400 : y < 7 ? 100 : 700; }
 
 /* A unit of such a frame, off by up to a tenth. */
 struct map {
@@ -77,8 +62,7 @@ static void time_left_is_right_on_uneven_frames(void **state)
         for (uint32_t threads = 1; threads <= THREADS_MAX; threads *= 8) {
             double share = replay(scenes[i].cost, 64, threads, 1);
             if (!(share >= 0.8))
-                fail_msg("%s, %u threads: within 20 %% for %.0f %% of the time", scenes[i].name,
-                         threads, 100 * share);
+                fail_msg("%s, %u threads: within 20 %% for %.0f %% of the time", scenes[i].name, threads, 100 * share);
         }
 }
 
@@ -116,6 +100,33 @@ static void rays_stand_in_for_time(void **state)
     film_free(film);
 }
 
+/* Sums that were asked for before are those of a frame that was never asked. */
+static void sums_follow_the_frame(void **state)
+{
+    struct film *film = film_new(48, 32, 64);
+    struct eta asked, silent;
+
+    (void)state;
+    eta_init(&asked, film);
+    assert_true(eta_left_ns(&asked, film) < 0 && eta_whole_ns(&asked, film) < 0);
+    for (uint32_t i = 0; i < 60; i++) {
+        if (i % 3 == 0)
+            film_want(film, i % 6, i / 6 % GROUPS, 2 + i / 12); /* no result comes */
+        else
+            eta_learn(&asked, i * 7 % 6, 512, 512 * (100 + 10 * i));
+        eta_init(&silent, film);
+        memcpy(silent.of, asked.of, asked.tiles * sizeof *silent.of);
+        silent.results = asked.results;
+        for (int again = 0; again < 2; again++) {
+            assert_true(eta_left_ns(&asked, film) == eta_left_ns(&silent, film));
+            assert_true(eta_whole_ns(&asked, film) == eta_whole_ns(&silent, film));
+        }
+        eta_release(&silent);
+    }
+    eta_release(&asked);
+    film_free(film);
+}
+
 static void throughput_forgets(void **state)
 {
     struct throughput t = {0};
@@ -138,7 +149,7 @@ int main(void)
         cmocka_unit_test(time_left_is_right_on_uneven_frames),
         cmocka_unit_test(speed_counts),
         cmocka_unit_test(rays_stand_in_for_time),
-        cmocka_unit_test(throughput_forgets),
+        cmocka_unit_test(sums_follow_the_frame), cmocka_unit_test(throughput_forgets),
     };
     return cmocka_run_group_tests_name("eta", tests, NULL, NULL);
 }

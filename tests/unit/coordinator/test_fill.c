@@ -11,8 +11,8 @@
 
 #include "common/base/memory.h"
 #include "common/film/tiles.h"
-#include "coordinator/farm/fill.h"
-#include "coordinator/job/spread.h"
+#include "coordinator/pictures/fill.h"
+#include "coordinator/frame/spread.h"
 
 /* A smooth picture of linear light, brighter than a display shows. */
 static float radiance(uint32_t x, uint32_t y, int c)
@@ -21,8 +21,7 @@ static float radiance(uint32_t x, uint32_t y, int c)
 }
 
 /* The picture with only the first `count` tiles of the order, the others black. */
-static void set_up(struct image *image, uint8_t **there, uint32_t width, uint32_t height,
-                   uint32_t count)
+static void set_up(struct image *image, uint8_t **there, uint32_t width, uint32_t height, uint32_t count)
 {
     uint32_t tiles = tile_count(width, height), *order = malloc(tiles * sizeof *order);
 

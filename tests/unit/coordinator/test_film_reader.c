@@ -13,9 +13,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
-#include "coordinator/farm/tile_map.h"
+#include "coordinator/pictures/tile_map.h"
 #include "coordinator/film/store_film.h"
 #include "protocol/azulejo.pb-c.h"
 #include "protocol/channel.h"
@@ -71,19 +71,16 @@ static void put_into_work(const struct film *film)
 {
     struct film *empty = film_data_new(WIDTH, HEIGHT, SPP, 0);
     uint32_t durable[TILES][GROUPS] = {{0}};
-    uint8_t slot[TILES];
+    struct film_commit commit = {0};
     struct film_file *file;
     struct error err = {0};
 
-    assert_int_equal(film_file_open(&file, work, JOB, FRAME, empty, durable, slot, &err), STATUS_OK);
-    for (uint32_t t = 0; t < TILES; t++) {
-        size_t size = film_tile_state_size(film, t);
-        uint8_t *bytes = malloc(size);
-        film_tile_save(film, t, bytes);
+    assert_int_equal(film_file_open(&file, work, JOB, FRAME, empty, durable, &err), STATUS_OK);
+    for (uint32_t t = 0; t < TILES; t++)
         if (film_tile_samples(film, t) > 0)
-            assert_int_equal(film_file_write(file, t, !slot[t], bytes, size, &err), STATUS_OK);
-        free(bytes);
-    }
+            assert_true(film_record_state(&commit.states, film, t));
+    assert_int_equal(film_file_commit(file, &commit, &err), STATUS_OK);
+    buffer_release(&commit.states);
     film_file_close(file);
     film_free(empty);
 }
@@ -380,24 +377,26 @@ static void errors_are_of_the_mean_of_both_groups(void **state)
     struct film *film = film_new(16, 16, 16);
     static float sums[PIXELS * PIXEL_FLOATS];
     enum film_merge_result result;
-    double first, both;
+    double first = 0, both;
 
     (void)state;
     film_freeze(film, 0, &codes);
     film_freeze(film, 1, &codes);
     film_want_all(film);
-    /* Pass 0: two samples a group, one a replicate; they are 0.5 and 0.5 + 8 / 255. */
-    for (uint32_t i = 0; i < PIXELS * PIXEL_FLOATS; i++)
-        sums[i] = i < PIXELS * 3 ? 0.5f : 0.5f + 8.0f / 255;
-    for (uint32_t g = 0; g < GROUPS; g++) {
-        struct unit_result unit = {.group = g, .sums = sums, .count = PIXELS * PIXEL_FLOATS,
+    /* Passes 0 and 1, two samples each, whose means are 0.5 and 0.5 + 8 / 255. */
+    for (uint32_t n = 0; n < 2 * GROUPS; n++) {
+        struct unit_result unit = {.group = n / 2, .pass = n % 2, .sums = sums, .count = PIXELS * PIXEL_FLOATS,
                                    .work = {.samples = 2 * PIXELS}};
+        for (uint32_t i = 0; i < PIXELS * PIXEL_FLOATS; i++)
+            sums[i] = n % 2 ? 1 + 16.0f / 255 : 1;
         assert_int_equal(film_merge(film, &unit, 1, &result, NULL), STATUS_OK);
-        if (g == 0)
+        if (n == 0)
+            assert_true(isnan(tile_map_error(film, 0))); /* one pass has no halves */
+        if (n == 1)
             first = tile_map_error(film, 0);
     }
     both = tile_map_error(film, 0);
-    assert_true(fabs(first - 4) < 1e-3);             /* half of the replicates' difference */
+    assert_true(fabs(first - 4) < 1e-3); /* half of the halves' difference */
     assert_true(fabs(both - 4 / sqrt(2)) < 1e-3);
     film_free(film);
 }

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "coordinator/farm/roster.h"
 #include "tests/support/sim_farm.h"
 #include "tests/support/steering.h"
@@ -60,8 +60,7 @@ static void notes_are_bounded(void **state)
 /* What the worker's thread tells about its first unit. */
 static int renders(struct sim *sim, struct sim_worker *worker, struct unit_name name, double seconds)
 {
-    return farm_worker_renders_long(&sim->farm, &worker->worker, 1, 1, name, (uint64_t)(seconds * 1e9),
-                                    sim->now_ns);
+    return farm_worker_renders_long(&sim->farm, &worker->worker, 1, 1, name, (uint64_t)(seconds * 1e9), sim->now_ns);
 }
 
 static int holds(const struct sim_worker *worker, struct unit_name name)

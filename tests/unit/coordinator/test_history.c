@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "coordinator/farm/figures.h"
+#include "coordinator/farm/forecast.h"
 #include "coordinator/job/history.h"
 #include "coordinator/store/store.h"
 #include "tests/support/sim_farm.h"
@@ -47,6 +48,40 @@ static void a_history_is_short(void **state)
         assert_true((double)h.points[i].samples >= HISTORY_RATIO * (double)h.points[i - 1].samples);
 }
 
+/* By more than a tenth, in the target's own measure; frames without figures miss nothing. */
+static void frames_miss_a_target(void **state)
+{
+    static const double displays[4] = {10.9, 30, NAN, 46};
+    struct job_figures job = {0};
+    struct allocation_target target = {ALLOCATION_DISPLAY, 10};
+    uint32_t index = 9;
+
+    (void)state;
+    assert_true(isnan(job_figures_missed(&job, 4, &target, &index)));
+    assert_false(job_figures_misses(&job, 0, &target));
+    for (uint32_t i = 0; i < 4; i++) {
+        struct history_point p = point_of(1000, displays[i]);
+
+        p.figures.known = !isnan(displays[i]);
+        p.figures.psnr_db = 20;
+        p.figures.rmse_percent = 1 + i;
+        assert_true(job_figures_note(&job, i, 4, &p));
+    }
+    assert_true(job_figures_missed(&job, 4, &target, &index) == 46 && index == 3);
+    assert_false(job_figures_misses(&job, 0, &target));
+    assert_true(job_figures_misses(&job, 1, &target));
+    assert_false(job_figures_misses(&job, 2, &target));
+    target.value = 45;
+    assert_true(isnan(job_figures_missed(&job, 4, &target, &index)));
+    target = (struct allocation_target){ALLOCATION_RMSE, 1.9};
+    assert_true(job_figures_missed(&job, 4, &target, &index) == 4 && index == 3);
+    target = (struct allocation_target){ALLOCATION_PSNR, 19.5}; /* dB: more is better, and a tenth is 0.83 */
+    assert_true(isnan(job_figures_missed(&job, 4, &target, &index)));
+    target.value = 21;
+    assert_true(fabs(target_value(&target, job_figures_missed(&job, 4, &target, &index)) - 20) < 1e-4 && index == 0);
+    job_figures_release(&job);
+}
+
 static void the_last_place_is_used_again(void **state)
 {
     struct history h = {.count = 0};
@@ -68,7 +103,7 @@ static void frames_make_a_job(void **state)
 
     (void)state;
     assert_true(isnan(job_figures_worst(&job->figures, 5, &index)));
-    assert_true(isnan(figures_efficiency(job)));
+    assert_true(isnan(forecast_efficiency(job)));
     for (uint32_t i = 0; i < 4; i++) {
         struct history_point p = point_of(1000, displays[i]);
         assert_true(job_figures_note(&job->figures, i, 5, &p));
@@ -79,7 +114,7 @@ static void frames_make_a_job(void **state)
     assert_true(job_figures_flicker(&job->figures, 5, &index) == 13); /* 12 and 5 */
     assert_int_equal(index, 2);
     /* Mean square 194 / 4; one core-second each. */
-    assert_true(fabs(figures_efficiency(job) - 4 / 194.0) < 1e-12);
+    assert_true(fabs(forecast_efficiency(job) - 4 / 194.0) < 1e-12);
     job_free(job);
 }
 
@@ -126,10 +161,30 @@ static void the_store_keeps_points(void **state)
     assert_int_equal(system(command), 0);
 }
 
+/* The trend is over points whose samples differ enough, and it is none before that. */
+static void a_slope_is_over_enough_samples(void **state)
+{
+    struct history h = {0};
+    struct history_point p = {.samples = 1000, .figures = {.known = 1, .display_error = 8}};
+
+    (void)state;
+    history_add(&h, &p);
+    assert_true(isnan(history_slope(&h)));
+    p.samples = 1100;
+    p.figures.display_error = 9;
+    history_add(&h, &p);
+    assert_true(isnan(history_slope(&h)));
+    p.samples = 4400;
+    p.figures.display_error = 8 / sqrt(4.4); /* it took the place of the second */
+    history_add(&h, &p);
+    assert_true(fabs(history_slope(&h) + 0.5) < 1e-12);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_history_is_short),
+        cmocka_unit_test(a_slope_is_over_enough_samples), cmocka_unit_test(a_history_is_short),
+        cmocka_unit_test(frames_miss_a_target),
         cmocka_unit_test(the_last_place_is_used_again),
         cmocka_unit_test(frames_make_a_job),
         cmocka_unit_test(the_store_keeps_points),

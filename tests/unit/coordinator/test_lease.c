@@ -7,10 +7,10 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
-#include "coordinator/job/lease.h"
-#include "coordinator/job/spread.h"
+#include "coordinator/frame/lease.h"
+#include "coordinator/frame/spread.h"
 #include "tests/support/sim_farm.h"
 
 #define DURATION_NS (10 * NS_PER_SECOND)
@@ -49,8 +49,7 @@ static void tear_down(struct fixture *f)
     job_free(f->job);
 }
 
-static struct lease *grant(struct fixture *f, struct lease_holder *holder, uint32_t count,
-                           uint64_t now_ns)
+static struct lease *grant(struct fixture *f, struct lease_holder *holder, uint32_t count, uint64_t now_ns)
 {
     struct unit_name units[64];
 
@@ -127,8 +126,7 @@ static void a_lapsed_lease_returns_what_is_left(void **state)
     lease_end(&f.table, lease);
     assert_int_equal(f.frame->returned_count, 4);
     again = grant(&f, &f.b, 4, T0);
-    for (uint32_t i = 0; i < 4;
-         i++) /* returned ones come first, in order, without the settled one */
+    for (uint32_t i = 0; i < 4; i++) /* returned ones come first, in order, without the settled one */
         assert_int_equal(again->units[i].tile, spread[i < 2 ? i : i + 1]);
     assert_int_equal(first.tile, spread[0]);
     tear_down(&f);

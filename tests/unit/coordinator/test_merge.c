@@ -13,9 +13,9 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
-#include "coordinator/farm/report.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
+#include "coordinator/steering/report.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/store/store.h"
 #include "coordinator/film/store_film.h"
@@ -64,8 +64,8 @@ static void the_disk_sets_the_pace(void **state)
 {
     (void)state;
     assert_int_equal(merge_delay_ns(0), COMMIT_DELAY_MIN_MS * NS_PER_MS);
-    assert_int_equal(merge_delay_ns(5 * NS_PER_MS), COMMIT_DELAY_MIN_MS * NS_PER_MS);
-    assert_int_equal(merge_delay_ns(50 * NS_PER_MS), COMMIT_DELAY_SYNCS * 50 * NS_PER_MS);
+    assert_int_equal(merge_delay_ns(60 * NS_PER_MS), COMMIT_DELAY_MIN_MS * NS_PER_MS);
+    assert_int_equal(merge_delay_ns(70 * NS_PER_MS), COMMIT_DELAY_SYNCS * 70 * NS_PER_MS);
     assert_int_equal(merge_delay_ns(250 * NS_PER_MS), COMMIT_DELAY_MAX_MS * NS_PER_MS);
     assert_int_equal(merge_delay_ns(UINT64_MAX), COMMIT_DELAY_MAX_MS * NS_PER_MS);
 }
@@ -131,6 +131,7 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
     struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
     uint8_t sums[TILE_FLOATS_MAX * 4];
     struct tile_result result;
+    struct merge_conflict conflict = {0};
     enum merge_outcome outcome;
 
     (void)state;
@@ -138,8 +139,11 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
     result = sim_result(sim, &worker->units[0], sums);
     assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING);
     sums[0] ^= 1;
-    assert_int_equal(
-        merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL), STATUS_OK);
+    assert_int_equal(merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, &conflict, NULL), STATUS_OK);
+    assert_true(conflict.found); /* others decide: who came first is known by its number and hash */
+    assert_int_equal(conflict.deliverer, film_deliverer(job->frames->film, result.unit.tile, result.unit.group, result.unit.pass));
+    assert_int_equal(conflict.hash, film_unit_hash(job->frames->film, result.unit.tile, result.unit.group, result.unit.pass));
+    assert_true(conflict.deliverer != 0 && conflict.hash != 0);
     assert_int_equal(job->conflicts, 1);
     assert_int_equal(sim->farm.conflicts, 1);
     for (size_t i = 1; i < worker->unit_count; i++)
@@ -152,8 +156,7 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
 }
 
 /* Counters that are too many for the unit, or whose example is missing or another unit's. */
-static void check_health(struct sim *sim, struct sim_worker *worker, const struct sim_unit *unit,
-                         enum health_kind kind)
+static void check_health(struct sim *sim, struct sim_worker *worker, const struct sim_unit *unit, enum health_kind kind)
 {
     static uint8_t sums[TILE_FLOATS_MAX * 4];
     struct tile_result result = sim_result(sim, unit, sums);
@@ -179,7 +182,7 @@ static void check_health(struct sim *sim, struct sim_worker *worker, const struc
 #define TAKE(n, key, in_frame)                                                                         \
     (result.work.health.count[kind] = (n), result.work.health.first[kind] = (key),                     \
      result.work.health.frame[kind] = (in_frame),                                                      \
-     merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, &err))
+     merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL, &err))
     assert_int_equal(TAKE(1, 0, 0), STATUS_ERR_PROTOCOL);
     assert_int_equal(TAKE(1, health_key(here), 1), STATUS_ERR_PROTOCOL);
     assert_int_equal(TAKE(most + 1, health_key(here), 0), STATUS_ERR_PROTOCOL);
@@ -228,7 +231,7 @@ static void hostile_results_are_refused(void **state)
         bad = good;                                                                           \
         change;                                                                               \
         assert_int_equal(merge_result(&sim->farm, &worker->worker, &bad, sim->now_ns, &outcome, \
-                                      &err),                                                  \
+                                      NULL, &err),                                            \
                          STATUS_ERR_PROTOCOL);                                                \
     } while (0)
     REFUSED(bad.epoch = sim->farm.leases.epoch + 1);
@@ -289,11 +292,11 @@ static void an_infinite_amount_is_refused(void **state)
     bad = sim_result(sim, &worker->units[0], sums);
     bad.work.clamped_samples = 1;
     bad.work.clamped_luminance = INFINITY;
-    (void)!merge_result(&sim->farm, &worker->worker, &bad, sim->now_ns, &outcome, NULL);
+    (void)!merge_result(&sim->farm, &worker->worker, &bad, sim->now_ns, &outcome, NULL, NULL);
     sim_send(sim, worker, 1, 100);
     work = film_work(job->frames->film);
-    figure_within("share of the light that was clamped, after a result of infinity",
-                  unit_work_clamped_share(&work), 0, 1, "a share");
+    figure_within("share of the light that was clamped, after a result of infinity", unit_work_clamped_share(&work), 0,
+                  1, "a share");
     sim_free(sim);
 }
 
@@ -311,7 +314,7 @@ static void unwanted_results_are_sent_away(void **state)
     result = sim_result(sim, &worker->units[0], sums);
 #define OUTCOME_OF(r)                                                                        \
     (assert_int_equal(                                                                       \
-         merge_result(&sim->farm, &worker->worker, &(r), sim->now_ns, &outcome, NULL), STATUS_OK), \
+         merge_result(&sim->farm, &worker->worker, &(r), sim->now_ns, &outcome, NULL, NULL), STATUS_OK), \
      outcome)
     result.job = 77;
     assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
@@ -324,10 +327,10 @@ static void unwanted_results_are_sent_away(void **state)
     result.job = later->id;
     assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
     result.job = job->id;
-    /* A worker with another kernel never got units of this job. */
-    snprintf(worker->worker.kernel, sizeof worker->worker.kernel, "kernel 2");
+    /* A worker with another ray tracer never got units of this job. */
+    snprintf(worker->worker.ray_tracer, sizeof worker->worker.ray_tracer, "tracer 2");
     assert_int_equal(OUTCOME_OF(result), MERGE_UNWANTED);
-    snprintf(worker->worker.kernel, sizeof worker->worker.kernel, "kernel 1");
+    snprintf(worker->worker.ray_tracer, sizeof worker->worker.ray_tracer, "tracer 1");
     /* A lease that has ended does not make a result bad. */
     lease_end_all_of(&sim->farm.leases, &worker->worker.held);
     assert_int_equal(OUTCOME_OF(result), MERGE_PENDING);
@@ -424,9 +427,7 @@ static struct sim *random_farm(uint64_t seed, const char *folder, size_t *crashe
             break;
         case 7:
         case 8:
-        case 9:
-            sim_grant(sim, worker, 1 + sim_random(sim, 12));
-            break;
+        case 9: sim_grant(sim, worker, 1 + sim_random(sim, 12)); break;
         default:
             if (worker->unit_count > 0) {
                 size_t i = sim_random(sim, (uint32_t)worker->unit_count);
@@ -494,9 +495,7 @@ static size_t earliest(const struct sim_worker *worker)
 
     for (size_t i = 1; i < worker->unit_count; i++) {
         struct unit_name a = worker->units[i].name, b = worker->units[best].name;
-        if (a.pass < b.pass ||
-            (a.pass == b.pass &&
-             (a.group < b.group || (a.group == b.group && a.tile < b.tile))))
+        if (a.pass < b.pass || (a.pass == b.pass && (a.group < b.group || (a.group == b.group && a.tile < b.tile))))
             best = i;
     }
     return best;
@@ -534,7 +533,7 @@ static void acknowledged_results_survive(void **state)
     sim_init(sim, store, 2);
     job = queue_find(&sim->farm.queue, 1);
     assert_int_equal(job->state, JOB_STATE_RUNNING);
-    assert_string_equal(job->kernel, "kernel 1");
+    assert_string_equal(job->ray_tracer, "tracer 1");
     assert_non_null(job->frames);
     for (uint32_t t = 0; t < 6; t++) {
         assert_int_equal(film_tile_passes(job->frames->film, t, 0), 1);
@@ -632,15 +631,15 @@ static void a_failed_film_leaves_the_others_alone(void **state)
     make_folder(folder);
     store = sim_store(folder);
     sim = sim_new(store, 1);
-    large = sim_submit(sim, 64, 64, 1, 1, 1, 0); /* 16 tiles: 400 KB */
+    large = sim_submit(sim, 320, 144, 1, 1, 1, 0); /* 180 tiles: 600 KB */
     small = sim_submit(sim, 16, 16, 1, 1, 1, 0);
-    worker = sim_connect(sim, 0, 36);
-    assert_int_equal(sim_grant(sim, worker, 36), 17);
-    for (size_t i = 0; i < 17; i++)
+    worker = sim_connect(sim, 0, 200);
+    assert_int_equal(sim_grant(sim, worker, 200), 181);
+    for (size_t i = 0; i < 181; i++)
         sim_send(sim, worker, i, 100);
     assert_int_equal(getrlimit(RLIMIT_FSIZE, &old), 0);
     little = old;
-    little.rlim_cur = 200 << 10;
+    little.rlim_cur = 400 << 10; /* more than the database needs */
     signal(SIGXFSZ, SIG_IGN);
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &little), 0);
     sim_commit(sim);

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "coordinator/job/order.h"
 #include "coordinator/job/queue.h"
 
@@ -23,23 +23,14 @@ struct world {
     uint64_t last_id;
     int64_t wall_s;
     double cores;
-    uint64_t unready, unable;    /* a job's number; 0: none */
+    uint64_t unready, unable; /* a job's number; 0: none */
 };
 
-static int is_ready(void *user, const struct job *job)
-{
-    return job->id != ((struct world *)user)->unready;
-}
+static int is_ready(void *user, const struct job *job) { return job->id != ((struct world *)user)->unready; }
 
-static int has_worker(void *user, const struct job *job)
-{
-    return job->id != ((struct world *)user)->unable;
-}
+static int has_worker(void *user, const struct job *job) { return job->id != ((struct world *)user)->unable; }
 
-static uint64_t now_ns(const struct world *w)
-{
-    return (uint64_t)w->wall_s * NS_PER_SECOND;
-}
+static uint64_t now_ns(const struct world *w) { return (uint64_t)w->wall_s * NS_PER_SECOND; }
 
 static void set_up(struct world *w)
 {
@@ -132,7 +123,7 @@ static void priority_owner_submission(void **state)
     assert_string_equal(order_text(&w), "2 3 5 1 4"); /* owners are compared once a round */
     w.wall_s += ORDER_ROUND_MS / 1000;
     assert_string_equal(order_text(&w), "2 5 1 3 4");
-    queue_set_priority(&w.queue, w.queue.all[2], 1);  /* a priority counts at once */
+    queue_set_priority(&w.queue, w.queue.all[2], 1); /* a priority counts at once */
     assert_string_equal(order_text(&w), "2 3 5 1 4");
     w.unready = 5;
     w.order.stale = 1;
@@ -206,7 +197,7 @@ static void owners_share_evenly(void **state)
     }
     assert_float_equal(used[0] / used[1], 1, 0.02);
     assert_in_range(changes, 100, 2 * HOUR_S * 1000 / ORDER_ROUND_MS); /* workers keep their scenes for a round */
-    assert_true(last == w.queue.all[0] || last == w.queue.all[20]);     /* ana's others wait for her first */
+    assert_true(last == w.queue.all[0] || last == w.queue.all[20]);    /* ana's others wait for her first */
     tear_down(&w);
 }
 

@@ -7,8 +7,8 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "coordinator/job/preview.h"
+#include "common/system/clock.h"
+#include "coordinator/frame/preview.h"
 
 #define COST_NS (200 * NS_PER_MS)
 #define AT(seconds) ((uint64_t)((seconds) * 1e9))
@@ -29,45 +29,30 @@ static struct preview_now now(double covered, uint64_t samples, double at_s)
     return (struct preview_now){.covered = covered, .samples = samples, .now_ns = AT(at_s)};
 }
 
-static int due(const struct preview *p, struct preview_now when)
-{
-    return preview_is_due(p, PREVIEW_PNG, &when);
-}
+static int due(const struct preview *p, struct preview_now when) { return preview_is_due(p, &when); }
 
 static int good(const struct preview *p, enum preview_kind kind, struct preview_now when)
 {
     return preview_is_good(p, kind, &when);
 }
 
-static void the_first_is_made_with_a_sixteenth_of_the_tiles(void **state)
+static void none_is_made_that_nobody_asks_for(void **state)
 {
-    struct preview p = {0};
+    struct preview p = {0}, kept = made(1, 1000, 100);
 
     (void)state;
     assert_false(due(&p, now(0, 0, 1)));
-    assert_false(due(&p, now(0.05, 100, 1)));
-    assert_true(due(&p, now(0.07, 140, 1)));
+    assert_false(due(&p, now(1, 90000, 100)));
     assert_false(good(&p, PREVIEW_PNG, now(0.07, 140, 1)));
-    p.too_large = 1;
-    assert_false(due(&p, now(1, 1000, 100)));
+    assert_false(due(&kept, now(1, 90000, 5000)));
+    kept.asked_ns = AT(5000);
+    assert_true(due(&kept, now(1, 90000, 5000)));
+    kept.too_large = 1;
+    assert_false(due(&kept, now(1, 90000, 5000)));
+    preview_release(&kept);
 }
 
-static void unwatched_ones_follow_at_growing_intervals(void **state)
-{
-    struct preview p = made(1, 1000, 100);
-
-    (void)state;
-    assert_false(due(&p, now(1, 5000, 109))); /* 50 times 0.2 s are 10 */
-    assert_true(due(&p, now(1, 5000, 110)));
-    assert_false(due(&p, now(1, 1200, 200))); /* less than a quarter more */
-    assert_true(due(&p, now(1, 1250, 200)));
-    p.cost_ns = 0;
-    assert_false(due(&p, now(1, 5000, 100.9)));
-    assert_true(due(&p, now(1, 5000, 101)));
-    preview_release(&p);
-}
-
-static void watched_ones_follow_sooner(void **state)
+static void watched_ones_follow_at_growing_intervals(void **state)
 {
     struct preview p = made(1, 1000, 100);
 
@@ -94,6 +79,7 @@ static void a_png_is_sent_at_once_but_not_of_another_film_or_look(void **state)
     assert_false(good(&p, PREVIEW_PNG, now(1, 999, 101))); /* it began again */
     other.revision = 1;
     assert_false(good(&p, PREVIEW_PNG, other));
+    p.asked_ns = AT(101);
     assert_false(due(&p, other)); /* not before it has rested */
     other.now_ns = AT(110);
     assert_true(due(&p, other));
@@ -103,7 +89,7 @@ static void a_png_is_sent_at_once_but_not_of_another_film_or_look(void **state)
     preview_release(&p);
 }
 
-static void an_exr_is_kept_while_it_is_asked_for(void **state)
+static void one_is_kept_while_it_is_asked_for(void **state)
 {
     struct preview p = made(1, 1000, 100);
     struct preview_now later = now(1, 90000, 120);
@@ -112,40 +98,34 @@ static void an_exr_is_kept_while_it_is_asked_for(void **state)
     assert_true(good(&p, PREVIEW_EXR, now(1, 2000, 104)));
     assert_false(good(&p, PREVIEW_EXR, now(1, 2000, 106)));
     assert_true(good(&p, PREVIEW_EXR, now(1, 1000, 106))); /* the film is as it was */
-    assert_false(preview_is_due(&p, PREVIEW_EXR, &later));
     p.asked_ns = AT(100);
-    assert_true(preview_is_due(&p, PREVIEW_EXR, &later));
-    preview_age(&p, PREVIEW_EXR, AT(120));
+    assert_true(due(&p, later));
+    preview_age(&p, AT(120));
     assert_true(p.file);
-    preview_age(&p, PREVIEW_PNG, AT(500));
-    assert_true(p.file);
-    preview_age(&p, PREVIEW_EXR, AT(131));
+    preview_age(&p, AT(131));
     assert_true(!p.file);
     preview_release(&p);
 }
 
-/* What keeping a preview costs over a job of any length: at most 2 % of a processor, 4 % watched. */
+/* What keeping a preview costs over a job of any length: at most 4 % of a processor. */
 static void the_cost_is_bounded(void **state)
 {
+    struct preview p = {.asked_ns = AT(1)};
+    double cost_s = 0, end_s = 1000;
+
     (void)state;
-    for (int watched = 0; watched < 2; watched++) {
-        struct preview p = {0};
-        double cost_s = 0, end_s = 1000;
-        for (double t = 1; t < end_s; t += 0.1) {
-            struct preview_now when = now(1, (uint64_t)(t * 1e6), t);
-            if (watched)
-                p.asked_ns = when.now_ns;
-            if (!due(&p, when))
-                continue;
-            cost_s += COST_NS / 1e9;
-            preview_release(&p);
-            p = made(1, when.samples, t);
-            p.asked_ns = watched ? when.now_ns : 0;
-        }
-        assert_true(cost_s / end_s <= (watched ? 0.041 : 0.021));
-        assert_true(cost_s > 1);
+    for (double t = 1; t < end_s; t += 0.1) {
+        struct preview_now when = now(1, (uint64_t)(t * 1e6), t);
+        p.asked_ns = when.now_ns;
+        if (!due(&p, when))
+            continue;
+        cost_s += COST_NS / 1e9;
         preview_release(&p);
+        p = made(1, when.samples, t);
     }
+    assert_true(cost_s / end_s <= 0.041);
+    assert_true(cost_s > 1);
+    preview_release(&p);
 }
 
 static void bytes_live_as_long_as_a_holder(void **state)
@@ -164,11 +144,10 @@ static void bytes_live_as_long_as_a_holder(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_first_is_made_with_a_sixteenth_of_the_tiles),
-        cmocka_unit_test(unwatched_ones_follow_at_growing_intervals),
-        cmocka_unit_test(watched_ones_follow_sooner),
+        cmocka_unit_test(none_is_made_that_nobody_asks_for),
+        cmocka_unit_test(watched_ones_follow_at_growing_intervals),
         cmocka_unit_test(a_png_is_sent_at_once_but_not_of_another_film_or_look),
-        cmocka_unit_test(an_exr_is_kept_while_it_is_asked_for),
+        cmocka_unit_test(one_is_kept_while_it_is_asked_for),
         cmocka_unit_test(the_cost_is_bounded),
         cmocka_unit_test(bytes_live_as_long_as_a_holder),
     };

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "coordinator/job/queue.h"
 #include "coordinator/farm/rate.h"

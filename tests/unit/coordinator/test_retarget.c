@@ -8,16 +8,13 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "coordinator/farm/report.h"
-#include "coordinator/farm/retarget.h"
+#include "common/system/clock.h"
+#include "coordinator/steering/report.h"
+#include "coordinator/steering/retarget.h"
 #include "tests/support/sim_farm.h"
 #include "tests/support/steering.h"
 
-static struct job *the_job(const struct sim_stored *f)
-{
-    return f->sim->farm.queue.all[0];
-}
+static struct job *the_job(const struct sim_stored *f) { return f->sim->farm.queue.all[0]; }
 
 static void tick(struct sim_stored *f)
 {
@@ -115,7 +112,7 @@ static void pictures_that_were_just_noted_do_not_count(void **state)
         struct job_frame *frame = begin_pictures(f);
         struct unit_work work = film_work(frame->film);
 
-        assert_int_equal(store_frame_done(f->store, 1, the_job(f)->epoch_floor, 1, 0, FRAME_END_CAP, NULL, &work, NULL),
+        assert_int_equal(store_frame_done(f->store, &(struct frame_done){.job = 1, .epoch_floor = the_job(f)->epoch_floor, .frame = 1, .end = FRAME_END_CAP, .work = &work}, NULL),
                          STATUS_OK);
         extend(f, 64);
         if (killed)

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "coordinator/farm/retention.h"
+#include "coordinator/steering/retention.h"
 
 enum { DAY = 86400, NOW = 1000 * DAY, MIB = 1 << 20 };
 
@@ -26,13 +26,11 @@ static struct retention_job ended(uint64_t number, int days)
 
 static struct retention_job active(uint64_t number)
 {
-    return (struct retention_job){
-        .job = number, .owner = "anna@studio", .films = 10 * MIB, .pictures = 2 * MIB};
+    return (struct retention_job){.job = number, .owner = "anna@studio", .films = 10 * MIB, .pictures = 2 * MIB};
 }
 
-static struct retention_plan make(const struct retention_policy *policy,
-                                  const struct retention_job *jobs, size_t count, uint64_t used,
-                                  uint64_t limit)
+static struct retention_plan make(const struct retention_policy *policy, const struct retention_job *jobs, size_t count,
+                                  uint64_t used, uint64_t limit)
 {
     struct retention_plan plan = {0};
     struct error err = {0};
@@ -100,8 +98,7 @@ static void the_reason_is_told(void **state)
     retention_text(text, &plan, &plan.steps[1], &policy);
     assert_string_equal(text, "it ended 8 days ago (--keep-failed 7d)");
     retention_text(text, &plan, &plan.steps[2], &policy);
-    assert_string_equal(text,
-                        "the store takes 1000.0 MiB, and 970.0 MiB are allowed (--store-limit)");
+    assert_string_equal(text, "the store takes 1000.0 MiB, and 970.0 MiB are allowed (--store-limit)");
     retention_plan_release(&plan);
 }
 
@@ -116,8 +113,7 @@ static void films_go_before_pictures(void **state)
     expect_plan(make(&policy, jobs, 4, used, used - 1), "2f");
     expect_plan(make(&policy, jobs, 4, used, used - 10 * MIB), "2f");
     expect_plan(make(&policy, jobs, 4, used, used - 30 * MIB), "2f 3f 9f");
-    expect_plan(make(&policy, jobs, 4, used, used - 31 * MIB),
-                "2f 3f 9f 1f"); /* of its done frames */
+    expect_plan(make(&policy, jobs, 4, used, used - 31 * MIB), "2f 3f 9f 1f"); /* of its done frames */
     expect_plan(make(&policy, jobs, 4, used, used - 41 * MIB), "2f 3f 9f 1f 2j");
     expect_plan(make(&policy, jobs, 4, used, 1), "2f 3f 9f 1f 2j 3j 9j");
     jobs[1].busy = 1;
@@ -187,8 +183,7 @@ static void a_plan_needs_memory(void **state)
         mem_fault_arm(fault, 1);
         s = retention_make(&plan, &policy, jobs, 3, 100 * MIB, 1, NOW, &err);
         mem_fault_arm(-1, 0);
-        assert_true(s == STATUS_OK ? plan.count == 3
-                                   : s == STATUS_ERR_NO_MEMORY && plan.count == 0);
+        assert_true(s == STATUS_OK ? plan.count == 3 : s == STATUS_ERR_NO_MEMORY && plan.count == 0);
         retention_plan_release(&plan);
     }
 }

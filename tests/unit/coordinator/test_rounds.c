@@ -8,13 +8,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "coordinator/job/rounds.h"
+#include "coordinator/frame/rounds.h"
 
 enum { WIDTH = 48, HEIGHT = 32, TILES = 6 };
 
 static const struct buffer no_schedule = BUFFER_INIT;
 
-/* A unit whose replicates differ the more, the higher the tile's number; `twist` changes one group's
+/* A unit that differs from others the more, the higher the tile's number; `twist` changes one group's
  * samples: 1: they are noisier; 2: less noisy. */
 static void merge(struct film *film, uint32_t tile, uint32_t group, uint32_t pass, const int twist[GROUPS])
 {
@@ -77,8 +77,7 @@ static void render(struct frame *f, int backwards, const int twist[GROUPS], uint
     }
 }
 
-static void run(struct frame *f, uint32_t spp, const struct stop_rules *rules, int backwards,
-                const int twist[GROUPS])
+static void run(struct frame *f, uint32_t spp, const struct stop_rules *rules, int backwards, const int twist[GROUPS])
 {
     begin(f, spp, rules);
     assert_int_equal(rounds_init(&f->rounds, f->film, &f->rules, &no_schedule, NULL), STATUS_OK);
@@ -214,6 +213,90 @@ static void uniform_rounds_give_all_tiles_the_same(void **state)
     end(&f);
 }
 
+/* A film without statistics of its first levels gets rules with rounds: nothing is decided at these levels, the same in
+ * any order and after a restart, and the rules alone do not tell its samples. */
+static void levels_that_were_left_out_decide_nothing(void **state)
+{
+    static const struct stop_rules none = {0};
+
+    (void)state;
+    for (int backwards = 0; backwards < 2; backwards++) {
+        struct frame first, again, other;
+        int changed;
+        begin(&first, SETTINGS_SPP_MAX, &none);
+        film_measure_from(first.film, rounds_measure_from(&none, &no_schedule, SETTINGS_SPP_MAX));
+        assert_int_equal(rounds_init(&first.rounds, first.film, &first.rules, &no_schedule, NULL), STATUS_OK);
+        render(&first, 0, plain, TILES * GROUPS * 5 - 3); /* level 3 everywhere, level 4 nowhere */
+        assert_true(film_level_is_skipped(first.film, 0, 3) && !film_level_is_skipped(first.film, 0, 4));
+        begin(&again, SETTINGS_SPP_MAX, &target);
+        begin(&other, SETTINGS_SPP_MAX, &target);
+        for (uint32_t t = 0; t < TILES; t++) {
+            size_t size = film_tile_state_size(first.film, t);
+            uint8_t *bytes = malloc(size);
+            film_tile_save(first.film, t, bytes);
+            assert_int_equal(film_tile_load(again.film, t, bytes, size, NULL), STATUS_OK);
+            assert_int_equal(film_tile_load(other.film, t, bytes, size, NULL), STATUS_OK);
+            free(bytes);
+        }
+        assert_int_equal(rounds_init(&again.rounds, again.film, &again.rules, &no_schedule, NULL), STATUS_OK);
+        assert_int_equal(rounds_init(&other.rounds, other.film, &other.rules, &no_schedule, NULL), STATUS_OK);
+        for (int k = 0; k < 2; k++) {
+            struct frame *f = k ? &other : &again;
+            assert_int_equal(rounds_step(&f->rounds, f->film, &f->rules, &changed, NULL), STATUS_OK);
+            render(f, k ? !backwards : backwards, plain, UINT32_MAX);
+            assert_int_equal(rounds_end(&f->rounds), FRAME_END_TARGET);
+            assert_true(film_complete(f->film) && !rounds_made(&f->rounds, f->film));
+            for (uint32_t t = 0; t < TILES; t++)
+                for (uint32_t g = 0; g < GROUPS; g++)
+                    assert_true(film_group_samples(f->film, t, g) >= level_samples(4));
+        }
+        assert_same(&again, &other);
+        end(&first);
+        end(&again);
+        end(&other);
+    }
+}
+
+/* Where a job without rounds is extended, rounds begin with the last level that it has, and its statistics are there. */
+static void an_extension_finds_its_levels(void **state)
+{
+    static const struct stop_rules none = {0};
+
+    (void)state;
+    for (uint32_t spp = 2; spp < 300; spp += 7) {
+        struct stop_rules rules = target;
+        struct frame given, whole;
+        int changed;
+        rules.spp_min = spp;
+        begin(&given, spp, &none);
+        film_measure_from(given.film, rounds_measure_from(&none, &no_schedule, spp));
+        assert_int_equal(rounds_init(&given.rounds, given.film, &none, &no_schedule, NULL), STATUS_OK);
+        render(&given, 0, plain, UINT32_MAX);
+        run(&whole, SETTINGS_SPP_MAX, &rules, 0, plain);
+        {
+            struct frame more;
+            begin(&more, SETTINGS_SPP_MAX, &rules);
+            for (uint32_t t = 0; t < TILES; t++) {
+                size_t size = film_tile_state_size(given.film, t);
+                uint8_t *bytes = malloc(size);
+                film_tile_save(given.film, t, bytes);
+                assert_int_equal(film_tile_load(more.film, t, bytes, size, NULL), STATUS_OK);
+                free(bytes);
+            }
+            assert_int_equal(rounds_init(&more.rounds, more.film, &rules, &no_schedule, NULL), STATUS_OK);
+            assert_int_equal(rounds_step(&more.rounds, more.film, &rules, &changed, NULL), STATUS_OK);
+            render(&more, 0, plain, UINT32_MAX);
+            assert_true(rounds_are_over(&more.rounds) && rounds_made(&more.rounds, more.film));
+            for (uint32_t t = 0; t < TILES; t++)
+                for (uint32_t g = 0; g < GROUPS; g++)
+                    assert_int_equal(film_tile_passes(more.film, t, g), film_tile_passes(whole.film, t, g));
+            end(&more);
+        }
+        end(&given);
+        end(&whole);
+    }
+}
+
 static void a_schedule_is_followed(void **state)
 {
     static const uint8_t passes[TILES * GROUPS] = {1, 2, 3, 0, 0, 1, 4, 4, 2, 1, 5, 1};
@@ -238,6 +321,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(order_does_not_matter),
+        cmocka_unit_test(levels_that_were_left_out_decide_nothing),
+        cmocka_unit_test(an_extension_finds_its_levels),
         cmocka_unit_test(a_group_decides_about_the_other_alone),
         cmocka_unit_test(a_restart_decides_the_same),
         cmocka_unit_test(the_cap_ends_rounds),

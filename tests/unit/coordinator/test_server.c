@@ -17,7 +17,7 @@
 #include <uv.h>
 
 #include "common/base/digest.h"
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/math/elementary.h"
 #include "common/scene/scene.h"
 #include "protocol/message.h"
@@ -61,9 +61,8 @@ static void start_coordinator(void)
     if (farm.process == 0) {
         int null = open("/dev/null", O_WRONLY);
         dup2(null, STDOUT_FILENO);
-        execl(binary, binary, "--listen", "127.0.0.1:0", "--key", farm.key_path, "--store",
-              farm.store, "--ready-file", farm.ready, "--lease-seconds", "2", "--log-level",
-              "error", (char *)NULL);
+        execl(binary, binary, "--listen", "127.0.0.1:0", "--key", farm.key_path, "--store", farm.store, "--ready-file",
+              farm.ready, "--lease-seconds", "2", "--log-level", "error", (char *)NULL);
         _exit(127);
     }
     for (int i = 0; i < 3000 && !file_exists(farm.ready); i++) {
@@ -97,8 +96,7 @@ static int set_up(void **state)
     snprintf(farm.store, sizeof farm.store, "%s/store", farm.folder);
     snprintf(farm.ready, sizeof farm.ready, "%s/ready", farm.folder);
     farm_key_print(&farm.key, &text);
-    if (file_write_atomic(farm.key_path, text.data, text.size, NULL) != STATUS_OK ||
-        chmod(farm.key_path, 0600) != 0)
+    if (file_write_atomic(farm.key_path, text.data, text.size, NULL) != STATUS_OK || chmod(farm.key_path, 0600) != 0)
         return -1;
     buffer_release(&text);
     start_coordinator();
@@ -142,8 +140,7 @@ static void on_message(struct channel *channel, const Azulejo__Wire__Envelope *m
     assert_non_null(bytes);
     assert_true(peer->inbox_count < INBOX_MAX);
     azulejo__wire__envelope__pack(message, bytes);
-    assert_int_equal(message_unpack(&peer->inbox[peer->inbox_count++], bytes, size, NULL),
-                     STATUS_OK);
+    assert_int_equal(message_unpack(&peer->inbox[peer->inbox_count++], bytes, size, NULL), STATUS_OK);
     free(bytes);
 }
 
@@ -176,8 +173,8 @@ static void peer_connect(struct peer *peer, enum farm_role role)
     memset(peer, 0, sizeof *peer);
     uv_loop_init(&peer->loop);
     uv_timer_init(&peer->loop, &peer->limit);
-    assert_int_equal(channel_connect(&peer->channel, &peer->loop, "127.0.0.1", farm.port, &farm.key,
-                                     role, &callbacks, peer, &err),
+    assert_int_equal(channel_connect(&peer->channel, &peer->loop, "127.0.0.1", farm.port, &farm.key, role, &callbacks,
+                                     peer, &err),
                      STATUS_OK);
     uv_timer_start(&peer->limit, on_limit, ANSWER_LIMIT_MS, 0);
     while (!peer->open && !peer->closed)
@@ -227,8 +224,7 @@ static Azulejo__Wire__Envelope *peer_receive(struct peer *peer)
     }
 }
 
-static Azulejo__Wire__Envelope *expect(struct peer *peer,
-                                       Azulejo__Wire__Envelope__BodyCase body_case)
+static Azulejo__Wire__Envelope *expect(struct peer *peer, Azulejo__Wire__Envelope__BodyCase body_case)
 {
     Azulejo__Wire__Envelope *message = peer_receive(peer);
 
@@ -236,9 +232,7 @@ static Azulejo__Wire__Envelope *expect(struct peer *peer,
         fail_msg("the connection ended: %s", peer->why.text);
     if (message->body_case != body_case)
         fail_msg("%s came: %s", message_name(message),
-                 message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_FAILURE
-                     ? message->failure->text
-                     : "");
+                 message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_FAILURE ? message->failure->text : "");
     return message;
 }
 
@@ -262,15 +256,17 @@ static void expect_end(struct peer *peer)
     assert_true(peer->closed);
 }
 
+static char worker_host[32] = "here";
+
 static Azulejo__Wire__Hello make_hello(enum farm_role role)
 {
-    static char software[] = "test", host[] = "here", kernel[] = "kernel 1";
+    static char software[] = "test", kernel[] = "tracer 1";
     Azulejo__Wire__Hello hello = AZULEJO__WIRE__HELLO__INIT;
 
     hello.protocol_version = PROTOCOL_VERSION;
     hello.role = (Azulejo__Wire__Role)role;
     hello.software = software;
-    hello.host = host;
+    hello.host = worker_host;
     hello.kernel = kernel;
     hello.threads = 4;
     hello.isa_mask = 7;
@@ -323,8 +319,8 @@ static void make_scene(struct buffer *out, struct digest *digest, int with_missi
     scene_release(&scene);
 }
 
-static void put_piece(struct peer *peer, uint64_t request, const struct digest *digest,
-                      const uint8_t *data, uint64_t total, uint64_t offset, uint32_t size)
+static void put_piece(struct peer *peer, uint64_t request, const struct digest *digest, const uint8_t *data,
+                      uint64_t total, uint64_t offset, uint32_t size)
 {
     Azulejo__Wire__BlobPut put = AZULEJO__WIRE__BLOB_PUT__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(BLOB_PUT, blob_put, &put);
@@ -412,8 +408,7 @@ static Azulejo__Wire__Envelope *query(struct peer *peer, uint64_t job)
     return expect(peer, AZULEJO__WIRE__ENVELOPE__BODY_JOB_LIST);
 }
 
-static void get_output(struct peer *peer, uint64_t job, uint32_t frame,
-                       Azulejo__Wire__OutputKind kind)
+static void get_output(struct peer *peer, uint64_t job, uint32_t frame, Azulejo__Wire__OutputKind kind)
 {
     Azulejo__Wire__OutputGet get = AZULEJO__WIRE__OUTPUT_GET__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(OUTPUT_GET, output_get, &get);
@@ -611,13 +606,15 @@ static void blobs_come_in_pieces_and_go_out(void **state)
 
     wire_digest_set(&get.digest, &other);
     e.request = 5;
-    peer_send(&worker, &e);
-    expect_failure(&worker, 5, STATUS_ERR_NOT_FOUND, "blob");
+    peer_send(&client, &e);
+    expect_failure(&client, 5, STATUS_ERR_NOT_FOUND, "blob");
     wire_digest_set(&get.digest, &digest);
     e.request = 6;
-    peer_send(&worker, &e);
+    peer_send(&worker, &e); /* it has no lease */
+    expect_failure(&worker, 6, STATUS_ERR_REFUSED, "no lease of this worker needs the blob");
+    peer_send(&client, &e);
     while (got < SIZE) {
-        Azulejo__Wire__Envelope *m = expect(&worker, AZULEJO__WIRE__ENVELOPE__BODY_BLOB_DATA);
+        Azulejo__Wire__Envelope *m = expect(&client, AZULEJO__WIRE__ENVELOPE__BODY_BLOB_DATA);
         struct blob_piece piece;
         assert_int_equal(m->request, 6);
         assert_int_equal(blob_piece_of_data(&piece, m->blob_data, NULL), STATUS_OK);
@@ -629,7 +626,7 @@ static void blobs_come_in_pieces_and_go_out(void **state)
     }
     assert_memory_equal(back, data, SIZE);
     put_piece(&worker, 7, &other, data, 10, 0, 10);
-    expect_failure(&worker, 7, STATUS_ERR_REFUSED, "worker may not");
+    expect_failure(&worker, 7, STATUS_ERR_REFUSED, "that it is asked for");
     peer_end(&client);
     peer_end(&worker);
     free(data);
@@ -676,7 +673,7 @@ static void bad_jobs_are_refused_in_words(void **state)
     REFUSED(s.settings.width = UINT32_MAX, STATUS_ERR_INPUT, "size");
     REFUSED(s.settings.spp = 0, STATUS_ERR_INPUT, "samples");
     REFUSED(s.settings.camera = 1, STATUS_ERR_INPUT, "camera");
-    REFUSED(s.settings.isa = 77, STATUS_ERR_INPUT, "instruction set");
+    REFUSED(s.settings.isa = 77, STATUS_ERR_INPUT, "isa 77");
     REFUSED(s.job.settings = NULL, STATUS_ERR_PROTOCOL, "settings");
     REFUSED(s.job.scene.len = 31, STATUS_ERR_PROTOCOL, "scene");
     REFUSED(s.job.first_frame = 2, STATUS_ERR_INPUT, "frames");
@@ -774,27 +771,15 @@ static void a_job_from_submit_to_picture(void **state)
 
 /* ---- hostile workers ------------------------------------------------------------------------ */
 
-static void far_tile(Azulejo__Wire__TileResult *r)
-{
-    r->tile = UINT32_MAX;
-}
-static void far_pass(Azulejo__Wire__TileResult *r)
-{
-    r->pass = 3;
-}
-static void short_sums(Azulejo__Wire__TileResult *r)
-{
-    r->sums.len = 4;
-}
+static void far_tile(Azulejo__Wire__TileResult *r) { r->tile = UINT32_MAX; }
+static void far_pass(Azulejo__Wire__TileResult *r) { r->pass = 3; }
+static void short_sums(Azulejo__Wire__TileResult *r) { r->sums.len = 4; }
 static void no_sums(Azulejo__Wire__TileResult *r)
 {
     r->sums.len = 0;
     r->sums.data = NULL;
 }
-static void future_epoch(Azulejo__Wire__TileResult *r)
-{
-    r->epoch = UINT64_MAX;
-}
+static void future_epoch(Azulejo__Wire__TileResult *r) { r->epoch = UINT64_MAX; }
 
 static void hostile_workers_end_alone(void **state)
 {
@@ -812,6 +797,7 @@ static void hostile_workers_end_alone(void **state)
     join(&client, FARM_ROLE_CLIENT);
     job = submit_good(&client);
     for (size_t i = 0; i < sizeof changes / sizeof *changes; i++) {
+        snprintf(worker_host, sizeof worker_host, "machine-%zu", i); /* those before are blocked */
         join(&worker, FARM_ROLE_WORKER);
         give.lease = UINT64_MAX; /* unknown leases and jobs are passed over */
         peer_send(&worker, &e);

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "common/film/tiles.h"
-#include "coordinator/job/spread.h"
+#include "coordinator/frame/spread.h"
 
 static void every_tile_is_there_once_and_ranks_ascend(void **state)
 {
@@ -28,8 +28,7 @@ static void every_tile_is_there_once_and_ranks_ascend(void **state)
             assert_true(order[k] < tiles);
             assert_int_equal(seen[order[k]]++, 0);
             if (k > 0)
-                assert_true(spread_rank(width, height, order[k - 1]) <
-                            spread_rank(width, height, order[k]));
+                assert_true(spread_rank(width, height, order[k - 1]) < spread_rank(width, height, order[k]));
         }
         free(seen);
         free(order);

@@ -11,8 +11,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/farm/waiting.h"
@@ -33,10 +33,7 @@ static void tick(struct sim_stored *f)
 }
 
 /* The farm has no job but this one. */
-static struct job *the_job(struct sim_stored *f)
-{
-    return f->sim->farm.queue.all[0];
-}
+static struct job *the_job(struct sim_stored *f) { return f->sim->farm.queue.all[0]; }
 
 /* ---- jobs in each state ---------------------------------------------------------------------- */
 
@@ -110,6 +107,23 @@ static struct job *make(struct sim_stored *f, enum job_state state)
     return job;
 }
 
+/* Cancelled when its last picture was being made. */
+static struct job *make_cancelled_late(struct sim_stored *f)
+{
+    struct job *job = sim_submit(f->sim, 16, 16, 4, 1, 1, 0);
+    struct sim_worker *worker = connect(f, 4);
+
+    while (sim_grant(f->sim, worker, 16) > 0) {
+        for (size_t k = 0; k < worker->unit_count; k++)
+            (void)sim_send(f->sim, worker, k, 100);
+        sim_commit(f->sim);
+    }
+    tick(f);
+    farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
+    assert_int_equal(job->state, JOB_STATE_CANCELLING);
+    return job;
+}
+
 /* ---- the diagram ----------------------------------------------------------------------------- */
 
 static int has_edge(enum job_state from, enum job_state to)
@@ -138,6 +152,8 @@ static void act(struct sim_stored *f, struct job *job, enum job_state to)
     case JOB_STATE_DONE:
         if (job->state == JOB_STATE_FINISHING || job->state == JOB_STATE_RUNNING)
             render_all(f);
+        else if (job->state == JOB_STATE_CANCELLING)
+            sim_develop(f->sim);
         return;
     case JOB_STATE_FAILED: farm_fail(farm, job, now_ns, "a broken scene"); return;
     case JOB_STATE_CANCELLED: farm_cancel(farm, job, 1, now_ns); return;
@@ -161,7 +177,8 @@ static void every_edge(void **state)
 
             if (from == to)
                 continue;
-            job = make(f, (enum job_state)from);
+            job = from == JOB_STATE_CANCELLING && to == JOB_STATE_DONE ? make_cancelled_late(f)
+                                                                       : make(f, (enum job_state)from);
             act(f, job, (enum job_state)to);
             if ((int)job->state != (has_edge((enum job_state)from, (enum job_state)to) ? to : from))
                 fail_msg("from %s to %s: it is %s", job_state_word((enum job_state)from),
@@ -223,7 +240,7 @@ static int verb_leads(enum job_state from, enum job_state to)
     return 0;
 }
 
-/* The end of the state's row in docs/OPERATIONS.md: where it goes by itself, and what each verb does. */
+/* The end of the state's row in docs/JOBS.md: where it goes by itself, and what each verb does. */
 static void make_row(enum job_state from, char *out, size_t size)
 {
     size_t used = 0;
@@ -257,7 +274,7 @@ static void the_documents_have_the_table(void **state)
     char row[1024], begin[64];
 
     (void)state;
-    assert_int_equal(file_read("docs/OPERATIONS.md", 1 << 20, &text, &err), STATUS_OK);
+    assert_int_equal(file_read("docs/JOBS.md", 1 << 20, &text, &err), STATUS_OK);
     for (int s = 0; s < JOB_STATE_COUNT; s++) {
         const char *at, *end;
 
@@ -266,7 +283,7 @@ static void the_documents_have_the_table(void **state)
         at = strstr(buffer_text(&text), begin);
         end = at ? strchr(at + 1, '\n') : NULL;
         if (!end || (size_t)(end + 1 - at) < strlen(row) || memcmp(end + 1 - strlen(row), row, strlen(row)) != 0)
-            fail_msg("docs/OPERATIONS.md: the row of '%s' must end with: %s", job_state_word((enum job_state)s), row);
+            fail_msg("docs/JOBS.md: the row of '%s' must end with: %s", job_state_word((enum job_state)s), row);
         assert_null(strstr(end, begin)); /* one row */
     }
     buffer_release(&text);
@@ -282,8 +299,7 @@ static void check_after(struct sim_stored *f, enum job_verb_name verb, enum job_
     }
     job = the_job(f);
     if (job->state != expected)
-        fail_msg("verb %d: it is %s, not %s", verb, job_state_word(job->state),
-                 job_state_word(expected));
+        fail_msg("verb %d: it is %s, not %s", verb, job_state_word(job->state), job_state_word(expected));
     if (verb == VERB_PRIORITY && !job_state_ended(expected))
         assert_int_equal(job->priority, 7);
     if (verb == VERB_COMMENT)
@@ -322,7 +338,7 @@ static void every_verb_in_every_state(void **state)
             if (outcome == '0')
                 expected = JOB_STATE_COUNT;
             check_after(f, (enum job_verb_name)verb, expected);
-            sim_stored_restart(f);  /* killed after the answer */
+            sim_stored_restart(f); /* killed after the answer */
             check_after(f, (enum job_verb_name)verb, expected);
             sim_stored_tear_down(state);
             sim_stored_set_up(state);
@@ -431,8 +447,7 @@ static void nothing_in_work_cannot_be_finished(void **state)
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
     struct error err = {0};
 
-    assert_int_equal(do_verb(&f->sim->farm, job, VERB_FINISH, "ana@desk", f->sim->now_ns, &err),
-                     STATUS_ERR_REFUSED);
+    assert_int_equal(do_verb(&f->sim->farm, job, VERB_FINISH, "ana@desk", f->sim->now_ns, &err), STATUS_ERR_REFUSED);
     assert_non_null(strstr(err.text, "no frame in work"));
     assert_null(strstr(err.text, "remove")); /* which is refused until the job has ended */
     assert_int_equal(job->state, JOB_STATE_QUEUED);
@@ -532,6 +547,7 @@ static void removing_leaves_nothing(void **state)
     buffer_release(&picture);
     assert_true(exists(f, "outputs/1") && exists(f, "films/1"));
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_REMOVE, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
+    store_settle(f->store);
     assert_false(exists(f, "outputs/1") || exists(f, "films/1"));
     sim_stored_restart(f);
     assert_int_equal(f->sim->farm.queue.count, 0);
@@ -549,6 +565,7 @@ static void removing_is_completed_at_the_start(void **state)
     assert_true(exists(f, "films/1"));
     sim_stored_restart(f);
     assert_int_equal(f->sim->farm.queue.count, 0);
+    store_settle(f->store);
     assert_false(exists(f, "films/1"));
 }
 
@@ -566,6 +583,7 @@ static void a_job_that_is_held_is_freed_later(void **state)
     assert_int_equal(f->sim->farm.queue.count, 0);
     assert_int_equal(job->removed, 1); /* still there for the develop */
     sim_develop(f->sim);
+    store_settle(f->store);
     assert_false(exists(f, "films/1"));
 }
 
@@ -624,8 +642,7 @@ static void the_log_names_people(void **state)
     sim_stored_restart(f);
     job = the_job(f);
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_RESUME, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
-    assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_PRIORITY, 3, "ben@desk", f->sim->now_ns, NULL),
-                     STATUS_OK);
+    assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_PRIORITY, 3, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_DISCARD, "cy@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(store_events_load(f->store, job->id, 0, take_line, &lines, NULL), STATUS_OK);
     assert_string_equal(lines.text, "coordinator: submitted as simulated\n"

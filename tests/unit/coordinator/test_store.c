@@ -11,45 +11,21 @@
 #include <stdlib.h>
 #include <sqlite3.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
-#include "coordinator/store/blobs.h"
-#include "coordinator/farm/develop.h"
+#include "coordinator/store/files/blobs.h"
+#include "coordinator/pictures/develop.h"
 #include "tests/support/exr_channels.h"
 #include "coordinator/store/store.h"
 #include "tests/support/film_data.h"
+#include "tests/support/scratch.h"
 #include "tests/support/sim_farm.h"
 
-/* Before a tile's state in its slot: a serial number and its hash. */
-enum { SLOT_HEADER = 16 };
 enum { WIDTH = 20, HEIGHT = 16, SPP = 16 }; /* 2 tiles, 2 groups of 3 passes: 2, 4, 8 */
-
-static char folder[64];
-
-static int set_up(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    file_remove_tree(folder);
-    return 0;
-}
-
-static char *path_of(const char *name)
-{
-    static char path[256];
-
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
 
 /* ---- jobs ----------------------------------------------------------------------------------- */
 
@@ -109,7 +85,7 @@ static void jobs_survive_a_restart(void **state)
     assert_int_equal(store_job_insert(store, other, &err), STATUS_OK);
     assert_true(other->id > job->id);
     job->state = JOB_STATE_RUNNING;
-    snprintf(job->kernel, sizeof job->kernel, "embree 9");
+    snprintf(job->ray_tracer, sizeof job->ray_tracer, "embree 9");
     snprintf(job->release, sizeof job->release, "9.9");
     work = (struct unit_work){.samples = 1, .rays = 2, .vertices = 3, .dropped_samples = 4,
                               .leaked_rays = 9, .clamped_values = 10, .clamped_samples = 7,
@@ -124,13 +100,13 @@ static void jobs_survive_a_restart(void **state)
         health_of_frame(&work.health, frame);
         unit_work_add(&job->work, &work);
     }
-    job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6};
+    job->stats = (struct work_stats){.cpu_ns = 5, .trace_ns = 6, .effects = 1ull << 40 | 5, .accounts = {7, 0, 1ull << 50}};
     job->active_ns = 1500000000;
     job->conflicts = 7;
     assert_int_equal(save_job(store, job, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 5, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 6, 0, FRAME_END_CAP, NULL, &work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, &(struct frame_done){.job = job->id, .epoch_floor = job->epoch_floor, .frame = 5, .end = FRAME_END_CAP, .work = &work}, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, &(struct frame_done){.job = job->id, .epoch_floor = job->epoch_floor, .frame = 6, .end = FRAME_END_CAP, .work = &work}, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, &(struct frame_done){.job = job->id, .epoch_floor = job->epoch_floor, .frame = 6, .end = FRAME_END_CAP, .work = &work}, &err), STATUS_OK);
     assert_int_equal(tonemap_settings_init(&job->output.tonemap, "linear", &err), STATUS_OK);
     job->output.tonemap.exposure_ev = -1.25;
     job->output.tonemap.white_kelvin = 5000;
@@ -138,7 +114,7 @@ static void jobs_survive_a_restart(void **state)
     job->output.tonemap.metering = TONEMAP_METERING_PERCENTILE;
     job->output.jpg = 1;
     job->output.picture.bits = 16;
-    job_revise(job);
+    job_revise(job, &job->output);
     assert_int_equal(store_job_revise(store, job, &err), STATUS_OK);
     assert_int_equal(store_frame_developed(store, job->id, 6, job->revision, &err), STATUS_OK);
     store_close(store);
@@ -150,7 +126,7 @@ static void jobs_survive_a_restart(void **state)
     assert_int_equal(back->id, job->id);
     assert_string_equal(back->name, job->name);
     assert_string_equal(back->scene_name, "scene");
-    assert_string_equal(back->kernel, "embree 9");
+    assert_string_equal(back->ray_tracer, "embree 9");
     assert_string_equal(back->release, "9.9");
     assert_int_equal(back->state, JOB_STATE_RUNNING);
     assert_int_equal(back->priority, -5);
@@ -182,7 +158,15 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
-#define WITHOUT_9 "ALTER TABLE jobs DROP COLUMN comment; ALTER TABLE frames DROP COLUMN depth;"
+#define WITHOUT_11                                                                          \
+    "DROP TABLE keys; ALTER TABLE history DROP COLUMN denoised; ALTER TABLE jobs DROP COLUMN accounts;" \
+    "ALTER TABLE history DROP COLUMN display_all; ALTER TABLE history DROP COLUMN worst_part;" \
+    "ALTER TABLE history DROP COLUMN fireflies; ALTER TABLE history DROP COLUMN subject;"   \
+    "ALTER TABLE deliverers DROP COLUMN label; ALTER TABLE deliverers DROP COLUMN distrusted;" \
+    "ALTER TABLE frames DROP COLUMN deliverers; ALTER TABLE frames DROP COLUMN done_at;"
+#define WITHOUT_9                                                                           \
+    "DROP TABLE sums; ALTER TABLE jobs DROP COLUMN comment; ALTER TABLE frames DROP COLUMN depth;" \
+    WITHOUT_11 "ALTER TABLE history DROP COLUMN uneven;"
 #define WITHOUT_8 WITHOUT_9 "DROP TABLE webhook_events; DROP TABLE webhooks; DROP TABLE tokens;"
 #define WITHOUT_7                                                                               \
     WITHOUT_8                                                                                   \
@@ -199,15 +183,17 @@ static void jobs_survive_a_restart(void **state)
     "ALTER TABLE frames DROP COLUMN leaked; ALTER TABLE frames DROP COLUMN clamped_values;"     \
     "ALTER TABLE frames DROP COLUMN clamped; ALTER TABLE frames DROP COLUMN clamped_luminance;" \
     "ALTER TABLE frames DROP COLUMN health; ALTER TABLE frames DROP COLUMN kept_luminance; ALTER TABLE jobs DROP COLUMN release;"       \
-    "ALTER TABLE jobs DROP COLUMN submitted;"
+    "ALTER TABLE jobs DROP COLUMN submitted; DROP TABLE history;"
 
 static void an_older_store_is_brought_up_to_date(void **state)
 {
 #define WITHOUT_4                                                                               \
-    "DROP TABLE history; DROP TABLE deliverers; DROP TABLE clocks;"                             \
+    "DROP TABLE clocks;"                                                                        \
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
-    WITHOUT_WORK_AND_RELEASE
+    WITHOUT_WORK_AND_RELEASE "DROP TABLE deliverers;"
     static const char *const steps_back[] = {
+        WITHOUT_11 "PRAGMA user_version=10",
+        WITHOUT_11 "DROP TABLE sums; PRAGMA user_version=9",
         WITHOUT_9 "PRAGMA user_version=8",
         WITHOUT_8 "PRAGMA user_version=7",
         WITHOUT_7 "PRAGMA user_version=6",
@@ -231,7 +217,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
 
     (void)state;
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
-    assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, &(struct frame_done){.job = job->id, .epoch_floor = job->epoch_floor, .frame = 2, .end = FRAME_END_CAP, .work = &no_work}, &err), STATUS_OK);
     store_close(store);
     snprintf(job->token, sizeof job->token, "new");
     for (size_t i = 0; i < sizeof steps_back / sizeof *steps_back; i++) {
@@ -286,7 +272,7 @@ static void jobs_of_older_films_begin_again(void **state)
         sqlite3 *db;
         assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
         job->state = JOB_STATE_RUNNING;
-        snprintf(job->kernel, sizeof job->kernel, "a kernel");
+        snprintf(job->ray_tracer, sizeof job->ray_tracer, "a tracer");
         assert_int_equal(save_job(store, job, &err), STATUS_OK);
         job_free(job);
         store_close(store);
@@ -298,7 +284,7 @@ static void jobs_of_older_films_begin_again(void **state)
         sqlite3_close(db);
         store = sim_store(folder);
         assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
-        assert_string_equal(loaded.jobs[0]->kernel, "");
+        assert_string_equal(loaded.jobs[0]->ray_tracer, "");
         assert_int_equal(loaded.jobs[0]->priority, -3);
         assert_string_equal(loaded.jobs[0]->owner, "");
         job_free(loaded.jobs[0]);
@@ -310,7 +296,7 @@ static void jobs_of_older_films_begin_again(void **state)
     }
 }
 
-/* A store of 0.1.0 (version 2): what is finished stays; what is not loses the kernel it was begun with, and
+/* A store of 0.1.0 (version 2): what is finished stays; what is not loses the ray tracer it was begun with, and
  * its counters, unless a frame of it is done. */
 static void unfinished_jobs_of_an_older_store_begin_again(void **state)
 {
@@ -328,19 +314,19 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
         struct job *job = sim_job(16, 16, 1, 1, 3, 0);
         assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
         job->state = states[i];
-        snprintf(job->kernel, sizeof job->kernel, "azulejo 0.1.0");
+        snprintf(job->ray_tracer, sizeof job->ray_tracer, "azulejo 0.1.0");
         job->conflicts = 1;
         job->stats.cpu_ns = 300;
         assert_int_equal(save_job(store, job, &err), STATUS_OK);
         if (i == COUNT - 1)
-            assert_int_equal(store_frame_done(store, job->id, job->epoch_floor, 2, 0, FRAME_END_CAP, NULL, &no_work, &err), STATUS_OK);
+            assert_int_equal(store_frame_done(store, &(struct frame_done){.job = job->id, .epoch_floor = job->epoch_floor, .frame = 2, .end = FRAME_END_CAP, .work = &no_work}, &err), STATUS_OK);
         job_free(job);
     }
     store_close(store);
     assert_int_equal(sqlite3_open(path_of("queue.sqlite"), &db), SQLITE_OK);
     assert_int_equal(sqlite3_exec(db,
-                                  "DROP TABLE deliverers; DROP TABLE history; DROP TABLE clocks; DROP TABLE cut_frames; "
-                                  WITHOUT_WORK_AND_RELEASE
+                                  "DROP TABLE clocks; DROP TABLE cut_frames; " WITHOUT_WORK_AND_RELEASE
+                                  "DROP TABLE deliverers;"
                                   "UPDATE jobs SET samples=100, rays=200;"
                                   "DROP INDEX jobs_token; ALTER TABLE jobs DROP COLUMN token; "
                                   "PRAGMA user_version=2",
@@ -354,7 +340,7 @@ static void unfinished_jobs_of_an_older_store_begin_again(void **state)
         const struct job *job = loaded.jobs[i];
         int keeps = job_state_ended(states[i]) || i == COUNT - 1;
         assert_int_equal(job->state, states[i]);
-        assert_string_equal(job->kernel, keeps ? "azulejo 0.1.0" : "");
+        assert_string_equal(job->ray_tracer, keeps ? "azulejo 0.1.0" : "");
         assert_int_equal(job->work.samples, i == COUNT - 1 ? 100 : 0); /* of its finished frame */
         assert_int_equal(job->work.rays, i == COUNT - 1 ? 200 : 0);
         assert_int_equal(job->stats.cpu_ns, keeps ? 300 : 0);
@@ -443,6 +429,39 @@ static void failed_saves_are_tried_again(void **state)
 }
 
 /* A token names one job for ever, also after its output settings have changed. */
+/* A frame is done only when its outputs' names are on disk: one sync of their folder, which fails here. */
+static void a_frame_whose_outputs_cannot_be_synced_is_not_done(void **state)
+{
+    struct store *store = sim_store(folder);
+    struct job *job = sim_job(16, 16, 1, 1, 3, 0);
+    struct loaded loaded = {{NULL}, 0};
+    struct buffer data = BUFFER_INIT;
+    struct error err = {0};
+    char name[48];
+
+    (void)state;
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    snprintf(name, sizeof name, "outputs/%llu", (unsigned long long)job->id);
+    assert_int_equal(file_make_private_folder(path_of("outputs"), &err), STATUS_OK);
+    assert_int_equal(file_write_private(path_of(name), "x", 1, &err), STATUS_OK); /* no folder */
+    assert_int_equal(store_frame_done(store, &(struct frame_done){.job = job->id, .epoch_floor = job->epoch_floor, .frame = 1, .end = FRAME_END_CAP, .work = &no_work}, &err),
+                     STATUS_ERR_IO);
+    assert_int_equal(store_frame_developed(store, job->id, 1, 2, &err), STATUS_ERR_IO);
+    assert_int_equal(unlink(path_of(name)), 0);
+    buffer_append(&data, "png", 3);
+    assert_int_equal(store_output_write(store, job->id, 2, "png", &data, &err), STATUS_OK);
+    assert_int_equal(store_frame_done(store, &(struct frame_done){.job = job->id, .epoch_floor = job->epoch_floor, .frame = 2, .end = FRAME_END_CAP, .work = &no_work}, &err),
+                     STATUS_OK);
+    store_close(store);
+    store = sim_store(folder);
+    assert_int_equal(store_jobs_load(store, adopt, &loaded, &err), STATUS_OK);
+    assert_true(!job_frame_is_done(loaded.jobs[0], 1) && job_frame_is_done(loaded.jobs[0], 2));
+    job_free(loaded.jobs[0]);
+    job_free(job);
+    buffer_release(&data);
+    store_close(store);
+}
+
 static void tokens_name_one_job(void **state)
 {
     struct store *store = sim_store(folder);
@@ -503,14 +522,23 @@ static void a_store_in_use_is_refused(void **state)
 {
     struct store *store = sim_store(folder), *second;
     struct error err = {0};
+    int folder_fd;
 
     (void)state;
+    assert_int_equal(store_open(&second, folder, &err), STATUS_ERR_REFUSED);
+    assert_null(second);
+    assert_non_null(strstr(err.text, "another coordinator (process "));
+    /* A client that fetches into this folder locks it: it neither waits, nor keeps the next coordinator out. */
+    folder_fd = open(folder, O_RDONLY | O_DIRECTORY);
+    assert_int_equal(flock(folder_fd, LOCK_EX | LOCK_NB), 0);
+    assert_int_equal(unlink(path_of("lock")), 0); /* by hand: the folder is still in use */
     assert_int_equal(store_open(&second, folder, &err), STATUS_ERR_REFUSED);
     assert_null(second);
     assert_non_null(strstr(err.text, "another coordinator"));
     store_close(store);
     store = sim_store(folder);
     store_close(store);
+    close(folder_fd);
 }
 
 static void bad_stores_are_refused(void **state)
@@ -524,13 +552,11 @@ static void bad_stores_are_refused(void **state)
     /* A newer version, written where SQLite keeps user_version (byte 60, big-endian). */
     assert_int_equal(file_read(path_of("queue.sqlite"), 1 << 24, &bytes, &err), STATUS_OK);
     bytes.data[63] = 99;
-    assert_int_equal(file_write_atomic(path_of("queue.sqlite"), bytes.data, bytes.size, &err),
-                     STATUS_OK);
+    assert_int_equal(file_write_atomic(path_of("queue.sqlite"), bytes.data, bytes.size, &err), STATUS_OK);
     assert_int_equal(store_open(&store, folder, &err), STATUS_ERR_CORRUPT);
     assert_non_null(strstr(err.text, "newer"));
     memset(bytes.data, 'x', bytes.size);
-    assert_int_equal(file_write_atomic(path_of("queue.sqlite"), bytes.data, bytes.size, &err),
-                     STATUS_OK);
+    assert_int_equal(file_write_atomic(path_of("queue.sqlite"), bytes.data, bytes.size, &err), STATUS_OK);
     assert_int_equal(store_open(&store, folder, &err), STATUS_ERR_CORRUPT);
     assert_int_equal(file_write_atomic(path_of("plain"), "x", 1, &err), STATUS_OK);
     assert_int_equal(store_open(&store, path_of("plain"), &err), STATUS_ERR_IO);
@@ -544,8 +570,13 @@ struct film_fixture {
     struct film *film;
     struct film_file *file;
     uint32_t durable[2][GROUPS];
-    uint8_t slot[2];
+    struct film_commit commit;
 };
+
+static void record(void *user, const struct film_fold *fold)
+{
+    assert_true(film_record_unit(&((struct film_fixture *)user)->commit.units, fold));
+}
 
 static void film_begin(struct film_fixture *f, struct store *store)
 {
@@ -554,14 +585,16 @@ static void film_begin(struct film_fixture *f, struct store *store)
     memset(f, 0, sizeof *f);
     f->film = film_data_new(WIDTH, HEIGHT, SPP, 0);
     assert_non_null(f->film);
-    if (store_film_open(store, 1, 1, f->film, f->durable, f->slot, &f->file, &err) != STATUS_OK)
+    if (store_film_open(store, 1, 1, f->film, f->durable, &f->file, &err) != STATUS_OK)
         fail_msg("%s", err.text);
+    film_on_fold(f->film, record, f);
 }
 
 static void end_film(struct film_fixture *f)
 {
     film_file_close(f->file);
     film_free(f->film);
+    buffer_release(&f->commit.units);
 }
 
 static void merge_pass(struct film *film, uint32_t tile, uint32_t pass)
@@ -569,19 +602,11 @@ static void merge_pass(struct film *film, uint32_t tile, uint32_t pass)
     assert_int_equal(film_data_merge(film, tile, 0, pass), FILM_MERGED);
 }
 
-/* Write the tile's state to the slot that is not the durable one, as a commit does. */
-static void write_tile(struct film_fixture *f, uint32_t tile)
+/* Write what was folded since, as a commit does. */
+static void write_film(struct film_fixture *f)
 {
-    size_t size = film_tile_state_size(f->film, tile);
-    uint8_t *bytes = malloc(size);
-
-    assert_non_null(bytes);
-    film_tile_save(f->film, tile, bytes);
-    f->slot[tile] = !f->slot[tile];
-    assert_int_equal(film_file_write(f->file, tile, f->slot[tile], bytes, size, NULL), STATUS_OK);
-    assert_int_equal(film_file_sync(f->file, NULL), STATUS_OK);
-    f->durable[tile][0] = film_tile_passes(f->film, tile, 0);
-    free(bytes);
+    assert_int_equal(film_file_commit(f->file, &f->commit, NULL), STATUS_OK);
+    buffer_clear(&f->commit.units);
 }
 
 static void films_come_back(void **state)
@@ -593,10 +618,10 @@ static void films_come_back(void **state)
     film_begin(&f, store);
     for (uint32_t p = 0; p < 3; p++) {
         merge_pass(f.film, 0, p);
-        write_tile(&f, 0);
+        write_film(&f);
     }
     merge_pass(f.film, 1, 0);
-    write_tile(&f, 1);
+    write_film(&f);
     end_film(&f);
     assert_true(store_film_exists(store, 1, 1));
     film_begin(&back, store);
@@ -605,7 +630,7 @@ static void films_come_back(void **state)
     assert_int_equal(film_tile_passes(back.film, 0, 0), 3);
     assert_int_equal(film_tile_passes(back.film, 1, 0), 1);
     merge_pass(back.film, 1, 1);
-    write_tile(&back, 1);
+    write_film(&back);
     merge_pass(back.film, 1, 2);
     for (uint32_t i = 0; i < 6; i++)
         assert_int_equal(film_data_merge(back.film, i % 2, 1, i / 2), FILM_MERGED);
@@ -624,91 +649,122 @@ static off_t file_size(const char *path)
     return info.st_size;
 }
 
-/* Tear the newest write at every 64th byte: the older state counts, always. */
-static void a_torn_slot_falls_back_to_the_older_one(void **state)
+static ino_t file_number(const char *path)
+{
+    struct stat info;
+
+    return stat(path, &info) == 0 ? info.st_ino : 0;
+}
+
+/* Merge a pass of both tiles' groups. */
+static void merge_round(struct film_fixture *f, uint32_t pass)
+{
+    for (uint32_t i = 0; i < 4; i++)
+        assert_int_equal(film_data_merge(f->film, i % 2, i / 2, pass), FILM_MERGED);
+    write_film(f);
+}
+
+static void keep_film(struct film_fixture *f, struct store *store)
+{
+    struct error err = {0};
+
+    if (store_film_keep(store, 1, 1, f->film, f->file, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    assert_int_equal(file_number(path_of("films/1/frame-0001.film")), 0);
+}
+
+/* The results of a done frame are not written twice where they take little room. It continues from them. */
+static void a_small_film_is_kept_as_it_is(void **state)
 {
     struct store *store = sim_store(folder);
-    struct film_fixture f;
-    size_t size;
-    uint8_t *before, *after, *torn;
-    int fd;
-    char *path;
-    off_t slot_bytes, at;
+    struct render_settings settings = {.width = WIDTH, .height = HEIGHT, .spp = SPP};
+    struct film_fixture f, back, more;
+    struct film_reader *reader;
+    struct error err = {0};
+    uint32_t tile;
+    ino_t number;
 
     (void)state;
     film_begin(&f, store);
-    path = path_of("films/1/frame-0001.film");
-    slot_bytes = (off_t)(SLOT_HEADER + film_tile_state_bound(f.film, 0));
-    merge_pass(f.film, 0, 0);
-    write_tile(&f, 0); /* slot 0: pass 0 */
-    merge_pass(f.film, 0, 1);
-    write_tile(&f, 0); /* slot 1: passes 0 and 1 */
-    fd = open(path, O_RDWR);
-    assert_true(fd >= 0);
-    merge_pass(f.film, 0, 2);
-    size = SLOT_HEADER + film_tile_state_size(f.film, 0);
-    before = malloc(size);
-    after = malloc(size);
-    torn = malloc(size);
-    at = FILM_FILE_HEADER; /* tile 0, slot 0: where the third state goes */
-    assert_int_equal(pread(fd, before, size, at), (ssize_t)size); /* and a hole */
-    write_tile(&f, 0);
-    assert_int_equal(pread(fd, after, size, at), (ssize_t)size);
-    merge_pass(f.film, 1, 0);
-    write_tile(&f, 1);
-    end_film(&f);
-
-    /* 2 tiles, 2 slots each; the last slot is not written: the file ends within tile 1's first. */
-    assert_true(file_size(path) > FILM_FILE_HEADER + 2 * slot_bytes);
-    for (size_t cut = 0; cut < size; cut += 64) {
-        struct film_fixture back;
-        memcpy(torn, before, size);
-        memcpy(torn, after, cut);
-        assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
-        film_begin(&back, store);
-        assert_int_equal(back.durable[0][0], 2);
-        assert_int_equal(back.slot[0], 1); /* so the next write goes to the torn one */
-        assert_int_equal(film_tile_passes(back.film, 0, 0), 2);
-        assert_int_equal(film_tile_passes(back.film, 1, 0), 1);
-        end_film(&back);
+    merge_round(&f, 0);
+    number = file_number(path_of("films/1/frame-0001.film"));
+    assert_true(film_file_bytes(f.file) <= film_kept_limit(f.film));
+    keep_film(&f, store);
+    assert_int_equal(file_number(path_of("films/1/frame-0001.kept")), number);
+    assert_int_equal(store_film_reader(store, 1, 1, &settings, &reader, &err), STATUS_OK);
+    for (uint32_t t = 0; t < 2; t++) {
+        assert_int_equal(film_reader_next(reader, &tile, &err), STATUS_OK);
+        assert_int_equal(film_tile_samples(film_reader_film(reader), t), 4);
     }
-    assert_int_equal(pwrite(fd, after, size, at), (ssize_t)size);
-    film_begin(&f, store);
-    assert_int_equal(f.durable[0][0], 3);
+    film_reader_close(reader);
+
+    film_begin(&back, store);
+    assert_int_equal(back.durable[0][0] + back.durable[1][1], 2);
+    merge_round(&back, 1);
+    assert_int_equal(file_number(path_of("films/1/frame-0001.kept")), number); /* it does not change */
+    keep_film(&back, store); /* what was kept and what came later in one file */
+    film_begin(&more, store);
+    assert_int_equal(film_tile_samples(more.film, 1), 8);
+    merge_round(&more, 2);
+    assert_true(film_complete(more.film));
     end_film(&f);
-    /* Both slots damaged: the tile begins again, the others stay. */
-    memset(torn, 0x55, size);
-    assert_int_equal(pwrite(fd, torn, size, at), (ssize_t)size);
-    assert_int_equal(pwrite(fd, torn, size, at + slot_bytes), (ssize_t)size);
+    end_film(&back);
+    end_film(&more);
+    store_close(store);
+}
+
+/* One of many passes is compacted. */
+static void a_large_film_is_compacted(void **state)
+{
+    struct store *store = sim_store(folder);
+    struct film_fixture f, back;
+    ino_t number;
+
+    (void)state;
     film_begin(&f, store);
-    assert_int_equal(f.durable[0][0], 0);
-    assert_int_equal(f.durable[1][0], 1);
+    for (uint32_t p = 0; p < 3; p++)
+        merge_round(&f, p);
+    assert_true(film_file_bytes(f.file) > film_kept_limit(f.film));
+    number = file_number(path_of("films/1/frame-0001.film"));
+    keep_film(&f, store);
+    assert_true(file_number(path_of("films/1/frame-0001.kept")) != number);
+    film_begin(&back, store);
+    assert_true(film_complete(back.film));
     end_film(&f);
-    /* A damaged header: the whole frame begins again, and the file is kept. */
-    assert_int_equal(pwrite(fd, "x", 1, 20), 1);
-    film_begin(&f, store);
-    assert_int_equal(f.durable[1][0], 0);
-    assert_true(file_size(path_of("films/1/frame-0001.film.unusable")) >
-                FILM_FILE_HEADER + 2 * slot_bytes);
-    path = path_of("films/1/frame-0001.film");
-    merge_pass(f.film, 1, 0);
-    write_tile(&f, 1);
-    end_film(&f);
-    close(fd);
-    fd = open(path, O_RDWR);
-    assert_true(fd >= 0);
-    /* So it does when the file is of the format before groups. */
-    film_begin(&f, store);
-    assert_int_equal(f.durable[1][0], 1);
-    end_film(&f);
-    assert_int_equal(pwrite(fd, "2", 1, 6), 1);
-    film_begin(&f, store);
-    assert_int_equal(f.durable[1][0], 0);
-    end_film(&f);
-    close(fd);
-    free(before);
-    free(after);
-    free(torn);
+    end_film(&back);
+    store_close(store);
+}
+
+/* A damaged header, or that of another version: the whole frame begins again, and the file is kept. */
+static void an_unusable_film_is_set_aside(void **state)
+{
+    static const struct {
+        off_t at;
+        const char *byte;
+    } damage[] = {{20, "x"}, {6, "6"}};
+    struct store *store = sim_store(folder);
+
+    (void)state;
+    for (size_t i = 0; i < sizeof damage / sizeof *damage; i++) {
+        struct film_fixture f;
+        off_t size;
+        int fd;
+        film_begin(&f, store);
+        merge_pass(f.film, 1, 0);
+        write_film(&f);
+        end_film(&f);
+        film_begin(&f, store);
+        assert_int_equal(f.durable[1][0], 1);
+        end_film(&f);
+        size = file_size(path_of("films/1/frame-0001.film"));
+        fd = open(path_of("films/1/frame-0001.film"), O_RDWR);
+        assert_int_equal(pwrite(fd, damage[i].byte, 1, damage[i].at), 1);
+        close(fd);
+        film_begin(&f, store);
+        assert_int_equal(f.durable[1][0], 0);
+        assert_int_equal(file_size(path_of("films/1/frame-0001.film.unusable")), size);
+        end_film(&f);
+    }
     store_close(store);
 }
 
@@ -722,11 +778,10 @@ static void memory_faults_in_opening_are_told(void **state)
         struct film *film = film_new(WIDTH, HEIGHT, SPP);
         struct film_file *file = NULL;
         uint32_t durable[2][GROUPS];
-        uint8_t slot[2];
         struct error err = {0};
         status s;
         mem_fault_arm(successes++, 1);
-        s = store_film_open(store, 1, 1, film, durable, slot, &file, &err);
+        s = store_film_open(store, 1, 1, film, durable, &file, &err);
         failures = mem_fault_count();
         mem_fault_arm(-1, 0);
         assert_true(s == STATUS_OK || (failures && s == STATUS_ERR_NO_MEMORY && !file));
@@ -745,9 +800,7 @@ static void put_blob(const struct digest *digest, const char *text, status expec
 
     assert_int_equal(upload_begin(&upload, folder, digest, strlen(text), &err), STATUS_OK);
     for (size_t i = 0; i < strlen(text); i += 3)
-        assert_int_equal(upload_add(upload, text + i, strlen(text + i) < 3 ? strlen(text + i) : 3,
-                                    &err),
-                         STATUS_OK);
+        assert_int_equal(upload_add(upload, text + i, strlen(text + i) < 3 ? strlen(text + i) : 3, &err), STATUS_OK);
     assert_int_equal(upload_add(upload, "x", 1, &err), STATUS_ERR_PROTOCOL);
     assert_int_equal(upload_finish(upload, &err), expected);
     upload_free(upload);
@@ -823,8 +876,7 @@ static void fill(struct film *film, float offset, float factor, float step)
             static float sums[TILE_FLOATS_MAX];
             struct unit_result unit = {.tile = i % 2, .group = g, .pass = i / 2, .sums = sums};
             enum film_merge_result result;
-            unit.count = tile_floats(WIDTH, HEIGHT, unit.tile,
-                                     unit_aovs(film_aovs(film), g, unit.pass));
+            unit.count = tile_floats(WIDTH, HEIGHT, unit.tile, unit_aovs(film_aovs(film), g, unit.pass));
             for (size_t k = 0; k < unit.count; k++)
                 sums[k] = ((float)(k % 97) + offset) * factor + (float)unit.pass * step;
             assert_int_equal(film_merge(film, &unit, 1, &result, NULL), STATUS_OK);
@@ -930,8 +982,7 @@ static void develop_job(struct store *store, struct job *job, uint32_t wanted, s
     }
     assert_int_equal(job->frames_developed_count, job_frame_count(job));
     buffer_clear(file);
-    assert_int_equal(store_output_read(store, job->id, wanted, "png", 1 << 24, file, &err),
-                     STATUS_OK);
+    assert_int_equal(store_output_read(store, job->id, wanted, "png", 1 << 24, file, &err), STATUS_OK);
 }
 
 /* From stored pictures come the same bytes as from films: whether the EXR file is in halves, or
@@ -960,7 +1011,7 @@ static void pictures_can_be_made_anew(void **state)
         develop_job(store, job, 2, &again);
         assert_true(first.size != again.size || memcmp(first.data, again.data, again.size) != 0);
         job->output = linear;
-        job_revise(job);
+        job_revise(job, &job->output);
         develop_job(store, job, 2, &again);
         assert_int_equal(first.size, again.size);
         assert_memory_equal(first.data, again.data, again.size);
@@ -1000,9 +1051,9 @@ static void averaged_frames_wait_for_their_window(void **state)
     job_frame_set_done(job, 3);
     assert_true(job_frame_to_develop(job, &number));
     assert_int_equal(number, 3);
-    job_revise(job);
+    job_revise(job, &job->output);
     develop_job(store, job, 3, &first);
-    job_revise(job); /* with the statistics that were kept */
+    job_revise(job, &job->output); /* with the statistics that were kept */
     develop_job(store, job, 3, &again);
     assert_int_equal(first.size, again.size);
     assert_memory_equal(first.data, again.data, again.size);
@@ -1032,6 +1083,10 @@ static void aovs_are_layers(void **state)
                     {"uv.V", 0, AOV_UV, 1},           {"objectId.X", 0, AOV_OBJECT_ID, 0},
                     {"materialId.X", 0, AOV_MATERIAL_ID, 0}, {"motion.Y", 0, AOV_MOTION, 1},
                     {"samples.Y", 0, AOV_SAMPLES, 0}, {"error.B", 1, AOV_ERROR, 2},
+                    {"Denoising Depth.Z", 0, AOV_DENOISING, 0},
+                    {"Denoising Albedo.B", 1, AOV_DENOISING_ALBEDO, 2},
+                    {"Denoising Normal.Y", 1, AOV_DENOISING_NORMAL, 1}, {"emission.R", 1, AOV_EMISSION, 0},
+                    {"variance.G", 0, AOV_VARIANCE, 1},
                     {"A", 1, AOV_ALPHA, 0}};
     const uint32_t all = (1u << AOV_COUNT) - 1;
     struct job *job = sim_job(WIDTH, HEIGHT, SPP, 1, 1, 0);
@@ -1047,7 +1102,7 @@ static void aovs_are_layers(void **state)
     assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
     assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
-    assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 17 + 5);
+    assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 27 + 8);
     for (size_t i = 0; i < sizeof channels / sizeof *channels; i++) {
         float wanted[3 * WIDTH * HEIGHT];
         int half = -1;
@@ -1063,7 +1118,9 @@ static void aovs_are_layers(void **state)
     }
     /* A preview has the picture alone, with its alpha. */
     buffer_clear(&exr);
-    assert_int_equal(development_new_preview(&development, frame, &err), STATUS_OK);
+    assert_int_equal(development_new_preview(&development, frame, NULL, &err), STATUS_OK);
+    while (development_take(development))
+        ;
     assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
     assert_int_equal(exr_channel_count(exr.data, exr.size), 4);
@@ -1072,23 +1129,80 @@ static void aovs_are_layers(void **state)
     job_free(job);
 }
 
-#define STORE_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+static void merge_even(struct film *film, uint32_t tile, uint32_t pass, float value)
+{
+    static float sums[TILE_FLOATS_MAX];
+    enum film_merge_result result;
+
+    for (size_t k = 0; k < TILE_FLOATS_MAX; k++)
+        sums[k] = value;
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        struct unit_result unit = {.tile = tile, .group = g, .pass = pass, .sums = sums};
+        unit.count = tile_floats(film_width(film), film_height(film), tile, unit_aovs(film_aovs(film), g, pass));
+        assert_int_equal(film_merge(film, &unit, 1, &result, NULL), STATUS_OK);
+    }
+}
+
+/* A film that goes on while it is copied: no step takes more than its tiles, and what was copied stays as it was. */
+static void a_large_film_is_copied_in_steps(void **state)
+{
+    enum { TILES_ACROSS = DEVELOP_TAKE_TILES * 2 + 1, LONG = TILES_ACROSS * TILE_SIZE, LOW = TILE_SIZE };
+    struct job *job = sim_job(LONG, LOW, SPP, 1, 1, 0);
+    struct job_frame *frame = job_frame_new(job, 1, LONG, LOW, SPP, 1u << AOV_ALPHA, NULL);
+    struct film *film = frame->film;
+    struct development *development;
+    struct buffer exr = BUFFER_INIT;
+    struct error err = {0};
+    float *red;
+    int half;
+
+    (void)state;
+    job->settings.aovs = 1u << AOV_ALPHA;
+    film_want_all(film);
+    for (uint32_t g = 0; g < GROUPS; g++)
+        film_freeze(film, g, NULL);
+    for (uint32_t t = 0; t + 1 < TILES_ACROSS; t++)
+        merge_even(film, t, 0, 2);
+    assert_int_equal(development_new_preview(&development, frame, NULL, &err), STATUS_OK);
+    assert_int_equal(development_take(development), 1);
+    merge_even(film, 0, 1, 400);                  /* too late */
+    merge_even(film, DEVELOP_TAKE_TILES, 1, 400); /* not yet copied: 402 of 4 samples */
+    merge_even(film, TILES_ACROSS - 1, 0, 6);     /* the hole is none any more */
+    assert_int_equal(development_take(development), 1);
+    merge_even(film, DEVELOP_TAKE_TILES, 2, 4000);
+    assert_int_equal(development_take(development), 0);
+    job_frame_free(frame); /* it is a copy */
+    assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
+    development_free(development);
+    red = exr_channel_read(exr.data, exr.size, "R", &half);
+    assert_non_null(red);
+    for (uint32_t t = 0; t < TILES_ACROSS; t++)
+        assert_true(red[t * TILE_SIZE] == (t == DEVELOP_TAKE_TILES ? 402.0f / 4 : t + 1 == TILES_ACROSS ? 3.0f : 1.0f));
+    free(red);
+    buffer_release(&exr);
+    job_free(job);
+}
+
+#define STORE_TEST(name) cmocka_unit_test_setup_teardown(name, folder_set_up, folder_tear_down)
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_large_film_is_copied_in_steps),
         STORE_TEST(jobs_survive_a_restart),
         STORE_TEST(an_older_store_is_brought_up_to_date),
         STORE_TEST(jobs_of_older_films_begin_again),
         STORE_TEST(unfinished_jobs_of_an_older_store_begin_again),
         STORE_TEST(deliverers_keep_their_numbers),
         STORE_TEST(failed_saves_are_tried_again),
-        STORE_TEST(tokens_name_one_job),
+        STORE_TEST(a_frame_whose_outputs_cannot_be_synced_is_not_done), STORE_TEST(tokens_name_one_job),
         STORE_TEST(epochs_never_repeat),
         STORE_TEST(a_store_in_use_is_refused),
         STORE_TEST(bad_stores_are_refused),
         STORE_TEST(films_come_back),
-        STORE_TEST(a_torn_slot_falls_back_to_the_older_one),
+        STORE_TEST(a_small_film_is_kept_as_it_is),
+        STORE_TEST(a_large_film_is_compacted),
+        STORE_TEST(an_unusable_film_is_set_aside),
         STORE_TEST(memory_faults_in_opening_are_told),
         STORE_TEST(blobs_are_checked),
         STORE_TEST(a_developed_frame_is_on_disk),

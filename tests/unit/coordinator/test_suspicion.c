@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/farm/waiting.h"
 #include "coordinator/farm/scheduler.h"

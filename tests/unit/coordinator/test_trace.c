@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "common/base/clock.h"
-#include "coordinator/job/trace.h"
+#include "common/system/clock.h"
+#include "coordinator/frame/trace.h"
 
 static void add(struct trace *trace, uint64_t job, uint32_t tile)
 {
@@ -189,7 +189,7 @@ static void clocks_are_limited(void **state)
     assert_int_equal(trace_read(&trace, 1, 3 * TRACE_CLOCKS_MAX - 1, e, 1, &first, &lost), 1);
     assert_false(e[0].estimated);
     assert_int_equal(trace_read(&trace, 1, 0, e, 1, &first, &lost), 1);
-    assert_true(e[0].estimated); /* whose clock is forgotten */
+    assert_true(e[0].estimated);                     /* whose clock is forgotten */
     deliver(&trace, 5, 0, NS_PER_SECOND, NS_PER_MS); /* it is still there */
     assert_int_equal(trace_read(&trace, 1, 3 * TRACE_CLOCKS_MAX, e, 1, &first, &lost), 1);
     assert_true(e[0].estimated);

@@ -14,36 +14,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
-#include "coordinator/farm/report.h"
-#include "coordinator/store/reserve.h"
+#include "coordinator/steering/report.h"
+#include "coordinator/store/files/reserve.h"
+#include "tests/support/scratch.h"
 #include "tests/support/sim_farm.h"
-
-static char folder[64];
-
-static int set_up(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    file_remove_tree(folder);
-    return 0;
-}
-
-static const char *path_of(const char *name)
-{
-    static char path[256];
-
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
 
 /* A folder in the place of a file that the store writes, which keeps even root from it. */
 static void block(const char *name)
@@ -52,10 +29,7 @@ static void block(const char *name)
     assert_int_equal(mkdir(path_of(name), 0700), 0);
 }
 
-static void unblock(const char *name)
-{
-    assert_int_equal(rmdir(path_of(name)), 0);
-}
+static void unblock(const char *name) { assert_int_equal(rmdir(path_of(name)), 0); }
 
 static void waits_grow_and_never_end(void **state)
 {
@@ -246,8 +220,7 @@ static void no_memory_is_waited_for(void **state)
         sim->now_ns += TROUBLE_LAST_MS * NS_PER_MS;
         farm_tick(&sim->farm, sim->now_ns);
         if (job->state != JOB_STATE_DONE)
-            fail_msg("allocation %ld: the job is %s: %s", successes, job_state_word(job->state),
-                     job->state_text);
+            fail_msg("allocation %ld: the job is %s: %s", successes, job_state_word(job->state), job->state_text);
     } while (failures > 0);
     assert_true(successes > 10);
     assert_int_equal(sim->wrong_frames, 0);
@@ -341,7 +314,7 @@ static void the_reserve_is_held_and_given(void **state)
     assert_int_equal(setrlimit(RLIMIT_NOFILE, &old), 0);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, folder_set_up, folder_tear_down)
 
 int main(void)
 {

@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "coordinator/farm/report.h"
+#include "common/system/clock.h"
+#include "coordinator/steering/report.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/farm/waiting.h"
 #include "tests/support/sim_farm.h"
@@ -136,6 +136,7 @@ static void what_was_done_may_be_removed(void **state)
     job_set_state(&sim->farm.queue, first, JOB_STATE_DONE, NULL, sim->now_ns, sim->farm.wall_s);
     assert_int_equal(do_verb(&sim->farm, first, VERB_REMOVE, "ana@desk", sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(job->needs.after_count, 0);
+    store_settle(f->store);                             /* as the answer waits for it */
     assert_false(store_job_unsaved(f->store, job->id)); /* a kill now does not bring the need back */
     id = job->id;
     sim_stored_restart(f);

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <zlib.h>
 
-#include "coordinator/web/assets.h"
+#include "web/api/assets.h"
 
 static void files_are_packed_as_they_are(void **state)
 {

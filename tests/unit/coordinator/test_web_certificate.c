@@ -10,26 +10,18 @@
 
 #include <cmocka.h>
 
-#include "common/base/file.h"
-#include "coordinator/web/certificate.h"
+#include "common/system/file.h"
+#include "web/base/certificate.h"
+#include "tests/support/scratch.h"
 
-static char folder[] = "/tmp/azulejo-certificate-XXXXXX";
 static char cert[64], key[64];
 
 static int make_folder(void **state)
 {
-    (void)state;
-    if (!mkdtemp(folder))
+    if (folder_set_up(state) != 0)
         return -1;
     snprintf(cert, sizeof cert, "%s/cert.pem", folder);
     snprintf(key, sizeof key, "%s/key.pem", folder);
-    return 0;
-}
-
-static int remove_folder(void **state)
-{
-    (void)state;
-    file_remove_tree(folder);
     return 0;
 }
 
@@ -106,5 +98,5 @@ int main(void)
         cmocka_unit_test(test_made_again),
         cmocka_unit_test(test_no_certificate),
     };
-    return cmocka_run_group_tests_name("web_certificate", tests, make_folder, remove_folder);
+    return cmocka_run_group_tests_name("web_certificate", tests, make_folder, folder_tear_down);
 }

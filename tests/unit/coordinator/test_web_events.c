@@ -10,12 +10,9 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "coordinator/web/events.h"
+#include "web/base/events.h"
 
-static void add(struct events *e, const char *json)
-{
-    events_add(e, "job", json, strlen(json));
-}
+static void add(struct events *e, const char *json) { events_add(e, "job", json, strlen(json)); }
 
 static void each_listener_gets_each_event_once(void **state)
 {

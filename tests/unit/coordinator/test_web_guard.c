@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "coordinator/web/guard.h"
+#include "web/http/guard.h"
 
 static struct guard guard_of(const char *host, const char *name, int is_tls)
 {
@@ -103,27 +103,27 @@ static void test_origins(void **state)
         int changes, is_socket, by_cookie;
         unsigned answer;
     } rows[] = {
-        {NULL, NULL, NULL, 0, 0, 0, 0},                                  /* a program reads */
-        {NULL, NULL, NULL, 1, 0, 0, 0},                                  /* a program writes, with its token */
-        {"http://localhost:7421", "same-origin", "cors", 1, 0, 1, 0},    /* our page writes */
+        {NULL, NULL, NULL, 0, 0, 0, 0},                               /* a program reads */
+        {NULL, NULL, NULL, 1, 0, 0, 0},                               /* a program writes, with its token */
+        {"http://localhost:7421", "same-origin", "cors", 1, 0, 1, 0}, /* our page writes */
         {"http://localhost:7421", "same-origin", "websocket", 0, 1, 1, 0},
-        {NULL, "same-origin", "cors", 0, 0, 1, 0},                       /* our page reads */
-        {NULL, "none", "navigate", 0, 0, 1, 0},                          /* somebody types the address */
-        {NULL, "cross-site", "navigate", 0, 0, 1, 0},                    /* a link to a picture */
-        {NULL, NULL, NULL, 1, 0, 1, 403},                                /* a cookie, and nobody says from where */
+        {NULL, "same-origin", "cors", 0, 0, 1, 0},    /* our page reads */
+        {NULL, "none", "navigate", 0, 0, 1, 0},       /* somebody types the address */
+        {NULL, "cross-site", "navigate", 0, 0, 1, 0}, /* a link to a picture */
+        {NULL, NULL, NULL, 1, 0, 1, 403},             /* a cookie, and nobody says from where */
         {NULL, NULL, NULL, 0, 1, 1, 403},
         {"http://evil.example", NULL, NULL, 1, 0, 1, 403},
-        {"http://evil.example", NULL, NULL, 1, 0, 0, 403},               /* a foreign page that has a token */
+        {"http://evil.example", NULL, NULL, 1, 0, 0, 403}, /* a foreign page that has a token */
         {"http://evil.example", NULL, NULL, 0, 1, 1, 403},
-        {"null", NULL, NULL, 1, 0, 1, 403},                              /* a sandboxed frame */
-        {"https://localhost:7421", NULL, NULL, 1, 0, 1, 403},            /* another scheme */
+        {"null", NULL, NULL, 1, 0, 1, 403},                   /* a sandboxed frame */
+        {"https://localhost:7421", NULL, NULL, 1, 0, 1, 403}, /* another scheme */
         {"evil://localhost:7421", NULL, NULL, 1, 0, 1, 403},
-        {"http://localhost:7422", NULL, NULL, 1, 0, 1, 403},             /* another service of this machine */
-        {"http://127.0.0.1:7421", NULL, NULL, 1, 0, 1, 403},             /* not the host that was asked */
+        {"http://localhost:7422", NULL, NULL, 1, 0, 1, 403}, /* another service of this machine */
+        {"http://127.0.0.1:7421", NULL, NULL, 1, 0, 1, 403}, /* not the host that was asked */
         {"http://localhost:7421.evil.example", NULL, NULL, 1, 0, 1, 403},
         {"http://localhost:742", NULL, NULL, 1, 0, 1, 403},
-        {NULL, "cross-site", "no-cors", 0, 0, 1, 403},                   /* a foreign page's picture element */
-        {NULL, "same-site", "cors", 0, 0, 1, 403},                       /* another port's page */
+        {NULL, "cross-site", "no-cors", 0, 0, 1, 403}, /* a foreign page's picture element */
+        {NULL, "same-site", "cors", 0, 0, 1, 403},     /* another port's page */
         {NULL, "cross-site", NULL, 0, 0, 1, 403},
         {"http://localhost:7421", "cross-site", "navigate", 1, 0, 1, 403}, /* a foreign form */
     };

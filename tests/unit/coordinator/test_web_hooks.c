@@ -12,26 +12,10 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
-#include "coordinator/web/webhook_post.h"
+#include "common/system/clock.h"
+#include "coordinator/page/webhook_post.h"
+#include "tests/support/scratch.h"
 #include "tests/support/sim_farm.h"
-
-static char folder[64];
-
-static int set_up(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    file_remove_tree(folder);
-    return 0;
-}
 
 static void only_http_addresses(void **state)
 {
@@ -137,6 +121,7 @@ static void events_wait_are_bounded_and_survive(void **state)
     assert_int_equal(webhook_remove(webhooks, row.number, &err), STATUS_OK);
     assert_int_equal(webhook_remove(webhooks, row.number, &err), STATUS_ERR_NOT_FOUND);
     assert_int_equal(webhooks_list(webhooks, views), 0);
+    store_settle(store);
     while (webhooks_counts(webhooks).waiting > 0) /* its place is freed by the thread */
         ;
     assert_true(webhooks_counts(webhooks).failed >= 1 && webhooks_counts(webhooks).given_up == 7);
@@ -150,7 +135,7 @@ static void events_wait_are_bounded_and_survive(void **state)
     store_close(store);
 }
 
-#define WEBHOOK_TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+#define WEBHOOK_TEST(name) cmocka_unit_test_setup_teardown(name, folder_set_up, folder_tear_down)
 
 int main(void)
 {

@@ -1,5 +1,9 @@
 /* Uploads: names, options and words of the importer (import_check.h), and programs run under limits (child.h). */
+#include <arpa/inet.h>
+#include <fcntl.h>
 #include <inttypes.h>
+#include <netinet/in.h>
+#include <sched.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -8,14 +12,20 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ptrace.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
-#include "common/base/clock.h"
-#include "coordinator/web/child.h"
-#include "coordinator/web/import_check.h"
+#include "client/commands/command.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
+#include "web/base/wall.h"
+#include "web/uploads/child.h"
+#include "web/uploads/import_check.h"
 
 /* ---- names -------------------------------------------------------------------------------- */
 
@@ -109,6 +119,59 @@ static void other_options_are_refused_by_name(void **state)
     }
 }
 
+static int is_taken(const struct option *o)
+{
+    const char *value = o->kind == OPTION_CHOICE ? o->choices : "1";
+    struct import_words words = {0};
+    struct error err = {0};
+    char text[256];
+    status s;
+
+    if (o->kind == OPTION_FLAG)
+        snprintf(text, sizeof text, "[\"--%s\"]", o->name);
+    else
+        snprintf(text, sizeof text, "[\"--%s\", \"%.*s\"]", o->name, (int)strcspn(value, "|"), value);
+    s = read_words(&words, text, &err);
+    import_words_release(&words);
+    return s == STATUS_OK;
+}
+
+/* An option of submit can be given with an upload, unless it is one of these. */
+static void take_submit(void *user, const char *usage, const struct option *table)
+{
+    static const char *const kept[] = {
+        "allow-outside", "only-below", "max-image", "max-image-memory", "schedule-from", /* the machine's own files, its memory */
+        "effects", /* auto measures on the farm first */
+        "output", "follow", "video", "watch", "json", "quiet", "reconnect", "timeout", /* of the command, not of the job */
+        "coordinator", "key", "token", "owner", "force"};
+    size_t found = 0, count = sizeof kept / sizeof *kept;
+
+    (void)usage;
+    for (const struct option *o = table; o->name && o->kind != OPTION_GROUP; o++) {
+        int is_kept = 0;
+        for (size_t i = 0; i < count; i++)
+            is_kept |= strcmp(o->name, kept[i]) == 0;
+        found += (size_t)is_kept;
+        if (is_taken(o) == is_kept)
+            fail_msg("--%s %s", o->name, is_kept ? "is taken" : "is refused");
+    }
+    assert_int_equal(found, count);
+    *(int *)user = 1;
+}
+
+static void options_are_those_of_submit(void **state)
+{
+    char submit[] = "submit", help[] = "--help", *const argv[] = {submit, help, NULL};
+    struct error err = {0};
+    int exit_code = 0, seen = 0;
+
+    (void)state;
+    options_take_help(take_submit, &seen);
+    assert_int_equal(command_submit.run(&command_submit, 2, argv, &exit_code, &err), STATUS_OK);
+    options_take_help(NULL, NULL);
+    assert_true(seen);
+}
+
 /* ---- what the importer says --------------------------------------------------------------- */
 
 static void expect_sentence(const char *printed, const char *expected)
@@ -126,6 +189,7 @@ static void errors_name_no_folder_of_the_server(void **state)
     expect_sentence("azulejo submit: /srv/store/imports/7/files/a.obj: no faces\n", "files/a.obj: no faces");
     expect_sentence("azulejo submit: --spp: must be a number ('azulejo submit --help' shows more)\n",
                     "--spp: must be a number");
+    expect_sentence("azulejo: out of memory\n", "out of memory"); /* client/terminal/must.h */
     expect_sentence("", "");
     expect_sentence("Segmentation fault\n", "");
 }
@@ -141,8 +205,8 @@ static void missing_files_are_to_be_uploaded(void **state)
 
 static void warnings_are_listed(void **state)
 {
-    json_t *warnings = import_warnings("takes 1 file\nwarning: ./a.obj: no normals\nwarning: b\x1b[1m\nazulejo submit: x\n",
-                                       "/srv");
+    json_t *warnings =
+        import_warnings("takes 1 file\nwarning: ./a.obj: no normals\nwarning: b\x1b[1m\nazulejo submit: x\n", "/srv");
 
     (void)state;
     assert_int_equal(json_array_size(warnings), 2);
@@ -352,6 +416,117 @@ static void it_dies_with_the_coordinator(void **state)
     close(pipes[0]);
 }
 
+/* ---- behind a wall ------------------------------------------------------------------------ */
+
+/* A listener of 127.0.0.1. */
+static int listen_somewhere(uint16_t *port)
+{
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_LOOPBACK)}};
+    socklen_t size = sizeof address;
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+
+    assert_int_equal(bind(fd, (struct sockaddr *)&address, sizeof address), 0);
+    assert_int_equal(listen(fd, 8), 0);
+    assert_int_equal(getsockname(fd, (struct sockaddr *)&address, &size), 0);
+    *port = ntohs(address.sin_port);
+    return fd;
+}
+
+static int can_connect(uint16_t port)
+{
+    const struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_LOOPBACK)}, .sin_port = htons(port)};
+    int fd = socket(AF_INET, SOCK_STREAM, 0);
+
+    return fd >= 0 && connect(fd, (const struct sockaddr *)&address, sizeof address) == 0;
+}
+
+static int can_open(const char *path, int flags) { return open(path, flags | O_CLOEXEC, 0600) >= 0; }
+
+static int can_execute(void)
+{
+    int ended = 0;
+    pid_t pid = fork();
+
+    if (pid == 0) {
+        execl("/bin/true", "true", (char *)NULL);
+        _exit(99);
+    }
+    return waitpid(pid, &ended, 0) == pid && WIFEXITED(ended) && WEXITSTATUS(ended) == 0;
+}
+
+/* What the child can do, a letter each. */
+static int try_all(char **argv)
+{
+    if (can_open("scene.gltf", O_RDONLY)) putchar('s');
+    if (can_open(argv[4], O_RDONLY)) putchar('o'); /* another upload's */
+    if (can_open("/etc/passwd", O_RDONLY)) putchar('p');
+    if (can_open("made", O_WRONLY | O_CREAT)) putchar('w');
+    if (can_execute()) putchar('x');
+    if (can_connect((uint16_t)atoi(argv[2]))) putchar('c');
+    if (can_connect((uint16_t)atoi(argv[3]))) putchar('n');
+    if (socket(AF_UNIX, SOCK_STREAM, 0) >= 0) putchar('u');
+    if (socket(AF_INET, SOCK_DGRAM, 0) >= 0) putchar('d');
+    if (ptrace(PTRACE_TRACEME, 0, NULL, NULL) == 0) putchar('t');
+    if (unshare(CLONE_NEWUSER) == 0) putchar('m');
+    return fflush(stdout);
+}
+
+static void strangers_files_are_read_behind_a_wall(void **state)
+{
+#ifdef __SANITIZE_ADDRESS__
+    skip(); /* its runtime asks for what the wall forbids */
+#endif
+    char folder[] = "/tmp/azulejo-wall-XXXXXX", own[64], other[128], ports[2][16], self[4096] = "", *has;
+    const char *arguments[] = {"test", "try-all", ports[0], ports[1], other, NULL};
+    struct web_child_options how = options_of("");
+    char kernel[64];
+    uint16_t farm, foreign;
+    int listeners[2] = {listen_somewhere(&farm), listen_somewhere(&foreign)};
+    struct outcome o;
+
+    (void)state;
+    assert_true(readlink("/proc/self/exe", self, sizeof self - 1) > 0);
+    assert_non_null(mkdtemp(folder));
+    snprintf(own, sizeof own, "%s/own", folder);
+    snprintf(other, sizeof other, "%s/own/scene.gltf", folder);
+    assert_int_equal(mkdir(own, 0700), 0);
+    assert_int_equal(file_write_private(other, "{}", 2, NULL), STATUS_OK);
+    snprintf(other, sizeof other, "%s/secret", folder);
+    assert_int_equal(file_write_private(other, "{}", 2, NULL), STATUS_OK);
+    snprintf(ports[0], sizeof ports[0], "%u", farm);
+    snprintf(ports[1], sizeof ports[1], "%u", foreign);
+    how.program = self;
+    how.arguments = arguments;
+    how.folder = own;
+    how.file_bytes = 1 << 20;
+    o = run(&how, NULL); /* without the wall it can: the test sees what it looks for */
+    assert_int_equal(o.exit_status, 0);
+    assert_true(strchr(o.output, 's') && strchr(o.output, 'o') && strchr(o.output, 'p') && strchr(o.output, 'w') &&
+                strchr(o.output, 'x') && strchr(o.output, 'c') && strchr(o.output, 'n') && strchr(o.output, 'u') &&
+                strchr(o.output, 'd') && strchr(o.output, 't'));
+    how.wall_port = farm;
+    o = run(&how, NULL);
+    assert_int_equal(o.exit_status, 0);
+    assert_true(strchr(o.output, 's') && strchr(o.output, 'c'));
+    wall_words(kernel, sizeof kernel);
+    has = o.output;
+    if (strstr(kernel, "files"))
+        assert_false(strpbrk(has, "opwx") != NULL);
+    if (strstr(kernel, "network"))
+        assert_false(strchr(has, 'n') != NULL);
+    if (strstr(kernel, "system calls"))
+        assert_false(strpbrk(has, "udtm") != NULL);
+    for (int i = 0; i < 2; i++)
+        close(listeners[i]);
+    unlink(other);
+    snprintf(other, sizeof other, "%s/scene.gltf", own);
+    unlink(other);
+    snprintf(other, sizeof other, "%s/made", own);
+    unlink(other);
+    rmdir(own);
+    rmdir(folder);
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
@@ -359,6 +534,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(paths_that_lead_elsewhere_are_refused),
         cmocka_unit_test(options_become_single_words),
         cmocka_unit_test(other_options_are_refused_by_name),
+        cmocka_unit_test(options_are_those_of_submit),
         cmocka_unit_test(errors_name_no_folder_of_the_server),
         cmocka_unit_test(missing_files_are_to_be_uploaded),
         cmocka_unit_test(warnings_are_listed),
@@ -373,10 +549,13 @@ int main(int argc, char **argv)
         cmocka_unit_test(an_end_is_told_once_after_a_kill),
         cmocka_unit_test(nothing_is_told_after_it_was_abandoned),
         cmocka_unit_test(it_dies_with_the_coordinator),
+        cmocka_unit_test(strangers_files_are_read_behind_a_wall),
     };
     int exit_status;
 
     if (web_child_launch(argc, argv, &exit_status))
         return exit_status;
+    if (argc == 5 && strcmp(argv[1], "try-all") == 0)
+        return try_all(argv);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,8 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "common/base/clock.h"
-#include "coordinator/web/metric_text.h"
+#include "common/system/clock.h"
+#include "protocol/metric_text.h"
 
 static struct buffer text;
 
@@ -59,7 +59,7 @@ static void a_histogram_is_cumulative(void **state)
 
     (void)state;
     histogram_add(&h, 0);
-    histogram_add(&h, NS_PER_MS);              /* a bound belongs to its class */
+    histogram_add(&h, NS_PER_MS); /* a bound belongs to its class */
     histogram_add(&h, NS_PER_MS + 1);
     histogram_add(&h, 10 * NS_PER_SECOND);
     histogram_add(&h, 3600 * NS_PER_SECOND);

@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "common/base/memory.h"
-#include "coordinator/web/http_queue.h"
-#include "coordinator/web/routes.h"
+#include "web/http/http_queue.h"
+#include "web/api/routes.h"
 
 static const struct web_route table[] = {
     {.method = WEB_GET, .path = "/", .role = WEB_ROLE_NONE},

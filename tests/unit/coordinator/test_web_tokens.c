@@ -11,15 +11,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/clock.h"
-#include "common/base/file.h"
-#include "coordinator/web/token_failures.h"
-#include "coordinator/web/tokens.h"
+#include "common/system/clock.h"
+#include "common/system/file.h"
+#include "coordinator/page/tokens.h"
+#include "web/base/callers.h"
+#include "tests/support/scratch.h"
 #include "tests/support/sim_farm.h"
 
 enum { NOW = 1800000000, DAY = 86400 };
 
-static char folder[64];
 static struct store *store;
 static struct web_tokens *tokens;
 static struct {
@@ -36,6 +36,58 @@ static void note_end(void *user, uint64_t token, int cookies)
     ended.cookies[ended.count++] = cookies;
 }
 
+/* ---- as the page's program sees them ---------------------------------------------------------- */
+
+static struct callers callers;
+static struct {
+    uint64_t token[8];
+    int cookies[8];
+    size_t count;
+} gone;
+
+static void note_gone(void *user, uint64_t token, int cookies)
+{
+    (void)user;
+    if (gone.count < 8) {
+        gone.token[gone.count] = token;
+        gone.cookies[gone.count++] = cookies;
+    }
+}
+
+static void take(void *user, Azulejo__Wire__PageTokens *message)
+{
+    struct error err = {0};
+
+    (void)user;
+    assert_int_equal(message->version, 7);
+    assert_int_equal(callers_set(&callers, message, note_gone, NULL, &err), STATUS_OK);
+}
+
+static void tell(void)
+{
+    struct error err = {0};
+
+    assert_int_equal(web_tokens_tell(tokens, 7, take, NULL, &err), STATUS_OK);
+}
+
+static int find(const char *text, int64_t now_s, struct web_caller *out)
+{
+    tell();
+    return callers_find(&callers, text, now_s, out);
+}
+
+static int find_cookie(const char *cookie, int64_t now_s, struct web_caller *out)
+{
+    tell();
+    return callers_find_cookie(&callers, cookie, now_s, out);
+}
+
+static void make_cookie(uint64_t token, int64_t now_s, char out[COOKIE_SIZE], int64_t *life_s)
+{
+    tell();
+    callers_cookie(&callers, token, now_s, out, life_s);
+}
+
 static void open_all(void)
 {
     struct error err = {0};
@@ -48,14 +100,14 @@ static void close_all(void)
 {
     web_tokens_close(tokens);
     store_close(store);
+    callers_release(&callers);
+    memset(&gone, 0, sizeof gone);
 }
 
 static int set_up(void **state)
 {
-    (void)state;
     memset(&ended, 0, sizeof ended);
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
-    if (!mkdtemp(folder))
+    if (folder_set_up(state) != 0)
         return -1;
     open_all();
     return 0;
@@ -63,10 +115,8 @@ static int set_up(void **state)
 
 static int tear_down(void **state)
 {
-    (void)state;
     close_all();
-    file_remove_tree(folder);
-    return 0;
+    return folder_tear_down(state);
 }
 
 /* Make a token; its number. */
@@ -77,6 +127,7 @@ static uint64_t make(enum web_role role, int64_t expires_at, char secret[TOKEN_T
     struct error err = {0};
 
     assert_int_equal(web_token_create(tokens, &row, NOW, secret, &err), STATUS_OK);
+    store_settle(store);
     return row.number;
 }
 
@@ -91,12 +142,12 @@ static void a_token_is_found_and_survives_a_restart(void **state)
     assert_int_equal(second, TOKEN_FIRST + 1);
     assert_string_not_equal(secret, other);
     for (int times = 0; times < 2; times++) {
-        assert_true(web_tokens_find(tokens, secret, NOW, &caller));
+        assert_true(find(secret, NOW, &caller));
         assert_int_equal(caller.role, WEB_ROLE_SUBMIT);
         assert_int_equal(caller.token, number);
         assert_string_equal(caller.who, "ana@ws3");
         assert_false(caller.by_cookie);
-        assert_true(web_tokens_find(tokens, other, NOW, &caller));
+        assert_true(find(other, NOW, &caller));
         assert_int_equal(caller.role, WEB_ROLE_VIEW);
         close_all();
         open_all();
@@ -114,17 +165,17 @@ static void what_is_no_token_is_not_found(void **state)
     for (size_t i = 0; i < strlen(secret); i++) {
         snprintf(wrong, sizeof wrong, "%s", secret);
         wrong[i] = wrong[i] == '0' ? '1' : '0';
-        assert_false(web_tokens_find(tokens, wrong, NOW, &caller));
+        assert_false(find(wrong, NOW, &caller));
         assert_int_equal(caller.role, WEB_ROLE_NONE);
         wrong[i] = 0;
-        assert_false(web_tokens_find(tokens, wrong, NOW, &caller));
+        assert_false(find(wrong, NOW, &caller));
     }
     snprintf(wrong, sizeof wrong, "%s0", secret);
-    assert_false(web_tokens_find(tokens, wrong, NOW, &caller));
+    assert_false(find(wrong, NOW, &caller));
     digest_to_hex(&web_token_row(tokens, number)->hash, hex);
     snprintf(wrong, sizeof wrong, "azt_%s", hex); /* what a thief of the store would have */
-    assert_false(web_tokens_find(tokens, wrong, NOW, &caller));
-    assert_false(web_tokens_find_cookie(tokens, secret, NOW, &caller));
+    assert_false(find(wrong, NOW, &caller));
+    assert_false(find_cookie(secret, NOW, &caller));
 }
 
 /* The store's bytes hold no token: only its hash. */
@@ -159,8 +210,8 @@ static void a_revoked_token_ends_what_it_opened(void **state)
     assert_int_equal(ended.token[0], a);
     assert_false(ended.cookies[0]);
     for (int times = 0; times < 2; times++) {
-        assert_false(web_tokens_find(tokens, first, NOW, &caller));
-        assert_true(web_tokens_find(tokens, second, NOW, &caller));
+        assert_false(find(first, NOW, &caller));
+        assert_true(find(second, NOW, &caller));
         assert_int_equal(caller.token, b);
         close_all();
         open_all();
@@ -170,7 +221,7 @@ static void a_revoked_token_ends_what_it_opened(void **state)
     assert_true(c > b); /* numbers are not reused */
     assert_int_equal(web_token_revoke(tokens, TOKEN_OWN, &err), STATUS_ERR_REFUSED);
     assert_non_null(strstr(err.text, "token renew"));
-    assert_true(web_tokens_find(tokens, web_tokens_own(tokens), NOW, &caller));
+    assert_true(find(web_tokens_own(tokens), NOW, &caller));
 }
 
 static void a_token_expires_once(void **state)
@@ -182,10 +233,10 @@ static void a_token_expires_once(void **state)
     struct error err = {0};
 
     (void)state;
-    assert_true(web_tokens_find(tokens, secret, NOW + DAY - 1, &caller));
+    assert_true(find(secret, NOW + DAY - 1, &caller));
     web_tokens_tick(tokens, NOW + DAY - 1);
     assert_int_equal(ended.count, 0);
-    assert_false(web_tokens_find(tokens, secret, NOW + DAY, &caller));
+    assert_false(find(secret, NOW + DAY, &caller));
     web_tokens_tick(tokens, NOW + DAY);
     web_tokens_tick(tokens, NOW + DAY + 1);
     assert_int_equal(ended.count, 1);
@@ -211,20 +262,23 @@ static void the_coordinators_own_is_kept_and_renewed(void **state)
     close_all();
     open_all();
     assert_string_equal(web_tokens_own(tokens), own);
-    assert_true(web_tokens_find(tokens, own, NOW, &caller));
+    assert_true(find(own, NOW, &caller));
     assert_int_equal(caller.role, WEB_ROLE_ADMIN);
     assert_int_equal(caller.token, TOKEN_OWN);
     assert_true(caller.who[0]);
-    web_tokens_cookie(tokens, number, NOW, cookie, &life_s);
-    assert_int_equal(web_token_renew(tokens, TOKEN_OWN, NOW, secret, &err), STATUS_OK);
+    make_cookie(number, NOW, cookie, &life_s);
+    assert_int_equal(token_text_make(secret, &err), STATUS_OK);
+    assert_int_equal(web_token_own_write(tokens, secret, &err), STATUS_OK);
+    assert_int_equal(ended.count, 0);
+    assert_int_equal(web_token_own_renewed(tokens, secret, NOW, &err), STATUS_OK);
     assert_int_equal(ended.count, 1);
     assert_int_equal(ended.token[0], TOKEN_OWN);
     assert_true(ended.cookies[0]); /* it signs everybody out */
-    assert_false(web_tokens_find_cookie(tokens, cookie, NOW, &caller));
-    assert_true(web_tokens_find(tokens, guest, NOW, &caller));
+    assert_false(find_cookie(cookie, NOW, &caller));
+    assert_true(find(guest, NOW, &caller));
     for (int times = 0; times < 2; times++) {
-        assert_false(web_tokens_find(tokens, own, NOW, &caller));
-        assert_true(web_tokens_find(tokens, secret, NOW, &caller));
+        assert_false(find(own, NOW, &caller));
+        assert_true(find(secret, NOW, &caller));
         assert_string_equal(web_tokens_own(tokens), secret);
         close_all();
         open_all();
@@ -237,7 +291,7 @@ static void the_coordinators_own_is_kept_and_renewed(void **state)
     assert_int_equal(unlink(path), 0);
     store_close(store);
     open_all();
-    assert_false(web_tokens_find(tokens, secret, NOW, &caller));
+    assert_false(find(secret, NOW, &caller));
 }
 
 static void a_renewed_token_keeps_all_but_its_secret(void **state)
@@ -249,14 +303,14 @@ static void a_renewed_token_keeps_all_but_its_secret(void **state)
     uint64_t number = make(WEB_ROLE_OPERATE, 0, old);
 
     (void)state;
-    web_tokens_cookie(tokens, number, NOW, cookie, &life_s);
+    make_cookie(number, NOW, cookie, &life_s);
     assert_int_equal(web_token_renew(tokens, number, NOW + 5, new, &err), STATUS_OK);
     assert_int_equal(ended.token[0], number);
     assert_false(ended.cookies[0]);
     for (int times = 0; times < 2; times++) {
-        assert_false(web_tokens_find(tokens, old, NOW, &caller));
-        assert_false(web_tokens_find_cookie(tokens, cookie, NOW, &caller));
-        assert_true(web_tokens_find(tokens, new, NOW, &caller));
+        assert_false(find(old, NOW, &caller));
+        assert_false(find_cookie(cookie, NOW, &caller));
+        assert_true(find(new, NOW, &caller));
         assert_int_equal(caller.token, number);
         assert_int_equal(caller.role, WEB_ROLE_OPERATE);
         assert_string_equal(web_token_row(tokens, number)->name, "render node");
@@ -276,33 +330,42 @@ static void a_cookie_is_as_good_as_its_token_for_its_time(void **state)
     uint64_t number = make(WEB_ROLE_OPERATE, 0, secret), soon = make(WEB_ROLE_VIEW, NOW + 60, wrong);
 
     (void)state;
-    web_tokens_cookie(tokens, number, NOW, cookie, &life_s);
+    make_cookie(number, NOW, cookie, &life_s);
     assert_int_equal(life_s, COOKIE_LIFE_S);
     assert_null(strstr(cookie, secret + 4));
     close_all();
     open_all(); /* it survives a restart */
-    assert_true(web_tokens_find_cookie(tokens, cookie, NOW + life_s - 1, &caller));
+    assert_true(find_cookie(cookie, NOW + life_s - 1, &caller));
     assert_int_equal(caller.role, WEB_ROLE_OPERATE);
     assert_int_equal(caller.token, number);
     assert_true(caller.by_cookie);
-    assert_false(web_tokens_find_cookie(tokens, cookie, NOW + life_s, &caller));
-    assert_false(web_tokens_find(tokens, cookie, NOW, &caller));
+    assert_false(find_cookie(cookie, NOW + life_s, &caller));
+    assert_false(find(cookie, NOW, &caller));
     for (size_t i = 0; i < strlen(cookie); i++) {
         snprintf(wrong, sizeof wrong, "%s", cookie);
         wrong[i] = wrong[i] == '1' ? '2' : '1';
-        assert_false(web_tokens_find_cookie(tokens, wrong, NOW, &caller));
+        assert_false(find_cookie(wrong, NOW, &caller));
         assert_int_equal(caller.role, WEB_ROLE_NONE);
         wrong[i] = 0;
-        assert_false(web_tokens_find_cookie(tokens, wrong, NOW, &caller));
+        assert_false(find_cookie(wrong, NOW, &caller));
     }
     snprintf(wrong, sizeof wrong, "0%s", cookie); /* the same number, written otherwise */
-    assert_false(web_tokens_find_cookie(tokens, wrong, NOW, &caller));
-    web_tokens_cookie(tokens, soon, NOW, wrong, &short_s);
+    assert_false(find_cookie(wrong, NOW, &caller));
+    make_cookie(soon, NOW, wrong, &short_s);
     assert_int_equal(short_s, 60);
     assert_int_equal(web_token_revoke(tokens, number, &err), STATUS_OK);
-    assert_false(web_tokens_find_cookie(tokens, cookie, NOW, &caller));
-    web_tokens_cookie(tokens, number, NOW, wrong, &life_s);
+    assert_false(find_cookie(cookie, NOW, &caller));
+    make_cookie(number, NOW, wrong, &life_s);
     assert_string_equal(wrong, "");
+}
+
+/* It is found, and the coordinator is told. */
+static void use(const char *text, int64_t now_s, struct web_caller *out)
+{
+    assert_true(find(text, now_s, out));
+    if (callers_must_tell(&callers, out->token, now_s))
+        web_tokens_used(tokens, out->token, now_s);
+    assert_false(callers_must_tell(&callers, out->token, now_s));
 }
 
 /* The use is stored now and then, not with each request. */
@@ -316,20 +379,20 @@ static void the_last_use_is_stored_coarsely(void **state)
 
     (void)state;
     assert_null(web_tokens_next_used(tokens));
-    assert_true(web_tokens_find(tokens, secret, NOW, &caller));
+    use(secret, NOW, &caller);
     used = web_tokens_next_used(tokens);
     assert_non_null(used);
     assert_int_equal(used->number, number);
     assert_int_equal(used->used_at, NOW);
     assert_int_equal(store_token_used(store, used->number, used->used_at, &err), STATUS_OK);
-    assert_true(web_tokens_find(tokens, secret, NOW + TOKEN_USED_S - 1, &caller));
+    use(secret, NOW + TOKEN_USED_S - 1, &caller);
     assert_null(web_tokens_next_used(tokens));
     close_all();
     open_all();
     assert_int_equal(web_token_row(tokens, number)->used_at, NOW);
-    assert_true(web_tokens_find(tokens, secret, NOW + TOKEN_USED_S, &caller));
+    use(secret, NOW + TOKEN_USED_S, &caller);
     assert_int_equal(web_tokens_next_used(tokens)->used_at, NOW + TOKEN_USED_S);
-    assert_true(web_tokens_find(tokens, web_tokens_own(tokens), NOW, &caller));
+    use(web_tokens_own(tokens), NOW, &caller);
     assert_null(web_tokens_next_used(tokens)); /* it has no row */
 }
 
@@ -341,19 +404,19 @@ static void wrong_tokens_are_limited_by_address(void **state)
     (void)state;
     for (int i = 0; i < TOKEN_FAILURES_MAX; i++) {
         snprintf(peer, sizeof peer, "10.0.0.7:%d", 1000 + i);
-        assert_true(web_tokens_note_failure(tokens, peer, begin));
+        assert_true(callers_note_failure(&callers, peer, begin));
     }
-    assert_false(web_tokens_note_failure(tokens, "10.0.0.7:1", begin + 1));
-    assert_true(web_tokens_note_failure(tokens, "10.0.0.8:1", begin + 1));
-    assert_true(web_tokens_note_failure(tokens, "[::1]:1", begin + 1));
-    assert_false(web_tokens_note_failure(tokens, "10.0.0.7:1", begin + TOKEN_FAILURES_S * NS_PER_SECOND - 1));
-    assert_true(web_tokens_note_failure(tokens, "10.0.0.7:1", begin + TOKEN_FAILURES_S * NS_PER_SECOND));
+    assert_false(callers_note_failure(&callers, "10.0.0.7:1", begin + 1));
+    assert_true(callers_note_failure(&callers, "10.0.0.8:1", begin + 1));
+    assert_true(callers_note_failure(&callers, "[::1]:1", begin + 1));
+    assert_false(callers_note_failure(&callers, "10.0.0.7:1", begin + TOKEN_FAILURES_S * NS_PER_SECOND - 1));
+    assert_true(callers_note_failure(&callers, "10.0.0.7:1", begin + TOKEN_FAILURES_S * NS_PER_SECOND));
     for (int i = 0; i < 4 * TOKEN_ADDRESSES_MAX; i++) { /* others do not grow the table, nor clear an active one */
         snprintf(peer, sizeof peer, "10.1.%d.%d:9", i / 256, i % 256);
-        assert_true(web_tokens_note_failure(tokens, peer, begin + 200 * NS_PER_SECOND + (uint64_t)i));
-        (void)web_tokens_note_failure(tokens, "10.0.0.9:1", begin + 200 * NS_PER_SECOND + (uint64_t)i);
+        assert_true(callers_note_failure(&callers, peer, begin + 200 * NS_PER_SECOND + (uint64_t)i));
+        (void)callers_note_failure(&callers, "10.0.0.9:1", begin + 200 * NS_PER_SECOND + (uint64_t)i);
     }
-    assert_false(web_tokens_note_failure(tokens, "10.0.0.9:1", begin + 201 * NS_PER_SECOND));
+    assert_false(callers_note_failure(&callers, "10.0.0.9:1", begin + 201 * NS_PER_SECOND));
 }
 
 static void what_cannot_be_a_token_is_refused(void **state)

@@ -25,15 +25,9 @@ static struct depth_light sums(double (*decay)(double), double found, double sam
                                  [DEPTH_GATHERED] = samples * found * (half - ended)}};
 }
 
-static double geometric(double depth)
-{
-    return pow(0.8, depth);
-}
+static double geometric(double depth) { return pow(0.8, depth); }
 
-static double power(double depth)
-{
-    return depth > 1 ? 1 / sqrt(depth) : 1;
-}
+static double power(double depth) { return depth > 1 ? 1 / sqrt(depth) : 1; }
 
 static double endless(double depth)
 {

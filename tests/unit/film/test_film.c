@@ -228,7 +228,7 @@ static void bad_results_are_refused(void **state)
     struct error err = {0};
 
     (void)state;
-    assert_int_equal(good.count, 2 * 4 * 16 * 3);
+    assert_int_equal(good.count, 4 * 16 * 3);
 #define REFUSED(change)                                                                   \
     do {                                                                                  \
         bad = good;                                                                       \
@@ -261,8 +261,7 @@ static void bad_results_are_refused(void **state)
     film_free(film);
 }
 
-static void merge_values(struct film *film, uint32_t group, uint32_t pass, const float *sums,
-                         size_t count)
+static void merge_values(struct film *film, uint32_t group, uint32_t pass, const float *sums, size_t count)
 {
     struct unit_result unit = {.group = group, .pass = pass, .sums = sums, .count = count};
     enum film_merge_result result;
@@ -276,33 +275,31 @@ static void means_and_errors_follow_the_formula(void **state)
 {
     /* spp 7: group 0 has 4 samples, in passes [0,2) and [2,4), group 1 has 3, in [0,2) and [2,3). */
     struct film *film = film_data_new(2, 1, 7, 0);
-    /* [replicate][pixel][rgb] */
-    const float a0[12] = {2, 0, 4, 1, 1, 1, 4, 0, 2, 1, 1, 1};
-    const float a1[12] = {0, 0, 2, 1, 0, 0, 0, 0, 2, 0, 0, 0};
-    const float b0[12] = {1, 0, 0, 0.5f, 0, 0, 2, 0, 0, 0.25f, 0, 0};
-    const float b1[12] = {3, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0};
+    /* [pixel][rgb] */
+    const float a0[6] = {6, 0, 6, 2, 2, 2}, a1[6] = {0, 0, 4, 1, 0, 0};
+    const float b0[6] = {3, 0, 0, 0.75f, 0, 0}, b1[6] = {3, 0, 0, 1, 0, 0};
     float rgb[6], one[6], error[6], samples[2];
 
     (void)state;
-    assert_false(film_has_replicates(film));
+    assert_false(film_has_groups(film));
     film_develop(film, rgb);
     for (int i = 0; i < 6; i++)
         assert_true(rgb[i] == 0);
-    merge_values(film, 0, 0, a0, 12);
+    merge_values(film, 0, 0, a0, 6);
     assert_true(film_covered(film));
     assert_false(film_complete(film));
     film_develop(film, rgb); /* one group: its mean */
     assert_true(rgb[0] == 3 && rgb[1] == 0 && rgb[2] == 3 && rgb[3] == 1);
-    film_develop_aov(film, AOV_ERROR, 0, 1, error); /* |2 - 4| / 2 */
-    assert_true(error[0] == 1 && error[1] == 0);
-    assert_false(film_has_replicates(film));
-    merge_values(film, 0, 1, a1, 12);
-    assert_false(film_has_replicates(film));
-    merge_values(film, 1, 0, b0, 12);
-    assert_true(film_has_replicates(film));
+    film_develop_aov(film, AOV_ERROR, 0, 1, error); /* one group: not known */
+    assert_true(error[0] == 0 && error[1] == 0);
+    assert_false(film_has_groups(film));
+    merge_values(film, 0, 1, a1, 6);
+    assert_false(film_has_groups(film));
+    merge_values(film, 1, 0, b0, 6);
+    assert_true(film_has_groups(film));
     film_develop(film, rgb); /* (6 / 4 + 3 / 2) / 2: whatever the counts are */
     assert_true(rgb[0] == 1.5f && rgb[2] == 10.f / 4 / 2 && rgb[3] == (3.f / 4 + 0.75f / 2) / 2);
-    merge_values(film, 1, 1, b1, 12);
+    merge_values(film, 1, 1, b1, 6);
     assert_true(film_complete(film));
     assert_int_equal(film_tile_samples(film, 0), 7);
     film_develop(film, rgb);
@@ -311,28 +308,42 @@ static void means_and_errors_follow_the_formula(void **state)
     assert_true(one[0] == 2 && one[3] == (float)(1.75 / 3));
     film_develop_aov(film, AOV_SAMPLES, 0, 1, samples);
     assert_true(samples[0] == 7 && samples[1] == 7);
-    /* Replicates: A 1 and 2, B 4 / 2 and 2 / 1: sqrt((1 + 0) / 16). */
-    for (uint32_t r = 0; r < REPLICATES; r++) {
-        const float expected[REPLICATES] = {1, 2, 2, 2};
-        film_replicates(film, r, 0, 1, one);
-        assert_true(one[0] == expected[r] && one[1] == 0);
-    }
-    film_develop_aov(film, AOV_ERROR, 0, 1, error);
+    film_develop_aov(film, AOV_ERROR, 0, 1, error); /* |6 / 4 - 6 / 3| / 2 */
     assert_true(error[0] == 0.25f);
     film_free(film);
 }
 
-static void few_samples_have_no_replicates(void **state)
+/* Any lines of a group are those of its whole picture. */
+static void lines_are_those_of_the_picture(void **state)
+{
+    enum { WIDTH = 37, HEIGHT = 50, LINE = WIDTH * 3 };
+    struct film *film = film_data_whole(WIDTH, HEIGHT, 4, 0);
+    static float whole[HEIGHT * LINE], lines[HEIGHT * LINE];
+
+    (void)state;
+    for (uint32_t g = 0; g < GROUPS; g++)
+        for (uint32_t y = 0; y < HEIGHT; y++)
+            for (uint32_t height = 1; height <= HEIGHT - y; height += 7) {
+                film_develop_group(film, g, whole);
+                memset(lines, 0xff, sizeof lines);
+                film_group_rows(film, g, y, height, lines);
+                assert_memory_equal(lines, whole + (size_t)y * LINE, (size_t)height * LINE * sizeof *lines);
+                assert_true(isnan(lines[(HEIGHT - y > height ? height : 0) * LINE]) || HEIGHT - y == height);
+            }
+    film_free(film);
+}
+
+static void one_sample_has_one_group(void **state)
 {
     struct film *film = film_data_whole(17, 16, 1, 0);
 
     (void)state;
     assert_int_equal(film_pass_count(film, 0), 1);
     assert_int_equal(film_pass_count(film, 1), 0);
-    assert_false(film_has_replicates(film));
+    assert_false(film_has_groups(film));
     film_free(film);
-    film = film_data_whole(17, 16, 4, 0);
-    assert_true(film_has_replicates(film));
+    film = film_data_whole(17, 16, 2, 0);
+    assert_true(film_has_groups(film));
     film_free(film);
 }
 
@@ -498,8 +509,7 @@ static void memory_faults_lose_nothing(void **state)
                     continue;
                 assert_int_equal(err.code, STATUS_ERR_NO_MEMORY);
                 assert_false(film_has(film, t, g, unit.pass));
-                assert_int_equal(film_merge(film, &unit, 100 + unit.pass, &result, &err),
-                                 STATUS_OK);
+                assert_int_equal(film_merge(film, &unit, 100 + unit.pass, &result, &err), STATUS_OK);
             }
         }
         for (uint32_t g = 0; g < GROUPS; g++) /* which cannot fail */
@@ -545,8 +555,8 @@ static void aovs_are_means_or_first_samples(void **state)
                         for (uint32_t p = 0; p < film_pass_count(film, g); p++) {
                             uint32_t sent = unit_aovs(masks[m], g, p);
                             static float sums[TILE_FLOATS_MAX];
-                            size_t at = tile_aov_offset(rect.width * rect.height, sent,
-                                                        (enum aov)aov) + pixel * channels + c;
+                            size_t at =
+                                tile_aov_offset(rect.width * rect.height, sent, (enum aov)aov) + pixel * channels + c;
                             if (!(sent >> aov & 1))
                                 continue;
                             if (x % 7 || row % 5)
@@ -554,9 +564,7 @@ static void aovs_are_means_or_first_samples(void **state)
                             film_data_unit(film, tile, g, p, sums);
                             *(pass_is_short(SPP, g, p) ? &cut : &sum) += (double)sums[at];
                         }
-                        value += aov_is_point((enum aov)aov)
-                                     ? sum + cut
-                                     : (sum + cut) / group_samples(SPP, g) * 0.5;
+                        value += aov_is_point((enum aov)aov) ? sum + cut : (sum + cut) / group_samples(SPP, g) * 0.5;
                     }
                     if (!(x % 7) && !(row % 5))
                         assert_true(out[i] == (float)value);
@@ -600,7 +608,7 @@ int main(void)
         cmocka_unit_test(conflicts_are_told_and_change_nothing),
         cmocka_unit_test(bad_results_are_refused),
         cmocka_unit_test(means_and_errors_follow_the_formula),
-        cmocka_unit_test(few_samples_have_no_replicates),
+        cmocka_unit_test(lines_are_those_of_the_picture), cmocka_unit_test(one_sample_has_one_group),
         cmocka_unit_test(counts_follow_the_tiles),
         cmocka_unit_test(folding_waits_to_be_wanted),
         cmocka_unit_test(the_largest_contributions_are_kept),

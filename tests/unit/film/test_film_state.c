@@ -133,8 +133,7 @@ static void a_larger_cap_goes_on(void **state)
                 uint32_t passes = film_pass_count(small, g);
                 int cut = passes > 0 && pass_is_short(caps[i][0], g, passes - 1);
                 int same = group_samples(caps[i][0], g) == group_samples(caps[i][1], g);
-                assert_int_equal(film_tile_passes(on, t, g),
-                                 passes - (uint32_t)(cut && !same));
+                assert_int_equal(film_tile_passes(on, t, g), passes - (uint32_t)(cut && !same));
                 for (uint32_t p = film_tile_passes(on, t, g); p < film_pass_count(on, g); p++)
                     assert_int_equal(film_data_merge(on, t, g, p), FILM_MERGED);
             }

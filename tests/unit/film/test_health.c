@@ -62,8 +62,8 @@ static void keys_are_in_the_order_of_their_places(void **state)
     assert_false(health_place_of(health_key((struct health_place){.pass = PASSES_MAX}), &back));
     /* The largest frame there can be: one pixel more than whole tiles along both sides. */
     for (uint32_t side = 1; side <= 65536; side *= 2) {
-        uint32_t other = SETTINGS_PIXELS_MAX / side < SETTINGS_SIZE_MAX ? SETTINGS_PIXELS_MAX / side
-                                                                        : SETTINGS_SIZE_MAX;
+        uint32_t other =
+            SETTINGS_PIXELS_MAX / side < SETTINGS_SIZE_MAX ? SETTINGS_PIXELS_MAX / side : SETTINGS_SIZE_MAX;
         assert_true(tile_count(side, other) <= 1u << HEALTH_TILE_BITS);
     }
 }

@@ -100,18 +100,6 @@ static void levels_are_passes(void **state)
     assert_int_equal(found, LEVELS_MAX);
 }
 
-static void replicates_share_the_samples(void **state)
-{
-    (void)state;
-    for (uint32_t end = 0; end < 100; end++) {
-        uint32_t count[GROUP_REPLICATES] = {0};
-        for (uint32_t i = 0; i < end; i++)
-            count[i % GROUP_REPLICATES]++;
-        assert_int_equal(replicate_samples(end, 0), count[0]);
-        assert_int_equal(replicate_samples(end, 1), count[1]);
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -119,7 +107,6 @@ int main(void)
         cmocka_unit_test(passes_cut_the_samples),
         cmocka_unit_test(boundaries_are_what_they_are),
         cmocka_unit_test(levels_are_passes),
-        cmocka_unit_test(replicates_share_the_samples),
     };
     return cmocka_run_group_tests_name("tiles", tests, NULL, NULL);
 }

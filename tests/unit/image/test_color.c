@@ -11,15 +11,9 @@
 #include "common/image/color.h"
 #include "common/math/elementary.h"
 
-static double reference_encode(double v)
-{
-    return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
-}
+static double reference_encode(double v) { return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055; }
 
-static double reference_decode(double v)
-{
-    return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
-}
+static double reference_decode(double v) { return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4); }
 
 static void test_against_formula(void **state)
 {
@@ -61,6 +55,26 @@ static void test_row(void **state)
     srgb_encode_row(row, sizeof ends / sizeof *ends);
     for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
         assert_true(row[i] == srgb_encode(ends[i]));
+}
+
+/* A row is encoded four values at a time; its rest, too, and NaN is black. */
+static void test_row_lengths(void **state)
+{
+    float whole[12], row[12];
+
+    (void)state;
+    for (int i = 0; i < 12; i++)
+        whole[i] = i == 5 ? NAN : (float)i * 0.11f - 0.01f;
+    for (size_t count = 0; count <= 12; count++) {
+        memcpy(row, whole, sizeof row);
+        srgb_encode_row(row, count);
+        for (size_t i = 0; i < 12; i++) {
+            float alone = whole[i];
+            srgb_encode_row(&alone, 1);
+            assert_true(i < count ? row[i] == alone && fabsf(alone - srgb_encode(whole[i])) < 1e-7f
+                                  : memcmp(&row[i], &whole[i], sizeof row[i]) == 0);
+        }
+    }
 }
 
 static void test_ends_and_nonsense(void **state)
@@ -133,6 +147,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_against_formula), cmocka_unit_test(test_row),
+        cmocka_unit_test(test_row_lengths),
         cmocka_unit_test(test_ends_and_nonsense), cmocka_unit_test(test_table),
         cmocka_unit_test(test_color_spaces), cmocka_unit_test(test_matrix_inverse),
     };

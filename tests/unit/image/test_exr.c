@@ -1,6 +1,7 @@
 /* OpenEXR: our encoder's round trips, and files written by OpenEXR itself in every
  * compression and layout that our decoder promises to read. */
 #include <setjmp.h>
+#include <stdatomic.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -63,9 +64,7 @@ static float worst(const struct image *image)
     for (uint32_t y = 0; y < image->height; y++)
         for (uint32_t x = 0; x < image->width; x++)
             for (uint32_t c = 0; c < 3; c++)
-                difference = fmaxf(difference,
-                                   fabsf(image->pixels[(y * image->width + x) * 3 + c] -
-                                         pattern(x, y, c)));
+                difference = fmaxf(difference, fabsf(image->pixels[(y * image->width + x) * 3 + c] - pattern(x, y, c)));
     return difference;
 }
 
@@ -184,8 +183,7 @@ static void test_incompressible(void **state)
                 memcpy(&want, &image.pixels[i], sizeof want);
                 memcpy(&got, &out.pixels[i], sizeof got);
                 if (want != got && image.pixels[i] >= 0) /* the decoder mends negative values */
-                    fail_msg("run %u, %u equal values: value %u is %08x, not %08x", run, zeros, i,
-                             got, want);
+                    fail_msg("run %u, %u equal values: value %u is %08x, not %08x", run, zeros, i, got, want);
             }
             image_release(&out);
             image_release(&image);
@@ -218,8 +216,8 @@ struct memory_file {
     const struct buffer *bytes;
 };
 
-static int64_t read_memory(exr_const_context_t context, void *user, void *out, uint64_t size,
-                           uint64_t offset, exr_stream_error_func_ptr_t complain)
+static int64_t read_memory(exr_const_context_t context, void *user, void *out, uint64_t size, uint64_t offset,
+                           exr_stream_error_func_ptr_t complain)
 {
     const struct buffer *b = ((struct memory_file *)user)->bytes;
 
@@ -264,8 +262,7 @@ static void test_attributes(void **state)
     assert_true(number == 0.125);
     assert_int_equal(exr_attr_get_v3d(context, 0, "origin", &point), EXR_ERR_SUCCESS);
     assert_memory_equal(point.arr, origin, sizeof origin);
-    assert_int_equal(exr_attr_get_chromaticities(context, 0, "chromaticities", &chroma),
-                     EXR_ERR_SUCCESS);
+    assert_int_equal(exr_attr_get_chromaticities(context, 0, "chromaticities", &chroma), EXR_ERR_SUCCESS);
     assert_true(chroma.red_x == 0.64f && chroma.white_y == 0.329f);
     assert_int_equal(exr_get_compression(context, 0, &compression), EXR_ERR_SUCCESS);
     assert_int_equal(compression, EXR_COMPRESSION_ZIP);
@@ -287,8 +284,8 @@ static void read_back(int fd, struct buffer *file)
 }
 
 /* The pattern (its Y is not the pattern) at offset (x0, y0) of the display window. */
-static void write_rgba(struct buffer *file, int width, int height, int x0, int y0, int channels,
-                       int compression, int line_order)
+static void write_rgba(struct buffer *file, int width, int height, int x0, int y0, int channels, int compression,
+                       int line_order)
 {
     int fd = memfd_create("test-exr", MFD_CLOEXEC);
     ImfRgba *pixels = calloc((size_t)(width * height), sizeof *pixels);
@@ -334,8 +331,8 @@ static void test_every_compression(void **state)
                 struct buffer file = BUFFER_INIT;
                 struct image out;
 
-                write_rgba(&file, sizes[i][0], sizes[i][1], sizes[i][2], sizes[i][3],
-                           IMF_WRITE_RGBA, compression, order);
+                write_rgba(&file, sizes[i][0], sizes[i][1], sizes[i][2], sizes[i][3], IMF_WRITE_RGBA, compression,
+                           order);
                 out = decode(&file);
                 assert_int_equal(out.width, sizes[i][0]);
                 assert_int_equal(out.height, sizes[i][1]);
@@ -355,8 +352,7 @@ static void test_luminance_and_chroma(void **state)
     out = decode(&file);
     for (size_t i = 0; i < 40 * 30; i++) {
         const float *p = out.pixels + 3 * i;
-        float y = 0.2126f * pattern(i % 40, (uint32_t)i / 40, 0) +
-                  0.7152f * pattern(i % 40, (uint32_t)i / 40, 1) +
+        float y = 0.2126f * pattern(i % 40, (uint32_t)i / 40, 0) + 0.7152f * pattern(i % 40, (uint32_t)i / 40, 1) +
                   0.0722f * pattern(i % 40, (uint32_t)i / 40, 2);
         assert_true(p[0] == p[1] && p[1] == p[2]);
         assert_true(fabsf(p[0] - y) < 2e-3f);
@@ -377,8 +373,7 @@ static void test_tiles_and_levels(void **state)
 {
     (void)state;
     for (int mode = IMF_ONE_LEVEL; mode <= IMF_MIPMAP_LEVELS; mode++)
-        for (int compression = IMF_NO_COMPRESSION; compression <= IMF_DWAA_COMPRESSION;
-             compression++) {
+        for (int compression = IMF_NO_COMPRESSION; compression <= IMF_DWAA_COMPRESSION; compression++) {
             enum { W = 45, H = 31, TILE = 16 };
             int fd = memfd_create("test-exr", MFD_CLOEXEC);
             static ImfRgba pixels[W * H];
@@ -397,8 +392,7 @@ static void test_tiles_and_levels(void **state)
             ImfHeaderSetDisplayWindow(header, 0, 0, W - 1, H - 1);
             ImfHeaderSetDataWindow(header, 0, 0, W - 1, H - 1);
             ImfHeaderSetCompression(header, compression);
-            out = ImfOpenTiledOutputFile(path, header, IMF_WRITE_RGB, TILE, TILE, mode,
-                                         IMF_ROUND_DOWN);
+            out = ImfOpenTiledOutputFile(path, header, IMF_WRITE_RGB, TILE, TILE, mode, IMF_ROUND_DOWN);
             assert_non_null(out);
             assert_true(ImfTiledOutputSetFrameBuffer(out, pixels, 1, W));
             for (int level = 0; level <= (mode == IMF_ONE_LEVEL ? 0 : 5); level++) {
@@ -430,11 +424,11 @@ struct part_spec {
     exr_storage_t storage;
     const char *channels[8]; /* in alphabetical order */
     exr_pixel_type_t types[8];
-    int values[8];           /* the pattern's channel that it holds */
+    int values[8]; /* the pattern's channel that it holds */
 };
 
-static int64_t write_memory(exr_const_context_t context, void *user, const void *data,
-                            uint64_t size, uint64_t offset, exr_stream_error_func_ptr_t complain)
+static int64_t write_memory(exr_const_context_t context, void *user, const void *data, uint64_t size, uint64_t offset,
+                            exr_stream_error_func_ptr_t complain)
 {
     struct buffer *b = user;
 
@@ -455,8 +449,7 @@ static float stored_value(exr_pixel_type_t type, uint32_t x, uint32_t y, int c)
     return type == EXR_PIXEL_UINT ? pattern(x, y, (uint32_t)c) * 64.0f : pattern(x, y, (uint32_t)c);
 }
 
-static void write_chunks(exr_context_t context, int part, const struct part_spec *spec, int width,
-                         int height)
+static void write_chunks(exr_context_t context, int part, const struct part_spec *spec, int width, int height)
 {
     int32_t lines;
 
@@ -467,16 +460,15 @@ static void write_chunks(exr_context_t context, int part, const struct part_spec
         uint8_t *planes[8] = {0};
 
         assert_int_equal(exr_write_scanline_chunk_info(context, part, y, &chunk), EXR_ERR_SUCCESS);
-        assert_int_equal(exr_encoding_initialize(context, part, &chunk, &pipeline),
-                         EXR_ERR_SUCCESS);
+        assert_int_equal(exr_encoding_initialize(context, part, &chunk, &pipeline), EXR_ERR_SUCCESS);
         for (int c = 0; c < pipeline.channel_count; c++) {
             exr_coding_channel_info_t *info = &pipeline.channels[c];
             size_t size = spec->types[c] == EXR_PIXEL_HALF ? 2 : 4;
 
             planes[c] = calloc((size_t)(width * chunk.height), size);
             for (int i = 0; i < width * chunk.height; i++) {
-                float v = stored_value(spec->types[c], (uint32_t)(i % width),
-                                       (uint32_t)(y + i / width), spec->values[c]);
+                float v =
+                    stored_value(spec->types[c], (uint32_t)(i % width), (uint32_t)(y + i / width), spec->values[c]);
                 uint32_t whole = (uint32_t)v;
                 uint16_t half = half_from_float(v);
                 const void *from = spec->types[c] == EXR_PIXEL_HALF    ? (const void *)&half
@@ -490,8 +482,7 @@ static void write_chunks(exr_context_t context, int part, const struct part_spec
             info->user_line_stride = (int32_t)size * width;
             info->encode_from_ptr = planes[c];
         }
-        assert_int_equal(exr_encoding_choose_default_routines(context, part, &pipeline),
-                         EXR_ERR_SUCCESS);
+        assert_int_equal(exr_encoding_choose_default_routines(context, part, &pipeline), EXR_ERR_SUCCESS);
         assert_int_equal(exr_encoding_run(context, part, &pipeline), EXR_ERR_SUCCESS);
         exr_encoding_destroy(context, &pipeline);
         for (int c = 0; c < 8; c++)
@@ -499,9 +490,8 @@ static void write_chunks(exr_context_t context, int part, const struct part_spec
     }
 }
 
-static void write_parts(struct buffer *file, const struct part_spec *parts, int part_count,
-                        int width, int height, exr_compression_t compression,
-                        const exr_attr_chromaticities_t *chroma, int cube)
+static void write_parts(struct buffer *file, const struct part_spec *parts, int part_count, int width, int height,
+                        exr_compression_t compression, const exr_attr_chromaticities_t *chroma, int cube)
 {
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
     exr_context_t context;
@@ -509,8 +499,7 @@ static void write_parts(struct buffer *file, const struct part_spec *parts, int 
     buffer_clear(file);
     init.write_fn = write_memory;
     init.user_data = file;
-    assert_int_equal(exr_start_write(&context, "memory", EXR_WRITE_FILE_DIRECTLY, &init),
-                     EXR_ERR_SUCCESS);
+    assert_int_equal(exr_start_write(&context, "memory", EXR_WRITE_FILE_DIRECTLY, &init), EXR_ERR_SUCCESS);
     for (int p = 0; p < part_count; p++) {
         int index;
 
@@ -520,15 +509,13 @@ static void write_parts(struct buffer *file, const struct part_spec *parts, int 
             exr_initialize_required_attr_simple(context, index, width, height, compression),
             EXR_ERR_SUCCESS);
         for (int c = 0; c < 8 && parts[p].channels[c]; c++)
-            assert_int_equal(exr_add_channel(context, index, parts[p].channels[c],
-                                             parts[p].types[c], EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1),
+            assert_int_equal(exr_add_channel(context, index, parts[p].channels[c], parts[p].types[c],
+                                             EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1),
                              EXR_ERR_SUCCESS);
         if (chroma)
-            assert_int_equal(exr_attr_set_chromaticities(context, index, "chromaticities", chroma),
-                             EXR_ERR_SUCCESS);
+            assert_int_equal(exr_attr_set_chromaticities(context, index, "chromaticities", chroma), EXR_ERR_SUCCESS);
         if (cube)
-            assert_int_equal(exr_attr_set_envmap(context, index, "envmap", EXR_ENVMAP_CUBE),
-                             EXR_ERR_SUCCESS);
+            assert_int_equal(exr_attr_set_envmap(context, index, "envmap", EXR_ENVMAP_CUBE), EXR_ERR_SUCCESS);
     }
     assert_int_equal(exr_write_header(context), EXR_ERR_SUCCESS);
     for (int p = 0; p < part_count; p++)
@@ -606,13 +593,11 @@ static void test_layers_and_parts(void **state)
     assert_true(out.pixels[1] == pattern(0, 0, 1));
     image_release(&out);
     write_parts(&file, &depth, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
-    assert_int_equal(exr_decode(&out, file.data, file.size, "depth.exr", &err),
-                     STATUS_ERR_UNSUPPORTED);
+    assert_int_equal(exr_decode(&out, file.data, file.size, "depth.exr", &err), STATUS_ERR_UNSUPPORTED);
     assert_non_null(strstr(err.text, "depth.exr"));
     assert_null(out.pixels);
     write_parts(&file, &parts[1], 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 1);
-    assert_int_equal(exr_decode(&out, file.data, file.size, "cube.exr", &err),
-                     STATUS_ERR_UNSUPPORTED);
+    assert_int_equal(exr_decode(&out, file.data, file.size, "cube.exr", &err), STATUS_ERR_UNSUPPORTED);
     assert_non_null(strstr(err.text, "cube"));
     buffer_release(&file);
 }
@@ -809,17 +794,21 @@ static float more_value(uint32_t x, uint32_t y, uint32_t c)
     return 100000.5f * (float)c + (float)x + 0x1p-10f * (float)y;
 }
 
-static void more_lines(void *user, uint32_t y, uint32_t height, float *planes)
+static void fill_more(void *user UNUSED, uint32_t y, uint32_t height, float *planes)
 {
-    uint32_t *next = user;
-
-    assert_int_equal(y, *next); /* from top to bottom, in runs of EXR_LINES */
-    assert_true(height == EXR_LINES || y + height == MORE_HEIGHT);
-    *next = y + height;
     for (uint32_t c = 0; c < MORE_COUNT; c++)
         for (uint32_t line = 0; line < height; line++)
             for (uint32_t x = 0; x < MORE_WIDTH; x++)
                 *planes++ = more_value(x, y + line, c);
+}
+
+static void more_lines(void *user, uint32_t y, uint32_t height, float *planes)
+{
+    atomic_uint *lines = user;
+
+    assert_true(y % EXR_LINES == 0 && (height == EXR_LINES || y + height == MORE_HEIGHT));
+    atomic_fetch_add(lines, height);
+    fill_more(NULL, y, height, planes);
 }
 
 static void test_more_channels(void **state)
@@ -831,13 +820,13 @@ static void test_more_channels(void **state)
     for (int half = 0; half < 2; half++) {
         struct image in = make_image(MORE_WIDTH, MORE_HEIGHT, 3), out;
         struct buffer file = BUFFER_INIT;
-        uint32_t next = 0;
+        atomic_uint lines = 0;
         uint64_t clamped;
-        struct exr_channels more = {channels, MORE_COUNT, more_lines, &next};
+        struct exr_channels more = {channels, MORE_COUNT, more_lines, &lines};
         struct exr_options options = {.half = half, .more = &more, .clamped = &clamped};
         struct error err = {0};
         assert_int_equal(exr_encode(&file, &in, &options, &err), STATUS_OK);
-        assert_int_equal(next, MORE_HEIGHT);
+        assert_int_equal(lines, MORE_HEIGHT);
         assert_int_equal(exr_channel_count(file.data, file.size), 3 + MORE_COUNT);
         for (uint32_t c = 0; c < MORE_COUNT; c++) {
             int is_half;
@@ -847,8 +836,7 @@ static void test_more_channels(void **state)
             for (uint32_t y = 0; y < MORE_HEIGHT; y++)
                 for (uint32_t x = 0; x < MORE_WIDTH; x++) {
                     float wanted = more_value(x, y, c);
-                    assert_true(values[y * MORE_WIDTH + x] ==
-                                (is_half ? fminf(wanted, 65504.0f) : wanted));
+                    assert_true(values[y * MORE_WIDTH + x] == (is_half ? fminf(wanted, 65504.0f) : wanted));
                 }
             free(values);
         }
@@ -861,6 +849,32 @@ static void test_more_channels(void **state)
         image_release(&in);
         buffer_release(&file);
     }
+}
+
+/* Higher than a batch of chunks, with values that are clamped: the same file for any number of threads. */
+static void test_threads(void **state)
+{
+    static const struct exr_channel channels[MORE_COUNT] = {{"Z", 1}, {"albedo.R", 0}, {"Aa.X", 1}, {"P.X", 0}};
+    enum { WIDTH = MORE_WIDTH, HEIGHT = 64 * EXR_LINES + MORE_HEIGHT };
+    struct buffer first = BUFFER_INIT;
+    struct image in = make_image(WIDTH, HEIGHT, 3);
+
+    (void)state;
+    for (unsigned threads = 1; threads < 8; threads += 3) {
+        struct buffer file = BUFFER_INIT;
+        uint64_t clamped;
+        struct exr_channels more = {channels, MORE_COUNT, fill_more, NULL};
+        struct exr_options options = {.half = 1, .more = &more, .clamped = &clamped, .threads = threads};
+        assert_int_equal(exr_encode(&file, &in, &options, NULL), STATUS_OK);
+        assert_int_equal(clamped, 2 * WIDTH * HEIGHT);
+        if (threads == 1)
+            buffer_append(&first, file.data, file.size);
+        assert_int_equal(file.size, first.size);
+        assert_memory_equal(file.data, first.data, file.size);
+        buffer_release(&file);
+    }
+    buffer_release(&first);
+    image_release(&in);
 }
 
 /* ---- halves, repairs --------------------------------------------------------------------- */
@@ -961,6 +975,7 @@ int main(void)
         cmocka_unit_test(test_size_bomb),
         cmocka_unit_test(test_out_of_memory),
         cmocka_unit_test(test_more_channels),
+        cmocka_unit_test(test_threads),
         cmocka_unit_test(test_half_conversion),
         cmocka_unit_test(test_repairs),
         cmocka_unit_test(test_limits),

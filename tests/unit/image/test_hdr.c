@@ -96,8 +96,8 @@ static void append_new(struct buffer *b, const uint8_t *line, uint32_t length)
 }
 
 /* The picture of `encoded` with a given header and resolution line. */
-static void write_file(struct buffer *b, const char *header, const char *order, uint32_t width,
-                       uint32_t height, enum coding coding)
+static void write_file(struct buffer *b, const char *header, const char *order, uint32_t width, uint32_t height,
+                       enum coding coding)
 {
     int y_major = order[1] == 'Y';
     uint32_t lines = y_major ? height : width, length = y_major ? width : height;
@@ -194,8 +194,7 @@ static void test_exposure_and_correction(void **state)
     struct image image;
 
     (void)state;
-    write_file(&b, RGBE_HEADER "EXPOSURE=2.0\nEXPOSURE= 4\nCOLORCORR= 1 2 0.5\n# note\n", "-Y+X", 9,
-               2, NEW_RLE);
+    write_file(&b, RGBE_HEADER "EXPOSURE=2.0\nEXPOSURE= 4\nCOLORCORR= 1 2 0.5\n# note\n", "-Y+X", 9, 2, NEW_RLE);
     image = decode(&b);
     /* Pixel (0, 0) is (3, 3, 0), pixel (7, 0) is (10, 3, 50). */
     assert_true(image.pixels[0] == 3.0f / 8.0f && image.pixels[1] == 3.0f / 16.0f);
@@ -266,8 +265,8 @@ static void test_refused(void **state)
         {"#?RADIANCE\n\n-Y 99999999999 +X 1\nabcd", STATUS_ERR_LIMIT},
         {"#?RADIANCE\n\n-Y 99999999999999999999999 +X 1\nabcd", STATUS_ERR_LIMIT},
         {"#?RADIANCE\n\n-Y 40000 +X 40000\nabcd", STATUS_ERR_INPUT},
-        {"#?RADIANCE\n\n-Y 1 +X 1\n\1\1\1\1", STATUS_ERR_INPUT},           /* a run of nothing */
-        {"#?RADIANCE\n\n-Y 1 +X 2\nabcd\1\1\1\2", STATUS_ERR_INPUT},       /* past the end */
+        {"#?RADIANCE\n\n-Y 1 +X 1\n\1\1\1\1", STATUS_ERR_INPUT},                  /* a run of nothing */
+        {"#?RADIANCE\n\n-Y 1 +X 2\nabcd\1\1\1\2", STATUS_ERR_INPUT},              /* past the end */
         {"#?RADIANCE\n\n-Y 1 +X 8\n\2\2\1\10abcdefghabcdefgh", STATUS_ERR_INPUT}, /* length */
     };
 

@@ -12,8 +12,7 @@
 #include "common/image/image.h"
 #include "common/image/image_size.h"
 
-static void expect(const void *data, size_t size, uint32_t width, uint32_t height,
-                   uint32_t pixel_bytes)
+static void expect(const void *data, size_t size, uint32_t width, uint32_t height, uint32_t pixel_bytes)
 {
     struct image_size got;
 

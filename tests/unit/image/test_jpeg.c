@@ -21,13 +21,10 @@ struct jpeg_file {
 };
 
 /* A smooth picture; channel c of pixel (x, y). */
-static uint8_t smooth(uint32_t x, uint32_t y, uint32_t c)
-{
-    return (uint8_t)(40 + x * 3 + y * 2 + c * 30);
-}
+static uint8_t smooth(uint32_t x, uint32_t y, uint32_t c) { return (uint8_t)(40 + x * 3 + y * 2 + c * 30); }
 
-static struct jpeg_file write_jpeg(uint32_t width, uint32_t height, J_COLOR_SPACE in,
-                                   J_COLOR_SPACE stored, int progressive, int adobe, int arithmetic)
+static struct jpeg_file write_jpeg(uint32_t width, uint32_t height, J_COLOR_SPACE in, J_COLOR_SPACE stored,
+                                   int progressive, int adobe, int arithmetic)
 {
     struct jpeg_compress_struct c;
     struct jpeg_error_mgr errors;
@@ -226,8 +223,7 @@ static void test_writing(void **state)
     assert_int_equal(jpeg_encode(&file, &in, &(struct picture_options){0}, &err), STATUS_OK);
     image_release(&in);
     assert_int_equal(image_init(&in, 65501, 1, 3, NULL), STATUS_OK);
-    assert_int_equal(jpeg_encode(&file, &in, &(struct picture_options){0}, &err),
-                     STATUS_ERR_LIMIT);
+    assert_int_equal(jpeg_encode(&file, &in, &(struct picture_options){0}, &err), STATUS_ERR_LIMIT);
     assert_non_null(strstr(err.text, "65500"));
     image_release(&in);
     buffer_release(&file);

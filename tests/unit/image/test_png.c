@@ -20,10 +20,7 @@ static void write_bytes(png_structp png, png_bytep data, size_t size)
     buffer_append(png_get_io_ptr(png), data, size);
 }
 
-static void flush_nothing(png_structp png)
-{
-    (void)png;
-}
+static void flush_nothing(png_structp png) { (void)png; }
 
 /* What a packed sample (x, y, c) of `depth` bits holds. */
 static unsigned sample(uint32_t x, uint32_t y, uint32_t c, int depth)
@@ -32,8 +29,8 @@ static unsigned sample(uint32_t x, uint32_t y, uint32_t c, int depth)
 }
 
 /* Write a picture of `sample` with libpng; palettes get entry i = (i, 255 - i, i / 2). */
-static void write_png(struct buffer *out, uint32_t width, uint32_t height, int depth, int type,
-                      int interlaced, int with_trns)
+static void write_png(struct buffer *out, uint32_t width, uint32_t height, int depth, int type, int interlaced,
+                      int with_trns)
 {
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
     png_infop info = png_create_info_struct(png);
@@ -48,8 +45,7 @@ static void write_png(struct buffer *out, uint32_t width, uint32_t height, int d
     buffer_clear(out);
     assert_int_equal(setjmp(png_jmpbuf(png)), 0);
     png_set_write_fn(png, out, write_bytes, flush_nothing);
-    png_set_IHDR(png, info, width, height, depth, type,
-                 interlaced ? PNG_INTERLACE_ADAM7 : PNG_INTERLACE_NONE,
+    png_set_IHDR(png, info, width, height, depth, type, interlaced ? PNG_INTERLACE_ADAM7 : PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_gAMA(png, info, 1.0); /* to be ignored */
     if (type == PNG_COLOR_TYPE_PALETTE) {
@@ -101,8 +97,7 @@ static unsigned value_at(const struct image8 *image, uint32_t x, uint32_t y, uin
     return wide;
 }
 
-static void check_kind(uint32_t width, uint32_t height, int depth, int type, int interlaced,
-                       int with_trns)
+static void check_kind(uint32_t width, uint32_t height, int depth, int type, int interlaced, int with_trns)
 {
     struct buffer file = BUFFER_INIT;
     struct image8 image;
@@ -161,11 +156,9 @@ static void test_every_kind(void **state)
         for (int d = 0; kinds[k].depths[d]; d++)
             for (size_t s = 0; s < 4; s++)
                 for (int interlaced = 0; interlaced <= 1; interlaced++) {
-                    check_kind(sizes[s][0], sizes[s][1], kinds[k].depths[d], kinds[k].type,
-                               interlaced, 0);
+                    check_kind(sizes[s][0], sizes[s][1], kinds[k].depths[d], kinds[k].type, interlaced, 0);
                     if (!(kinds[k].type & PNG_COLOR_MASK_ALPHA))
-                        check_kind(sizes[s][0], sizes[s][1], kinds[k].depths[d], kinds[k].type,
-                                   interlaced, 1);
+                        check_kind(sizes[s][0], sizes[s][1], kinds[k].depths[d], kinds[k].type, interlaced, 1);
                 }
 }
 
@@ -292,6 +285,33 @@ static void test_fast_files_and_texts(void **state)
     }
     image_release(&in);
     buffer_release(&first);
+    buffer_release(&file);
+}
+
+/* Rows for which each filter is the best one come back, also where several threads filter them. */
+static void test_every_filter(void **state)
+{
+    enum { WIDTH = 1024, HEIGHT = 300, ROW = WIDTH * 3 };
+    struct image8 in, out;
+    struct buffer file = BUFFER_INIT;
+    uint32_t random = 1;
+
+    (void)state;
+    assert_int_equal(image8_init(&in, WIDTH, HEIGHT, 3, 8, NULL), STATUS_OK);
+    for (size_t i = 0; i < (size_t)HEIGHT * ROW; i++) {
+        size_t y = i / ROW, x = i % ROW;
+        uint8_t left = x >= 3 ? in.pixels[i - 3] : 0, up = y ? in.pixels[i - ROW] : 0;
+        uint8_t corner = x >= 3 && y ? in.pixels[i - ROW - 3] : 0;
+        const uint8_t likely[5] = {0, left, up, (uint8_t)((left + up) / 2), (uint8_t)(left + up - corner)};
+        random = random * 1664525 + 1013904223;
+        in.pixels[i] = (uint8_t)(likely[y / 7 % 5] + (random >> 24 & 3));
+    }
+    assert_int_equal(png_encode_8(&file, &in, 0, NULL), STATUS_OK);
+    assert_true(file.size < (size_t)HEIGHT * ROW * 2 / 5); /* two bits a byte are random */
+    assert_int_equal(png_decode(&out, file.data, file.size, "x.png", NULL), STATUS_OK);
+    assert_memory_equal(out.pixels, in.pixels, (size_t)HEIGHT * ROW);
+    image8_release(&out);
+    image8_release(&in);
     buffer_release(&file);
 }
 
@@ -440,7 +460,7 @@ static void test_textures_survive(void **state)
             assert_null(memmem(file.data, file.size, "sRGB", 4));
             assert_int_equal(png_decode(&first, file.data, file.size, "x", &err), STATUS_OK);
             assert_true(first.channels == channels && first.bits == bits);
-            assert_int_equal(png_encode_8(&again, &first, &err), STATUS_OK);
+            assert_int_equal(png_encode_8(&again, &first, 0, &err), STATUS_OK);
             assert_int_equal(png_decode(&second, again.data, again.size, "x", &err), STATUS_OK);
             for (uint32_t i = 0; i < count; i++) {
                 uint32_t expected = i == 1 || i == 2 ? 0 : i == 3 ? top : i * 5077 % (top + 1);
@@ -466,7 +486,7 @@ int main(void)
         cmocka_unit_test(test_dither),
         cmocka_unit_test(test_sixteen_bits_and_rounding),
         cmocka_unit_test(test_fast_files_and_texts),
-        cmocka_unit_test(test_hostile_values_and_repeatability),
+        cmocka_unit_test(test_every_filter), cmocka_unit_test(test_hostile_values_and_repeatability),
         cmocka_unit_test(test_damage),
         cmocka_unit_test(test_size_bomb),
         cmocka_unit_test(test_out_of_memory),

@@ -7,7 +7,9 @@
 
 #include <cmocka.h>
 
+#include "common/base/buffer.h"
 #include "common/image/image.h"
+#include "common/image/image_size.h"
 
 struct tga_file {
     uint8_t bytes[128];
@@ -26,18 +28,19 @@ static struct tga_file tga_make(const uint8_t header[18], const uint8_t *rest, s
 static void check_tga(const struct tga_file *file, uint32_t channels, const uint8_t *codes)
 {
     struct error err = {0};
-    struct image image;
-    uint32_t width, height;
+    struct image8 image;
+    struct image_size size_of;
 
-    assert_true(tga_recognise(file->bytes, file->size, &width, &height));
-    assert_true(width == 2 && height == 2);
-    assert_int_equal(tga_decode(&image, file->bytes, file->size, "x.tga", &err), STATUS_OK);
+    assert_int_equal(image_format_of(file->bytes, file->size), IMAGE_TGA);
+    assert_true(image_size_of(file->bytes, file->size, &size_of));
+    assert_true(size_of.width == 2 && size_of.height == 2 && size_of.pixel_bytes == channels);
+    assert_int_equal(image_decode_8(&image, file->bytes, file->size, "x.tga", &err), STATUS_OK);
     assert_int_equal(image.channels, channels);
     for (uint32_t i = 0; i < 4 * channels; i++)
-        assert_int_equal((int)(image.pixels[i] * 255 + 0.5f), codes[i]);
-    image_release(&image);
+        assert_int_equal(image.pixels[i], codes[i]);
+    image8_release(&image);
     for (size_t size = 0; size < file->size; size++) {
-        struct image cut = {0};
+        struct image8 cut = {0};
         assert_int_equal(tga_decode(&cut, file->bytes, size, "x.tga", &err), STATUS_ERR_INPUT);
         assert_non_null(strstr(err.text, "x.tga"));
     }
@@ -103,7 +106,7 @@ static size_t pfm_make(uint8_t *out, const char *header, int big, const float *v
 static void every_kind_of_pfm(void **state)
 {
     static const float stored[4] = {3, 4, 1, -2}; /* the bottom row first */
-    static const float expected[4] = {1, 0, 3, 4};
+    static const float expected[12] = {1, 1, 1, 0, 0, 0, 3, 3, 3, 4, 4, 4};
     static const char *const wrong[] = {"Pf\n0 2\n-1\n", "Pf\n2 2\n0\n", "Pf\n2 inf\n1\n",
                                         "Pf\n0x2 2\n1\n", "Pf\n2 2e9\n1\n", "Pf\n\n"};
     uint8_t file[256];
@@ -112,11 +115,20 @@ static void every_kind_of_pfm(void **state)
     (void)state;
     for (int big = 0; big <= 1; big++) {
         size_t size = pfm_make(file, big ? "Pf\n2 2\n1.0\n" : "Pf\n2 2\n-1.0\n", big, stored, 4);
-        struct image image;
-        assert_true(pfm_recognise(file, size));
-        assert_int_equal(pfm_decode(&image, file, size, "x.pfm", &err), STATUS_OK);
-        assert_true(image.width == 2 && image.height == 2 && image.channels == 1);
+        struct image image, again;
+        struct image_size size_of;
+        struct buffer made = BUFFER_INIT;
+        assert_int_equal(image_format_of(file, size), IMAGE_PFM);
+        assert_true(image_size_of(file, size, &size_of));
+        assert_true(size_of.width == 2 && size_of.height == 2 && size_of.pixel_bytes == 12);
+        assert_int_equal(image_decode_hdr(&image, file, size, "x.pfm", NULL, &err), STATUS_OK);
+        assert_true(image.width == 2 && image.height == 2 && image.channels == 3);
         assert_memory_equal(image.pixels, expected, sizeof expected);
+        assert_int_equal(pfm_encode(&made, &image, &err), STATUS_OK);
+        assert_int_equal(image_decode_float(&again, made.data, made.size, "made", NULL, &err), STATUS_OK);
+        assert_memory_equal(again.pixels, expected, sizeof expected);
+        image_release(&again);
+        buffer_release(&made);
         image_release(&image);
         for (size_t cut = 0; cut < size; cut++)
             assert_int_equal(pfm_decode(&image, file, cut, "x.pfm", &err), STATUS_ERR_INPUT);

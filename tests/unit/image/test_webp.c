@@ -24,8 +24,7 @@ static void fill(uint8_t *pixels, int channels)
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++)
             for (int c = 0; c < channels; c++)
-                pixels[(y * W + x) * channels + c] =
-                    (uint8_t)(c == 3 ? 255 - x * 5 : 40 + x * 3 + y * 2 + c * 30);
+                pixels[(y * W + x) * channels + c] = (uint8_t)(c == 3 ? 255 - x * 5 : 40 + x * 3 + y * 2 + c * 30);
 }
 
 static struct webp_file write_webp(int channels, int lossless)
@@ -135,8 +134,7 @@ static void test_out_of_memory(void **state)
 
     (void)state;
     mem_fault_arm(0, 1);
-    assert_int_equal(webp_decode(&image, file.data, file.size, "x.webp", &err),
-                     STATUS_ERR_NO_MEMORY);
+    assert_int_equal(webp_decode(&image, file.data, file.size, "x.webp", &err), STATUS_ERR_NO_MEMORY);
     mem_fault_arm(-1, 0);
     assert_non_null(strstr(err.text, "x.webp"));
     assert_non_null(strstr(err.text, "37 x 19"));

@@ -89,9 +89,9 @@ static void test_different_fillings(void **state)
 
     (void)state;
     maker_import(&m,
-                 ONE_NODE ",\"materials\":[" VOLUME("wall", "") ","
-                 VOLUME("lid", ",\"attenuationDistance\":1,\"attenuationColor\":[0.5,1,1]") "],"
-                 BOX_AND_LID(0, 1), &r);
+                 ONE_NODE ",\"materials\":[" VOLUME("wall", "") "," VOLUME(
+                     "lid", ",\"attenuationDistance\":1,\"attenuationColor\":[0.5,1,1]") "]," BOX_AND_LID(0, 1),
+                 &r);
     expect_bodies(&r, (const int32_t[]){-1, 0}, 2);
     assert_warned(&r, "'wall' and 'lid' close one volume together");
     import_result_release(&r);
@@ -114,9 +114,8 @@ static void test_mirrored(void **state)
                            "{\"mesh\":0,\"scale\":[-1,1,1]}]," TWO_VOLUMES
                            ",\"meshes\":[{\"name\":\"tub\",\"primitives\":["
                            "{\"attributes\":{\"POSITION\":0},\"indices\":2,\"material\":0}]}]"
-                         : ONE_NODE "," TWO_VOLUMES
-                           ",\"meshes\":[{\"name\":\"tub\",\"primitives\":["
-                           "{\"attributes\":{\"POSITION\":0},\"indices\":2,\"material\":0}]}]",
+                         : ONE_NODE "," TWO_VOLUMES ",\"meshes\":[{\"name\":\"tub\",\"primitives\":["
+                                    "{\"attributes\":{\"POSITION\":0},\"indices\":2,\"material\":0}]}]",
                      &r);
         if (lid)
             quiet(&r);
@@ -175,7 +174,7 @@ static void test_inverted(void **state)
     put_box(&m, 1);
     maker_import(&m,
                  ONE_NODE "," TWO_VOLUMES ",\"meshes\":[{\"name\":\"inside out\",\"primitives\":["
-                 "{\"attributes\":{\"POSITION\":0},\"indices\":1,\"material\":0}]}]",
+                          "{\"attributes\":{\"POSITION\":0},\"indices\":1,\"material\":0}]}]",
                  &r);
     assert_warned(&r, "material 'wall': 'inside out' is wound inwards");
     expect_sealed(&r, 0);

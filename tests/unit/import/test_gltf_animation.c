@@ -27,8 +27,7 @@ static struct maker motion_maker(void)
 
     put_floats(&m, "SCALAR", times, 3, 3);
     put_floats(&m, "VEC3", moves, 9, 3);
-    put_accessor(&m, put_view(&m, turns, sizeof turns, 0), "VEC4", 5122, 3,
-                 ",\"normalized\":true");
+    put_accessor(&m, put_view(&m, turns, sizeof turns, 0), "VEC4", 5122, 3, ",\"normalized\":true");
     put_floats(&m, "VEC3", same, 9, 3);
     put_floats(&m, "VEC3", spline, 27, 9);
     return m;
@@ -116,8 +115,8 @@ static void test_standing_still(void **state)
 
     (void)state;
     maker_import(&m,
-                 TWO_NODES ",\"animations\":[{\"samplers\":[" SAMPLER(4, "LINEAR") "],\"channels\":["
-                 CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
+                 TWO_NODES ",\"animations\":[{\"samplers\":[" SAMPLER(4, "LINEAR") "],\"channels\":[" CHANNEL(
+                     0, 0, "translation") "]}]," ONE_TRIANGLE,
                  &r);
     assert_int_equal(r.scene.node_count, 0);
     assert_int_equal(r.scene.channel_count, 0);
@@ -129,11 +128,10 @@ static void test_standing_still(void **state)
 
 static void test_choice(void **state)
 {
-    static const char rest[] =
-        TWO_NODES ",\"animations\":[{\"name\":\"walk\",\"samplers\":[" SAMPLER(2, "LINEAR")
-        "],\"channels\":[" CHANNEL(0, 0, "translation") "]},{\"name\":\"run\",\"samplers\":["
-        SAMPLER(5, "CUBICSPLINE") "],\"channels\":[" CHANNEL(0, 0, "translation") ","
-        CHANNEL(0, 1, "scale") "]}]," ONE_TRIANGLE;
+    static const char rest[] = TWO_NODES
+        ",\"animations\":[{\"name\":\"walk\",\"samplers\":[" SAMPLER(2, "LINEAR") "],\"channels\":[" CHANNEL(0, 0, "translation") "]},{\"name\":\"run\",\"samplers\":[" SAMPLER(
+            5, "CUBICSPLINE") "],\"channels\":[" CHANNEL(0, 0, "translation") "," CHANNEL(0, 1,
+                                                                                          "scale") "]}]," ONE_TRIANGLE;
     struct import_options options = IMPORT_OPTIONS_DEFAULT;
     struct maker m = motion_maker();
     struct buffer file = BUFFER_INIT;
@@ -165,8 +163,7 @@ static void test_choice(void **state)
     assert_int_equal(r.animation_count, 2);
     import_result_release(&r);
     options.animation = "swim";
-    assert_int_equal(import_scene_memory(file.data, file.size, "a.gltf", NULL, &options, &r, &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(import_scene_memory(file.data, file.size, "a.gltf", NULL, &options, &r, &err), STATUS_ERR_INPUT);
     assert_says(&err, "no animation \"swim\"|has 2");
     buffer_release(&file);
     maker_release(&m);
@@ -190,8 +187,7 @@ static void test_durations(void **state)
         snprintf(more, sizeof more, ",\"min\":[0],\"max\":[%.17g]", last[i]);
         input = put_accessor(&m, put_view(&m, times, sizeof times, 0), "SCALAR", 5126, 3, more);
         buffer_printf(&rest,
-                      "%s{\"samplers\":[{\"input\":%d,\"output\":2}],\"channels\":["
-                      CHANNEL(0, 0, "translation") "]}",
+                      "%s{\"samplers\":[{\"input\":%d,\"output\":2}],\"channels\":[" CHANNEL(0, 0, "translation") "]}",
                       i ? "," : "", input);
     }
     buffer_puts(&rest, "]," ONE_TRIANGLE);
@@ -240,8 +236,8 @@ static void test_followers(void **state)
                  "\"extensions\":{\"EXT_mesh_gpu_instancing\":{\"attributes\":{\"TRANSLATION\":6}}}}"
                  "],\"cameras\":[{\"type\":\"perspective\",\"perspective\":{\"yfov\":1}}],"
                  "\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[{\"type\":\"point\"}]}},"
-                 "\"animations\":[{\"samplers\":[" SAMPLER(2, "LINEAR") "],\"channels\":["
-                 CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
+                 "\"animations\":[{\"samplers\":[" SAMPLER(2, "LINEAR") "],\"channels\":[" CHANNEL(
+                     0, 0, "translation") "]}]," ONE_TRIANGLE,
                  &r);
     /* 0, the camera's, the light's, the mesh's and one for each instance */
     assert_int_equal(r.scene.node_count, 6);
@@ -287,8 +283,8 @@ static void test_at_time_0(void **state)
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"translation\":[1,1,1],"
                  "\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}}],"
                  "\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[{\"type\":\"point\"}]}},"
-                 "\"animations\":[{\"samplers\":[{\"input\":6,\"output\":7}],\"channels\":["
-                 CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
+                 "\"animations\":[{\"samplers\":[{\"input\":6,\"output\":7}],\"channels\":[" CHANNEL(
+                     0, 0, "translation") "]}]," ONE_TRIANGLE,
                  &r);
     /* Before the first key its value stands. */
     assert_in_file(&r.scene, r.scene.lights[0].position, places[0], 0);
@@ -303,8 +299,8 @@ static void test_at_time_0(void **state)
     maker_import(&m,
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"camera\":0,\"scale\":"
                  "[2,2,2]}],\"cameras\":[{\"type\":\"perspective\",\"perspective\":{\"yfov\":1}}"
-                 "],\"animations\":[{\"samplers\":[{\"input\":6,\"output\":7}],\"channels\":["
-                 CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE,
+                 "],\"animations\":[{\"samplers\":[{\"input\":6,\"output\":7}],\"channels\":[" CHANNEL(
+                     0, 0, "translation") "]}]," ONE_TRIANGLE,
                  &r);
     assert_matrix_in_file(&r.scene, &r.scene.cameras[0].to_world,
                           (const double[]){1, 0, 0, 20, 0, 1, 0, 30, 0, 0, 1, 40}, 1e-6);
@@ -332,8 +328,7 @@ static void test_mending(void **state)
     assert_int_equal(r.scene.channels[0].key_count, 3);
     assert_floats(r.scene.channels[0].times, (const float[]){0, 1, 2}, 3, 0);
     assert_floats(r.scene.channels[0].values, (const float[]){0, 0, 0, 2, 2, 2, 3, 3, 3}, 9, 0);
-    assert_floats(r.scene.channels[1].values, (const float[]){0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 0},
-                  12, 0);
+    assert_floats(r.scene.channels[1].values, (const float[]){0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 0}, 12, 0);
     assert_warned(&r, "several keys at one time");
     assert_warned(&r, "is no rotation");
     assert_warned(&r, "animates the mood");
@@ -342,9 +337,8 @@ static void test_mending(void **state)
     m = motion_maker();
     maker_import(&m,
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"matrix\":[1,0,0,0,0,1,0,0,"
-                 "0,0,1,0,0,0,0,1]}],\"animations\":[{\"samplers\":[" SAMPLER(2, "LINEAR")
-                 "],\"channels\":[" CHANNEL(0, 0, "translation") "," CHANNEL(0, 0, "weights")
-                 "]}]," ONE_TRIANGLE,
+                 "0,0,1,0,0,0,0,1]}],\"animations\":[{\"samplers\":[" SAMPLER(2, "LINEAR") "],\"channels\":[" CHANNEL(
+                     0, 0, "translation") "," CHANNEL(0, 0, "weights") "]}]," ONE_TRIANGLE,
                  &r);
     assert_int_equal(r.scene.node_count, 0);
     assert_warned(&r, "which has a matrix");
@@ -362,26 +356,18 @@ static void test_faults(void **state)
         {"[{\"channels\":[{\"target\":{\"node\":0,\"path\":\"scale\"}}]}]", "names no sampler"},
         {"[{\"channels\":[" CHANNEL(0, 0, "scale") "]}]", "sampler is 0"},
         {"[{\"samplers\":[{}],\"channels\":[" CHANNEL(0, 9, "scale") "]}]", "target|node is 9"},
-        {"[{\"samplers\":[{}],\"channels\":[" CHANNEL(0, 0, "scale") "]}]",
-         "animations[0].samplers[0]: has no input"},
-        {"[{\"samplers\":[{\"input\":1}],\"channels\":[" CHANNEL(0, 0, "scale") "]}]",
-         "has no output"},
-        {"[{\"samplers\":[" SAMPLER(2, "BEZIER") "],\"channels\":[" CHANNEL(0, 0, "scale") "]}]",
-         "BEZIER|CUBICSPLINE"},
-        {"[{\"samplers\":[{\"input\":2,\"output\":2}],\"channels\":[" CHANNEL(0, 0, "scale")
-         "]}]",
+        {"[{\"samplers\":[{}],\"channels\":[" CHANNEL(0, 0, "scale") "]}]", "animations[0].samplers[0]: has no input"},
+        {"[{\"samplers\":[{\"input\":1}],\"channels\":[" CHANNEL(0, 0, "scale") "]}]", "has no output"},
+        {"[{\"samplers\":[" SAMPLER(2, "BEZIER") "],\"channels\":[" CHANNEL(0, 0, "scale") "]}]", "BEZIER|CUBICSPLINE"},
+        {"[{\"samplers\":[{\"input\":2,\"output\":2}],\"channels\":[" CHANNEL(0, 0, "scale") "]}]",
          "input must be SCALAR"},
-        {"[{\"samplers\":[" SAMPLER(2, "CUBICSPLINE") "],\"channels\":[" CHANNEL(0, 0, "scale")
-         "]}]",
+        {"[{\"samplers\":[" SAMPLER(2, "CUBICSPLINE") "],\"channels\":[" CHANNEL(0, 0, "scale") "]}]",
          "9 elements of 3 components for 3 keys of a scale"},
-        {"[{\"samplers\":[" SAMPLER(2, "LINEAR") "],\"channels\":[" CHANNEL(0, 0, "rotation")
-         "]}]",
+        {"[{\"samplers\":[" SAMPLER(2, "LINEAR") "],\"channels\":[" CHANNEL(0, 0, "rotation") "]}]",
          "3 elements of 4 components"},
-        {"[{\"samplers\":[{\"input\":6,\"output\":2}],\"channels\":[" CHANNEL(0, 0, "scale")
-         "]}]",
+        {"[{\"samplers\":[{\"input\":6,\"output\":2}],\"channels\":[" CHANNEL(0, 0, "scale") "]}]",
          "times of its keys must rise|key 2 is at 0.5"},
-        {"[{\"samplers\":[{\"input\":7,\"output\":2}],\"channels\":[" CHANNEL(0, 0, "scale")
-         "]}]",
+        {"[{\"samplers\":[{\"input\":7,\"output\":2}],\"channels\":[" CHANNEL(0, 0, "scale") "]}]",
          "accessors[7]|finite"},
     };
     static const float falling[3] = {0, 1, 0.5f};
@@ -393,8 +379,7 @@ static void test_faults(void **state)
         char rest[1024];
         put_floats(&m, "SCALAR", falling, 3, 3);
         put_floats(&m, "SCALAR", wild, 3, 3);
-        snprintf(rest, sizeof rest, TWO_NODES ",\"animations\":%s," ONE_TRIANGLE,
-                 cases[i].animation);
+        snprintf(rest, sizeof rest, TWO_NODES ",\"animations\":%s," ONE_TRIANGLE, cases[i].animation);
         maker_refuse(&m, rest, cases[i].words);
     }
 }

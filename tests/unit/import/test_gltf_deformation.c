@@ -22,8 +22,7 @@ static struct maker skin_maker(void)
     struct maker m = triangle_maker();
 
     put_accessor(&m, put_view(&m, joints, sizeof joints, 0), "VEC4", 5121, 3, "");
-    put_accessor(&m, put_view(&m, weights, sizeof weights, 0), "VEC4", 5123, 3,
-                 ",\"normalized\":true");
+    put_accessor(&m, put_view(&m, weights, sizeof weights, 0), "VEC4", 5123, 3, ",\"normalized\":true");
     put_floats(&m, "MAT4", binds, 32, 2);
     put_accessor(&m, put_view(&m, more_joints, sizeof more_joints, 0), "VEC4", 5123, 3, "");
     put_floats(&m, "VEC4", more_weights, 12, 3);
@@ -45,10 +44,7 @@ static void test_skin(void **state)
     struct mesh_view v;
 
     (void)state;
-    maker_import(&m,
-                 SKELETON ",\"skins\":[{\"joints\":[2,3],\"inverseBindMatrices\":3}],"
-                 SKINNED_MESH(""),
-                 &r);
+    maker_import(&m, SKELETON ",\"skins\":[{\"joints\":[2,3],\"inverseBindMatrices\":3}]," SKINNED_MESH(""), &r);
     /* The joints and their parents, not the mesh's own node, whose transform does not count. */
     assert_int_equal(r.scene.node_count, 3);
     assert_int_equal(r.scene.skin_count, 1);
@@ -56,8 +52,7 @@ static void test_skin(void **state)
     assert_int_equal(skin->joint_count, 2);
     assert_int_equal(skin->joints[0], 1);
     assert_int_equal(skin->joints[1], 2);
-    assert_floats(&skin->inverse_bind[0].m[0][0],
-                  (const float[]){1, 0, 0, -1, 0, 1, 0, -2, 0, 0, 1, -3}, 12, 0);
+    assert_floats(&skin->inverse_bind[0].m[0][0], (const float[]){1, 0, 0, -1, 0, 1, 0, -2, 0, 0, 1, -3}, 12, 0);
     assert_true(skin->inverse_bind[1].m[1][1] == 2 && skin->inverse_bind[1].m[2][3] == 6);
     assert_int_equal(r.scene.instances[0].skin, 0);
     assert_int_equal(r.scene.instances[0].node, -1);
@@ -98,15 +93,13 @@ static void test_eight_joints(void **state)
     (void)state;
     maker_import(&m,
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"skin\":0},{}],\"skins\":[{"
-                 "\"joints\":[1,1,1,1,1,1]}],"
-                 SKINNED_MESH(",\"JOINTS_1\":4,\"WEIGHTS_1\":5"),
+                 "\"joints\":[1,1,1,1,1,1]}]," SKINNED_MESH(",\"JOINTS_1\":4,\"WEIGHTS_1\":5"),
                  &r);
     v = view_mesh(&r, 0);
     /* 0.75 and 0.25 of joints 1 and 0; 0.125, 0.5, 0.0625 of 2, 3 and 4: the last goes, and
      * what is left adds up to 1.625. */
-    assert_floats(v.skin[0].weight,
-                  (const float[]){0.75f / 1.625f, 0.5f / 1.625f, 0.25f / 1.625f, 0.125f / 1.625f},
-                  4, 1e-4f);
+    assert_floats(v.skin[0].weight, (const float[]){0.75f / 1.625f, 0.5f / 1.625f, 0.25f / 1.625f, 0.125f / 1.625f}, 4,
+                  1e-4f);
     assert_int_equal(v.skin[0].joint[0], 1);
     assert_int_equal(v.skin[0].joint[1], 3);
     assert_int_equal(v.skin[0].joint[2], 0);
@@ -124,16 +117,13 @@ static void test_skin_faults(void **state)
         {SKELETON ",\"skins\":[{\"joints\":[]}]," SKINNED_MESH(""), "skins[0]|1 to 65536 joints"},
         {SKELETON ",\"skins\":[{\"joints\":[2,7]}]," SKINNED_MESH(""), "skins[0]|joints[1]"},
         {SKELETON ",\"skins\":[]," SKINNED_MESH(""), "nodes[0]|skin is 0"},
-        {SKELETON ",\"skins\":[{\"joints\":[2,3],\"inverseBindMatrices\":0}]," SKINNED_MESH(""),
-         "skins[0]|MAT4"},
+        {SKELETON ",\"skins\":[{\"joints\":[2,3],\"inverseBindMatrices\":0}]," SKINNED_MESH(""), "skins[0]|MAT4"},
         {SKELETON ",\"skins\":[{\"joints\":[2,3,3],\"inverseBindMatrices\":3}]," SKINNED_MESH(""),
          "skins[0]|each of the 3 joints"},
-        {SKELETON ",\"skins\":[{\"joints\":[2,3]}]," SKINNED_MESH(",\"JOINTS_1\":4"),
-         "JOINTS_1 and WEIGHTS_1"},
+        {SKELETON ",\"skins\":[{\"joints\":[2,3]}]," SKINNED_MESH(",\"JOINTS_1\":4"), "JOINTS_1 and WEIGHTS_1"},
         /* A joint among its own descendants, outside of the scene. */
         {"\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"skin\":0},{\"children\":[2]},"
-         "{\"children\":[1]}],\"skins\":[{\"joints\":[1,2]}],"
-         SKINNED_MESH(""),
+         "{\"children\":[1]}],\"skins\":[{\"joints\":[1,2]}]," SKINNED_MESH(""),
          "own descendants"},
     };
 
@@ -237,8 +227,7 @@ static void test_morph_baked(void **state)
                  &r);
     assert_int_equal(r.scene.instances[0].mesh, r.scene.instances[1].mesh);
     assert_int_not_equal(r.scene.instances[0].mesh, r.scene.instances[2].mesh);
-    assert_floats(view_mesh(&r, r.scene.instances[2].mesh).positions,
-                  (const float[]){1, 0, 0, 2, 0, 0, 1, 1, 0}, 9, 0);
+    assert_floats(view_mesh(&r, r.scene.instances[2].mesh).positions, (const float[]){1, 0, 0, 2, 0, 0, 1, 1, 0}, 9, 0);
     import_result_release(&r);
 }
 
@@ -275,7 +264,7 @@ static void test_morph_opens(void **state)
     put_floats(&m, "VEC3", line, 9, 3);
     maker_import(&m,
                  ONE_NODE "," MORPH_ANIMATION(4) ",\"meshes\":[{\"primitives\":[{\"attributes\":{"
-                 "\"POSITION\":6},\"targets\":[{\"POSITION\":1},{\"POSITION\":2}]}]}]",
+                                                 "\"POSITION\":6},\"targets\":[{\"POSITION\":1},{\"POSITION\":2}]}]}]",
                  &r);
     assert_int_equal(r.triangles, 1);
     assert_int_equal(r.degenerate_triangles, 0);

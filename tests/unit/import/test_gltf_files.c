@@ -13,29 +13,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "common/base/file.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
 #include "common/scene/effects.h"
 #include "tests/support/gltf_maker.h"
-
-static char folder[64];
-
-static int make_folder(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-gltf-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int remove_folder(void **state)
-{
-    char command[128];
-
-    (void)state;
-    snprintf(command, sizeof command, "rm -rf '%s'", folder);
-    return system(command);
-}
+#include "tests/support/scratch.h"
 
 static void write_file(const char *name, const void *data, size_t size, char *path, size_t room)
 {
@@ -54,8 +37,8 @@ static void write_scene(const char *uri, char *path, size_t room)
                   "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"byteLength\":36,"
                   "\"uri\":\"%s\"}],"
                   "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36}],\"accessors\":[{"
-                  "\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}],"
-                  ONE_NODE "," ONE_TRIANGLE "}",
+                  "\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}]," ONE_NODE "," ONE_TRIANGLE
+                  "}",
                   uri);
     write_file("scene.gltf", text.data, text.size, path, room);
     buffer_release(&text);
@@ -121,8 +104,7 @@ static void test_environment(void **state)
     char path[256], scene[256];
 
     (void)state;
-    write_scene("data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA", scene,
-                sizeof scene);
+    write_scene("data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA", scene, sizeof scene);
     assert_int_equal(image_init(&image, 4, 2, 3, &err), STATUS_OK);
     image.pixels[0] = -1;
     image.pixels[3] = 1;
@@ -244,10 +226,7 @@ static void visit_hostile(const char *path)
     import_result_release(&r);
 }
 
-static const char *data_folder(void)
-{
-    return getenv("AZULEJO_DATA");
-}
+static const char *data_folder(void) { return getenv("AZULEJO_DATA"); }
 
 static void test_models(void **state)
 {
@@ -301,8 +280,7 @@ static void test_real_tangents(void **state)
         text = json_dumps(root, 0);
         json_decref(root);
         if (import_scene(path, &defaults, &given, &err) != STATUS_OK ||
-            import_scene_memory(text, strlen(text), "a.gltf", base, &defaults, &made, &err) !=
-                STATUS_OK)
+            import_scene_memory(text, strlen(text), "a.gltf", base, &defaults, &made, &err) != STATUS_OK)
             fail_msg("%s", err.text);
         free(text);
         for (uint32_t n = 0; n < given.scene.instance_count; n++) {
@@ -318,7 +296,7 @@ static void test_real_tangents(void **state)
             }
         }
         assert_true(corners > 10000);
-        assert_true(off * 50 < corners);    /* 2 % */
+        assert_true(off * 50 < corners);     /* 2 % */
         assert_true(hands * 1000 < corners); /* 0.1 %: welded differently */
         import_result_release(&given);
         import_result_release(&made);
@@ -338,5 +316,5 @@ int main(void)
     };
     size_t count = sizeof tests / sizeof *tests - (getenv("AZULEJO_DATA") ? 0 : 3);
 
-    return _cmocka_run_group_tests("glTF files", tests, count, make_folder, remove_folder);
+    return _cmocka_run_group_tests("glTF files", tests, count, folder_set_up, folder_tear_down);
 }

@@ -74,8 +74,7 @@ static void test_attributes(void **state)
     put_floats(&m, "VEC3", normals, 9, 3);
     put_floats(&m, "VEC2", uv0, 6, 3);
     put_accessor(&m, put_view(&m, uv1, sizeof uv1, 0), "VEC2", 5123, 3, ",\"normalized\":true");
-    put_accessor(&m, put_view(&m, colors, sizeof colors, 4), "VEC3", 5121, 3,
-                 ",\"normalized\":true");
+    put_accessor(&m, put_view(&m, colors, sizeof colors, 4), "VEC3", 5121, 3, ",\"normalized\":true");
     maker_import(&m,
                  ONE_NODE ",\"meshes\":[{\"primitives\":[{\"material\":0,\"attributes\":{"
                           "\"POSITION\":0,\"NORMAL\":1,\"TEXCOORD_0\":2,\"TEXCOORD_1\":3,"
@@ -126,10 +125,8 @@ static void test_quantized(void **state)
     struct mesh_view v;
 
     (void)state;
-    put_accessor(&m, put_view(&m, positions, sizeof positions, 8), "VEC3", 5122, 3,
-                 ",\"normalized\":true");
-    put_accessor(&m, put_view(&m, normals, sizeof normals, 4), "VEC3", 5120, 3,
-                 ",\"normalized\":true");
+    put_accessor(&m, put_view(&m, positions, sizeof positions, 8), "VEC3", 5122, 3, ",\"normalized\":true");
+    put_accessor(&m, put_view(&m, normals, sizeof normals, 4), "VEC3", 5120, 3, ",\"normalized\":true");
     maker_import(&m,
                  ONE_NODE ",\"extensionsUsed\":[\"KHR_mesh_quantization\"],"
                           "\"extensionsRequired\":[\"KHR_mesh_quantization\"],"
@@ -245,8 +242,7 @@ static void test_modes(void **state)
                 if (area == 0)
                     continue;
                 for (size_t i = 0; i < 3; i++)
-                    assert_floats(v.positions + 3 * v.indices[3 * kept + i],
-                                  row + 3 * wanted[t + i], 3, 0);
+                    assert_floats(v.positions + 3 * v.indices[3 * kept + i], row + 3 * wanted[t + i], 3, 0);
                 kept++;
             }
             assert_int_equal(v.mesh->triangle_count, kept);
@@ -306,9 +302,7 @@ static void test_tiny(void **state)
     for (int i = 0; i < 9; i++)
         positions[i] = corner_positions[i] * 1e-18f;
     put_floats(&m, "VEC3", positions, 9, 3);
-    maker_import(&m,
-                 "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"scale\":[1e18,1e18,1e18]}],"
-                 ONE_TRIANGLE,
+    maker_import(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"scale\":[1e18,1e18,1e18]}]," ONE_TRIANGLE,
                  &r);
     assert_int_equal(r.triangles, 1);
     import_result_release(&r);

@@ -64,10 +64,8 @@ static void test_units(void **state)
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         import_lights(cases[i].generator, cases[i].units, &r);
         for (int light = 0; light < 2; light++)
-            assert_true(fabs((double)r.scene.lights[light].intensity[0] - cases[i].spread) <=
-                        1e-6 * cases[i].spread);
-        assert_true(fabs((double)r.scene.lights[2].intensity[0] - cases[i].sun) <=
-                    1e-6 * cases[i].sun);
+            assert_true(fabs((double)r.scene.lights[light].intensity[0] - cases[i].spread) <= 1e-6 * cases[i].spread);
+        assert_true(fabs((double)r.scene.lights[2].intensity[0] - cases[i].sun) <= 1e-6 * cases[i].sun);
         if (cases[i].words) {
             assert_warned(&r, cases[i].words);
             assert_warned(&r, "--light-units radiometric");

@@ -9,11 +9,10 @@
 #include <stdio.h>
 
 #include "common/math/elementary.h"
-#include "common/scene/effects.h"
+#include "common/scene/scene_effects.h"
 #include "tests/support/gltf_maker.h"
 
-static void assert_point(const struct import_result *r, uint32_t instance, struct vec3 in,
-                         float x, float y, float z)
+static void assert_point(const struct import_result *r, uint32_t instance, struct vec3 in, float x, float y, float z)
 {
     struct vec3 p = in_file(&r->scene, &r->scene.instances[instance].to_world, in);
 
@@ -33,8 +32,7 @@ static void test_hierarchy(void **state)
                  "{\"translation\":[10,0,0],\"rotation\":[0,0.7071067811865476,0,"
                  "0.7071067811865476],\"children\":[1]},"
                  "{\"scale\":[2,3,4],\"children\":[2],\"mesh\":0},"
-                 "{\"name\":\"leaf\",\"matrix\":[-1,0,0,0,0,1,0,0,0,0,1,0,0,0,5,1],\"mesh\":0}],"
-                 ONE_TRIANGLE,
+                 "{\"name\":\"leaf\",\"matrix\":[-1,0,0,0,0,1,0,0,0,0,1,0,0,0,5,1],\"mesh\":0}]," ONE_TRIANGLE,
                  &r);
     assert_string_equal(r.scene.name, "tree");
     assert_int_equal(r.scene.mesh_count, 1);
@@ -85,11 +83,9 @@ static void test_node_faults(void **state)
     m = triangle_maker();
     maker_refuse(&m, "\"scenes\":[{\"nodes\":[7]}],\"nodes\":[{}]", "scenes[0]|nodes[0]");
     m = triangle_maker();
-    maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"children\":[-1]}]",
-                 "nodes[0]|children[0]");
+    maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"children\":[-1]}]", "nodes[0]|children[0]");
     m = triangle_maker();
-    maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"scale\":[1,2]}]",
-                 "nodes[0]|scale|3 numbers");
+    maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"scale\":[1,2]}]", "nodes[0]|scale|3 numbers");
     m = triangle_maker();
     maker_refuse(&m, "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":4}]", "nodes[0]|mesh is 4");
     m = triangle_maker();
@@ -153,8 +149,7 @@ static void test_instancing(void **state)
 
     (void)state;
     put_floats(&m, "VEC3", moves, 6, 2);
-    put_accessor(&m, put_view(&m, turns, sizeof turns, 0), "VEC4", 5122, 2,
-                 ",\"normalized\":true");
+    put_accessor(&m, put_view(&m, turns, sizeof turns, 0), "VEC4", 5122, 2, ",\"normalized\":true");
     put_floats(&m, "VEC3", scales, 6, 2);
     maker_import(&m,
                  "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0,\"translation\":[0,0,100],"
@@ -192,8 +187,7 @@ static void test_scenes(void **state)
     assert_false(warned(&r, "2 scenes"));
     import_result_release(&r);
     options.scene_index = 2;
-    assert_int_equal(import_scene_memory(file.data, file.size, "a.gltf", NULL, &options, &r, &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(import_scene_memory(file.data, file.size, "a.gltf", NULL, &options, &r, &err), STATUS_ERR_INPUT);
     assert_says(&err, "no scene 2|has 2");
     buffer_release(&file);
     maker_release(&m);
@@ -227,8 +221,7 @@ static void test_cameras(void **state)
     assert_true(c->yfov_rad == 0.5f && c->aspect == 1.5f);
     /* Turned a quarter about +Y it looks along -X; scale does not count, but a mirrored up
      * axis turns the picture round. */
-    assert_matrix_in_file(&r.scene, &c->to_world,
-                          (const double[]){0, 0, 1, 1, 0, -1, 0, 2, 1, 0, 0, 3}, 1e-12);
+    assert_matrix_in_file(&r.scene, &c->to_world, (const double[]){0, 0, 1, 1, 0, -1, 0, 2, 1, 0, 0, 3}, 1e-12);
     c = &r.scene.cameras[1];
     assert_int_equal(c->kind, CAMERA_ORTHOGRAPHIC);
     assert_string_equal(c->name, "node");
@@ -324,6 +317,7 @@ static void test_lights(void **state)
     assert_floats(l->direction, (const float[]){0, -1, 0}, 3, 1e-6f);
     assert_floats(l->intensity, (const float[]){1, 1, 1}, 3, 0);
     assert_true(l->inner_cone_rad == 0.25f && l->outer_cone_rad == 0.5f);
+    assert_int_equal(l->falloff, FALLOFF_GLTF);
     l = &r.scene.lights[2];
     assert_string_equal(l->name, "sun");
     assert_floats(l->direction, (const float[]){0, 0, -1}, 3, 0);
@@ -339,6 +333,36 @@ static void test_lights(void **state)
                  "lights[0]|intensity");
 }
 
+/* The extra "falloff" of a spot; what is no such word is ignored, as extras may contain anything. */
+static void test_spot_falloff(void **state)
+{
+    static const struct {
+        const char *extras;
+        enum scene_falloff falloff;
+    } rows[] = {{"{\"falloff\":\"smoothstep\"}", FALLOFF_SMOOTHSTEP},
+                {"{\"falloff\":\"other\"}", FALLOFF_GLTF},
+                {"{\"falloff\":7}", FALLOFF_GLTF},
+                {"[1]", FALLOFF_GLTF}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct maker m = triangle_maker();
+        struct import_result r;
+        char text[2048];
+
+        snprintf(text, sizeof text,
+                 "\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{\"mesh\":0},"
+                 "{\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}}],"
+                 "\"extensionsUsed\":[\"KHR_lights_punctual\"],\"extensions\":{\"KHR_lights_punctual\":{\"lights\":["
+                 "{\"type\":\"spot\",\"spot\":{},\"extras\":%s}]}}," ONE_TRIANGLE,
+                 rows[i].extras);
+        maker_import(&m, text, &r);
+        assert_int_equal(r.scene.light_count, 1);
+        assert_int_equal(r.scene.lights[0].falloff, rows[i].falloff);
+        import_result_release(&r);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -352,6 +376,7 @@ int main(void)
         cmocka_unit_test(test_cameras),
         cmocka_unit_test(test_framing),
         cmocka_unit_test(test_lights),
+        cmocka_unit_test(test_spot_falloff),
     };
 
     return cmocka_run_group_tests_name("glTF nodes", tests, NULL, NULL);

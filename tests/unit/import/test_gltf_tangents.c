@@ -85,10 +85,9 @@ static void test_tangents_supplied(void **state)
     static const float uv[6] = {0, 1, 1, 1, 0, 0};
     static const float given[12] = {0, 2, 0, -1, 0, 1, 0, -1, 0, 1, 0, -1};
     static const float unit[12] = {0, 1, 0, -1, 0, 1, 0, -1, 0, 1, 0, -1};
-    static const char rest[] =
-        ONE_NODE ",\"materials\":[{\"normalTexture\":{\"index\":0}}]," PNG_IMAGE
-                 ",\"meshes\":[{\"primitives\":[{\"material\":0,\"attributes\":{\"POSITION\":0,"
-                 "\"NORMAL\":1,\"TEXCOORD_0\":2,\"TANGENT\":3}}]}]";
+    static const char rest[] = ONE_NODE ",\"materials\":[{\"normalTexture\":{\"index\":0}}]," PNG_IMAGE
+                                        ",\"meshes\":[{\"primitives\":[{\"material\":0,\"attributes\":{\"POSITION\":0,"
+                                        "\"NORMAL\":1,\"TEXCOORD_0\":2,\"TANGENT\":3}}]}]";
     static const float none[12] = {0};
     struct maker m = triangle_maker();
     struct import_result r;
@@ -124,8 +123,8 @@ static void test_tangents_supplied(void **state)
 
 /* Import triangles with normals and texture coordinates of their own; all vertices of one
  * position, normal and coordinate are one to the tangents. */
-static void import_corners(const float *positions, const float *normals, const float *uv,
-                           size_t vertices, struct import_result *r)
+static void import_corners(const float *positions, const float *normals, const float *uv, size_t vertices,
+                           struct import_result *r)
 {
     struct maker m = {0};
 
@@ -170,8 +169,7 @@ static void test_tangents_weighted(void **state)
     for (int c = 0; c < 2; c++)
         sum[c] = 2 * first[c] + second[c];
     length = sqrtf(sum[0] * sum[0] + sum[1] * sum[1]);
-    assert_floats(tangent_of(&v, 0), (const float[]){sum[0] / length, sum[1] / length, 0, 1}, 4,
-                  1e-5f);
+    assert_floats(tangent_of(&v, 0), (const float[]){sum[0] / length, sum[1] / length, 0, 1}, 4, 1e-5f);
     assert_memory_equal(tangent_of(&v, 0), tangent_of(&v, 3), 16);
     /* Where only one of them is, it alone counts. */
     assert_floats(tangent_of(&v, 1), (const float[]){1, 0, 0, 1}, 4, 1e-6f);

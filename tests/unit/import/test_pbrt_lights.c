@@ -97,9 +97,9 @@ static void test_light_spectra(void **state)
     /* pbrt-v3's counts with its strength. */
     pbrt_whole("Film \"image\" Camera \"perspective\" WorldBegin "
                "LightSource \"point\" \"spectrum I\" [380 7 780 7] "
-               "LightSource \"point\" \"rgb I\" [1 2 3] \"rgb scale\" [2 2 3] " TRIANGLE, NULL, &r);
-    assert_float_equal(0.2126729f * r.scene.lights[0].intensity[0] +
-                           0.7151522f * r.scene.lights[0].intensity[1] +
+               "LightSource \"point\" \"rgb I\" [1 2 3] \"rgb scale\" [2 2 3] " TRIANGLE,
+               NULL, &r);
+    assert_float_equal(0.2126729f * r.scene.lights[0].intensity[0] + 0.7151522f * r.scene.lights[0].intensity[1] +
                            0.0721750f * r.scene.lights[0].intensity[2],
                        7, 1e-3f);
     assert_rgb(r.scene.lights[1].intensity, 2, 4, 9);
@@ -141,13 +141,11 @@ static void test_area_lights(void **state)
     assert_rgb(r.scene.materials[0].emission, 1, 1, 1);
     import_result_release(&r);
     /* The inside of a closed light cannot be seen. */
-    pbrt_world("AreaLightSource \"diffuse\" Shape \"sphere\" ReverseOrientation Shape \"sphere\"",
-               &r);
+    pbrt_world("AreaLightSource \"diffuse\" Shape \"sphere\" ReverseOrientation Shape \"sphere\"", &r);
     assert_int_equal(r.scene.instance_count, 3);
     import_result_release(&r);
     /* L = 2, 100 lm over 6 m^2 to one side: 2 * 100 / (6 pi). */
-    pbrt_world("AreaLightSource \"diffuse\" \"rgb L\" [2 2 2] \"float power\" 100 Scale 2 3 1 "
-               SQUARE, &r);
+    pbrt_world("AreaLightSource \"diffuse\" \"rgb L\" [2 2 2] \"float power\" 100 Scale 2 3 1 " SQUARE, &r);
     assert_float_equal(r.scene.materials[0].emission[0], 10.610329f, 1e-4f);
     import_result_release(&r);
     pbrt_world("AttributeBegin AreaLightSource \"diffuse\" AttributeEnd " LAMP SQUARE, &r);
@@ -203,8 +201,7 @@ static void direction_map(struct image *map, int latlong)
 {
     struct error err = {0};
 
-    assert_int_equal(image_init(map, latlong ? 2 * MAP_SIDE : MAP_SIDE, MAP_SIDE, 3, &err),
-                     STATUS_OK);
+    assert_int_equal(image_init(map, latlong ? 2 * MAP_SIDE : MAP_SIDE, MAP_SIDE, 3, &err), STATUS_OK);
     for (uint32_t y = 0; y < map->height; y++)
         for (uint32_t x = 0; x < map->width; x++) {
             double d[3], u = (x + 0.5) / map->width, v = (y + 0.5) / map->height;
@@ -222,8 +219,7 @@ static void direction_map(struct image *map, int latlong)
 }
 
 /* The environment of the result, in the direction `d` of the world. */
-static void look_at_environment(const struct import_result *r, const struct image *map,
-                                const double d[3], float out[3])
+static void look_at_environment(const struct import_result *r, const struct image *map, const double d[3], float out[3])
 {
     double m[3] = {0, 0, 0}, u, v;
     size_t x, y;
@@ -238,8 +234,7 @@ static void look_at_environment(const struct import_result *r, const struct imag
     memcpy(out, map->pixels + (y * map->width + x) * 3, 3 * sizeof *out);
 }
 
-static void check_map(int latlong, const char *before, const char *light,
-                      const double light_of_world[3][3])
+static void check_map(int latlong, const char *before, const char *light, const double light_of_world[3][3])
 {
     static const double directions[][3] = {{1, 0, 0},      {-1, 0, 0},      {0, 1, 0},
                                            {0, -1, 0},     {0, 0, 1},       {0, 0, -1},
@@ -262,8 +257,8 @@ static void check_map(int latlong, const char *before, const char *light,
     assert_rgb(r.scene.environment.radiance, 2, 2, 2);
     for (size_t i = 0; i < r.blob_count; i++)
         if (digest_equal(&r.blobs[i].digest, &r.scene.environment.image.blob.digest))
-            assert_int_equal(image_decode_hdr(&got, r.blobs[i].data, r.blobs[i].size_bytes, "e",
-                                              &repairs, &err), STATUS_OK);
+            assert_int_equal(image_decode_hdr(&got, r.blobs[i].data, r.blobs[i].size_bytes, "e", &repairs, &err),
+                             STATUS_OK);
     assert_int_equal(got.width, 2 * got.height);
     for (size_t k = 0; k < sizeof directions / sizeof *directions; k++) {
         float seen[3];
@@ -323,10 +318,9 @@ static void test_image_lights(void **state)
     direction_map(&map, 0);
     assert_int_equal(exr_encode(&file, &map, &options, &err), STATUS_OK);
     pbrt_folder_put(folder, "square.exr", file.data, file.size);
-    pbrt_whole(RIGHT_HANDED
-               "WorldBegin LightSource \"projection\" \"string filename\" \"wide.exr\" "
-               "\"float fov\" 60 LightSource \"goniometric\" \"rgb I\" [3 3 3] "
-               "\"string filename\" \"square.exr\" " TRIANGLE,
+    pbrt_whole(RIGHT_HANDED "WorldBegin LightSource \"projection\" \"string filename\" \"wide.exr\" "
+                            "\"float fov\" 60 LightSource \"goniometric\" \"rgb I\" [3 3 3] "
+                            "\"string filename\" \"square.exr\" " TRIANGLE,
                folder, &r);
     pbrt_folder_remove(folder);
     l = &r.scene.lights[0];
@@ -433,12 +427,11 @@ static void test_grid(void **state)
                "\"float density\" [1 2 3 4 5 6] \"point3 p0\" [-1 -1 -1] \"point3 p1\" [1 3 1] "
                "MediumInterface \"g\" \"\" Material \"interface\" Shape \"sphere\"", &r);
     m = &r.scene.media[0];
-    assert_true(m->has_grid && m->grid_size[0] == 2 && m->grid_size[1] == 1 &&
-                m->grid_size[2] == 3);
+    assert_true(m->has_grid && m->grid_size[0] == 2 && m->grid_size[1] == 1 && m->grid_size[2] == 3);
     assert_rgb(m->absorption, 1, 1, 1);
     for (int i = 0; i < 3; i++) /* the cube's far corner */
-        corner[i] = m->grid_to_world.m[i][0] + m->grid_to_world.m[i][1] + m->grid_to_world.m[i][2] +
-                    m->grid_to_world.m[i][3];
+        corner[i] =
+            m->grid_to_world.m[i][0] + m->grid_to_world.m[i][1] + m->grid_to_world.m[i][2] + m->grid_to_world.m[i][3];
     assert_in_file(&r.scene, corner, (const double[]){11, 3, 1}, 1e-12);
     for (size_t i = 0; i < r.blob_count; i++)
         if (digest_equal(&r.blobs[i].digest, &m->grid.digest)) {

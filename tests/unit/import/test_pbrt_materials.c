@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "client/import/pbrt/pbrt_spectrum.h"
+#include "client/import/pbrt/read/pbrt_spectrum.h"
 #include "common/image/image.h"
 #include "tests/support/gltf_maker.h"
 #include "tests/support/pbrt_text.h"
@@ -83,8 +83,8 @@ static void test_matte_sigma(void **state)
 static void test_coated_diffuse(void **state)
 {
     struct import_result r;
-    struct scene_material m = pbrt_material_of(
-        "Material \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3] \"float roughness\" .0625", &r);
+    struct scene_material m =
+        pbrt_material_of("Material \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3] \"float roughness\" .0625", &r);
 
     (void)state;
     assert_rgb(m.base_color, 0.1f, 0.2f, 0.3f);
@@ -110,8 +110,8 @@ static void test_named_metals(void **state)
         const char *name;
         double rgb[3];
     } metals[] = {
-        {"Ag", {0.97, 0.96, 0.92}}, {"Al", {0.91, 0.92, 0.92}}, {"Au", {1.00, 0.78, 0.35}},
-        {"Cu", {0.95, 0.64, 0.54}}, {"CuZn", {0.91, 0.78, 0.42}}, {"MgO", {0.072, 0.073, 0.075}},
+        {"Ag", {0.97, 0.96, 0.92}},   {"Al", {0.91, 0.92, 0.92}},   {"Au", {1.00, 0.78, 0.35}},
+        {"Cu", {0.95, 0.64, 0.54}},   {"CuZn", {0.91, 0.78, 0.42}}, {"MgO", {0.072, 0.073, 0.075}},
         {"TiO2", {0.23, 0.24, 0.27}},
     };
 
@@ -128,8 +128,7 @@ static void test_named_metals(void **state)
         assert_int_equal(m.kind, MATERIAL_CONDUCTOR);
         assert_true(m.roughness == 0);
         for (int c = 0; c < 3; c++)
-            assert_true(fabs(conductor_normal_reflectance((double)m.conductor_eta[c],
-                                                          (double)m.conductor_k[c]) -
+            assert_true(fabs(conductor_normal_reflectance((double)m.conductor_eta[c], (double)m.conductor_k[c]) -
                              metals[i].rgb[c]) < 0.01);
         import_result_release(&r);
     }
@@ -138,8 +137,8 @@ static void test_named_metals(void **state)
 static void test_conductors(void **state)
 {
     struct import_result r;
-    struct scene_material m = pbrt_material_of(
-        "Material \"conductor\" \"rgb eta\" [.2 .9 1.1] \"rgb k\" [3.9 2.4 2.1]", &r);
+    struct scene_material m =
+        pbrt_material_of("Material \"conductor\" \"rgb eta\" [.2 .9 1.1] \"rgb k\" [3.9 2.4 2.1]", &r);
 
     (void)state;
     assert_rgb(m.conductor_eta, 0.2f, 0.9f, 1.1f);
@@ -147,8 +146,7 @@ static void test_conductors(void **state)
     import_result_release(&r);
     m = pbrt_material_of("Material \"conductor\" \"rgb reflectance\" [.25 .5 .75]", &r);
     for (int c = 0; c < 3; c++)
-        assert_true(fabs(conductor_normal_reflectance((double)m.conductor_eta[c],
-                                                      (double)m.conductor_k[c]) -
+        assert_true(fabs(conductor_normal_reflectance((double)m.conductor_eta[c], (double)m.conductor_k[c]) -
                          0.25 * (c + 1)) < 1e-4);
     import_result_release(&r);
     /* Below a coat the metal is seen from the coat's index. */
@@ -214,9 +212,9 @@ static void test_dielectrics(void **state)
 static void test_diffuse_transmission(void **state)
 {
     struct import_result r;
-    struct scene_material m = pbrt_material_of(
-        "Material \"diffusetransmission\" \"rgb reflectance\" [.3 .2 .1] "
-        "\"rgb transmittance\" [.1 .05 .1]", &r);
+    struct scene_material m = pbrt_material_of("Material \"diffusetransmission\" \"rgb reflectance\" [.3 .2 .1] "
+                                               "\"rgb transmittance\" [.1 .05 .1]",
+                                               &r);
     const float w = m.diffuse_transmission;
 
     (void)state;
@@ -238,8 +236,8 @@ static void test_diffuse_transmission(void **state)
 static void test_mix(void **state)
 {
     struct import_result r;
-    struct scene_material m = pbrt_material_of(
-        TWO "Material \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" .25", &r);
+    struct scene_material m =
+        pbrt_material_of(TWO "Material \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" .25", &r);
 
     (void)state;
     assert_int_equal(m.kind, MATERIAL_MIX);
@@ -271,9 +269,9 @@ static void test_mix(void **state)
 static void test_version_3(void **state)
 {
     struct import_result r;
-    struct scene_material m = pbrt_material_of(
-        "Material \"plastic\" \"color Kd\" [.1 .1 .1] \"color Ks\" [.5 .25 .5] "
-        "\"float roughness\" .1", &r);
+    struct scene_material m = pbrt_material_of("Material \"plastic\" \"color Kd\" [.1 .1 .1] \"color Ks\" [.5 .25 .5] "
+                                               "\"float roughness\" .1",
+                                               &r);
 
     (void)state;
     assert_rgb(m.base_color, 0.1f, 0.1f, 0.1f);
@@ -354,8 +352,7 @@ static const uint8_t *image_blob(const struct import_result *r, uint32_t texture
 }
 
 /* Texel of a computed PNG as 0..1. */
-static float texel_of(const struct import_result *r, uint32_t texture, uint32_t x, uint32_t y,
-                      uint32_t channel)
+static float texel_of(const struct import_result *r, uint32_t texture, uint32_t x, uint32_t y, uint32_t channel)
 {
     struct image8 image;
     struct error err = {0};
@@ -412,8 +409,7 @@ static void test_image_texture(void **state)
     assert_rgb(m.base_color, 0.5f, 0.5f, 0.5f);
     assert_int_equal(m.base_color_texture.texture, 0);
     /* v downwards: 1 - (2 v + .5) */
-    assert_floats(&m.base_color_texture.uv_transform[0][0],
-                  (const float[]){3, 0, 0.25f, 0, -2, 0.5f}, 6, 1e-6f);
+    assert_floats(&m.base_color_texture.uv_transform[0][0], (const float[]){3, 0, 0.25f, 0, -2, 0.5f}, 6, 1e-6f);
     assert_true(t->nearest && t->wrap_u == WRAP_CLAMP && t->wrap_v == WRAP_CLAMP);
     assert_int_equal(t->encoding, ENCODING_SRGB);
     assert_true(texel_of(&r, 0, 0, 0, 0) == 1 && texel_of(&r, 0, 0, 0, 1) == 0); /* red */
@@ -440,30 +436,28 @@ static void test_computed_textures(void **state)
 
     (void)state;
     assert_true(texel_of(&r, 0, 0, 0, 0) == 0 && texel_of(&r, 0, 0, 0, 1) == 1); /* cyan */
-    assert_true(texel_of(&r, 0, 1, 1, 0) == 0); /* black for white */
-    assert_floats(&m.base_color_texture.uv_transform[0][0], (const float[]){1, 0, 0, 0, -1, 1}, 6,
-                  0);
+    assert_true(texel_of(&r, 0, 1, 1, 0) == 0);                                  /* black for white */
+    assert_floats(&m.base_color_texture.uv_transform[0][0], (const float[]){1, 0, 0, 0, -1, 1}, 6, 0);
     import_result_release(&r);
     /* A mix of a picture and a colour: half of each, in linear light. */
-    m = material_with_image(
-        "Texture \"t\" \"spectrum\" " IMAGE "\"string filter\" \"point\" "
-        "Texture \"m\" \"spectrum\" \"mix\" \"texture tex1\" \"t\" \"rgb tex2\" [0 0 0] "
-        "\"float amount\" .5 Material \"diffuse\" \"texture reflectance\" \"m\"", &r);
+    m = material_with_image("Texture \"t\" \"spectrum\" " IMAGE "\"string filter\" \"point\" "
+                            "Texture \"m\" \"spectrum\" \"mix\" \"texture tex1\" \"t\" \"rgb tex2\" [0 0 0] "
+                            "\"float amount\" .5 Material \"diffuse\" \"texture reflectance\" \"m\"",
+                            &r);
     assert_rgb(m.base_color, 1, 1, 1);
     assert_float_equal(texel_of(&r, 0, 0, 0, 0), 0.7353569f, 1e-4f); /* sRGB of 0.5 */
     import_result_release(&r);
-    m = material_with_image(
-        "Texture \"c\" \"spectrum\" \"checkerboard\" \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1] "
-        "Material \"diffuse\" \"texture reflectance\" \"c\"", &r);
+    m = material_with_image("Texture \"c\" \"spectrum\" \"checkerboard\" \"rgb tex1\" [1 0 0] \"rgb tex2\" [0 0 1] "
+                            "Material \"diffuse\" \"texture reflectance\" \"c\"",
+                            &r);
     /* The field around (0, 0) is tex1: the bottom left of the picture. */
     assert_true(texel_of(&r, 0, 0, 1, 0) == 1 && texel_of(&r, 0, 0, 0, 2) == 1);
     assert_true(texel_of(&r, 0, 1, 0, 0) == 1 && texel_of(&r, 0, 1, 1, 2) == 1);
-    assert_floats(&m.base_color_texture.uv_transform[0][0],
-                  (const float[]){0.5f, 0, 0, 0, -0.5f, 1}, 6, 0);
+    assert_floats(&m.base_color_texture.uv_transform[0][0], (const float[]){0.5f, 0, 0, 0, -0.5f, 1}, 6, 0);
     import_result_release(&r);
-    m = material_with_image(
-        "Texture \"c\" \"float\" \"mix\" \"float tex1\" .2 \"float tex2\" .6 \"float amount\" .5 "
-        "Material \"dielectric\" \"texture roughness\" \"c\" \"bool remaproughness\" false", &r);
+    m = material_with_image("Texture \"c\" \"float\" \"mix\" \"float tex1\" .2 \"float tex2\" .6 \"float amount\" .5 "
+                            "Material \"dielectric\" \"texture roughness\" \"c\" \"bool remaproughness\" false",
+                            &r);
     assert_float_equal(m.roughness, 0.6324555f, 1e-6f); /* constants fold: sqrt(.4) */
     assert_int_equal(r.scene.texture_count, 0);
     import_result_release(&r);
@@ -493,12 +487,11 @@ static void test_alpha_texture(void **state)
 
     (void)state;
     pbrt_folder_put(folder, "t.tga", four_colors, sizeof four_colors);
-    pbrt_whole(RIGHT_HANDED
-               "WorldBegin " LAMP "Texture \"a\" \"float\" " IMAGE "\"string filter\" \"point\" "
-               "\"string encoding\" \"linear\" "
-               "Material \"diffuse\" \"rgb reflectance\" [.1 .2 .3] "
-               "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] "
-               "\"texture alpha\" \"a\"",
+    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP "Texture \"a\" \"float\" " IMAGE "\"string filter\" \"point\" "
+                            "\"string encoding\" \"linear\" "
+                            "Material \"diffuse\" \"rgb reflectance\" [.1 .2 .3] "
+                            "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] "
+                            "\"texture alpha\" \"a\"",
                folder, &r);
     pbrt_folder_remove(folder);
     m = &r.scene.materials[r.scene.instances[0].material];
@@ -512,8 +505,8 @@ static void test_alpha_texture(void **state)
 static void test_normal_map(void **state)
 {
     struct import_result r;
-    struct scene_material m = material_with_image(
-        "Material \"diffuse\" \"string normalmap\" \"t.tga\" \"texture displacement\" \"x\"", &r);
+    struct scene_material m =
+        material_with_image("Material \"diffuse\" \"string normalmap\" \"t.tga\" \"texture displacement\" \"x\"", &r);
 
     (void)state;
     assert_int_equal(m.normal_texture.texture, 0);
@@ -598,12 +591,11 @@ static void test_spectrum_file(void **state)
     (void)state;
     pbrt_folder_put(folder, "a.spd", spd, strlen(spd));
     pbrt_folder_put(folder, "b.spd", bad, strlen(bad));
-    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP
-               "Material \"diffuse\" \"spectrum reflectance\" \"a.spd\" " TRIANGLE, folder, &r);
+    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP "Material \"diffuse\" \"spectrum reflectance\" \"a.spd\" " TRIANGLE,
+               folder, &r);
     assert_rgb(r.scene.materials[0].base_color, 0.5f, 0.5f, 0.5f);
     import_result_release(&r);
-    assert_int_equal(import_scene_memory(text, strlen(text), "a.pbrt", folder, &options, &r, &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(import_scene_memory(text, strlen(text), "a.pbrt", folder, &options, &r, &err), STATUS_ERR_INPUT);
     assert_says(&err, "a.pbrt:1: |must ascend");
     pbrt_folder_remove(folder);
 }
@@ -611,8 +603,8 @@ static void test_spectrum_file(void **state)
 static void test_color_spaces(void **state)
 {
     struct import_result r;
-    struct scene_material m = pbrt_material_of(
-        "ColorSpace \"rec2020\" Material \"diffuse\" \"rgb reflectance\" [.5 .5 .5]", &r);
+    struct scene_material m =
+        pbrt_material_of("ColorSpace \"rec2020\" Material \"diffuse\" \"rgb reflectance\" [.5 .5 .5]", &r);
 
     (void)state;
     assert_rgb(m.base_color, 0.5f, 0.5f, 0.5f); /* the same white */

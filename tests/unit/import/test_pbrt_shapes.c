@@ -34,8 +34,7 @@ static void test_fronts(void **state)
         {"ReverseOrientation ReverseOrientation Shape \"trianglemesh\" " CORNERS, 1, 0},
         /* Normals decide. */
         {"Shape \"trianglemesh\" " CORNERS "\"normal N\" [0 0 -1 0 0 -1 0 0 -1]", -1, -1},
-        {"ReverseOrientation Shape \"trianglemesh\" " CORNERS
-         "\"normal N\" [0 0 -1 0 0 -1 0 0 -1]", 1, 1},
+        {"ReverseOrientation Shape \"trianglemesh\" " CORNERS "\"normal N\" [0 0 -1 0 0 -1 0 0 -1]", 1, 1},
         /* A mirroring matrix is the renderer's business. */
         {"Scale -1 1 1 Shape \"trianglemesh\" " CORNERS, 1, 0},
     };
@@ -70,8 +69,7 @@ static void test_triangle_mesh(void **state)
     assert_floats(v.uv0, (const float[]){0, 0, 1, 0, 0, 1, 1, 1}, 8, 0);
     assert_int_equal(r.warning_count, 0);
     import_result_release(&r);
-    pbrt_world(LAMP "Shape \"trianglemesh\" " CORNERS "\"point2 uv\" [0 0] \"normal N\" [0 0 1]",
-               &r);
+    pbrt_world(LAMP "Shape \"trianglemesh\" " CORNERS "\"point2 uv\" [0 0] \"normal N\" [0 0 1]", &r);
     pbrt_warned(&r, "1 normals for 3 vertices");
     pbrt_warned(&r, "1 texture coordinates for 3 vertices");
     import_result_release(&r);
@@ -88,8 +86,7 @@ static void test_quadrics(void **state)
         {"\"sphere\" \"float zmin\" 0", {-1, -1, 0}, {1, 1, 1}, 0},
         {"\"sphere\" \"float phimax\" 180", {-1, 0, -1}, {1, 1, 1}, 0},
         {"\"disk\" \"float radius\" 3 \"float height\" 1", {-3, -3, 1}, {3, 3, 1}, 0},
-        {"\"cylinder\" \"float radius\" .5 \"float zmin\" -2 \"float zmax\" 4", {-0.5f, -0.5f, -2},
-         {0.5f, 0.5f, 4}, 0},
+        {"\"cylinder\" \"float radius\" .5 \"float zmin\" -2 \"float zmax\" 4", {-0.5f, -0.5f, -2}, {0.5f, 0.5f, 4}, 0},
     };
 
     (void)state;
@@ -120,8 +117,7 @@ static void test_other_surfaces(void **state)
     assert_int_equal(r.scene.meshes[0].triangle_count, 4 * 16);
     assert_true(r.scene.meshes[0].closed);
     import_result_release(&r);
-    pbrt_world(LAMP "Shape \"curve\" \"point3 P\" [0 0 0 0 1 0 0 2 0 0 3 0] \"float width\" .1",
-               &r);
+    pbrt_world(LAMP "Shape \"curve\" \"point3 P\" [0 0 0 0 1 0 0 2 0 0 3 0] \"float width\" .1", &r);
     assert_true(r.scene.meshes[0].triangle_count > 0);
     assert_float_equal(r.scene.meshes[0].bounds_max[1], 3, 0.1f);
     import_result_release(&r);
@@ -133,10 +129,9 @@ static void test_other_surfaces(void **state)
 
 static void test_ply(void **state)
 {
-    static const char ply[] =
-        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
-        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
-        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    static const char ply[] = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+                              "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                              "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
     const struct import_options options = IMPORT_OPTIONS_DEFAULT;
     const char *bad = "WorldBegin\nShape \"plymesh\" \"string filename\" \"b.ply\"";
     char *folder = pbrt_folder_make();
@@ -146,12 +141,10 @@ static void test_ply(void **state)
     (void)state;
     pbrt_folder_put(folder, "a.ply", ply, sizeof ply - 1);
     pbrt_folder_put(folder, "b.ply", ply, 60);
-    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP
-               "Shape \"plymesh\" \"string filename\" [\"a.ply\"]", folder, &r);
+    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP "Shape \"plymesh\" \"string filename\" [\"a.ply\"]", folder, &r);
     assert_int_equal(r.scene.meshes[0].triangle_count, 1);
     import_result_release(&r);
-    assert_int_not_equal(
-        import_scene_memory(bad, strlen(bad), "a.pbrt", folder, &options, &r, &err), STATUS_OK);
+    assert_int_not_equal(import_scene_memory(bad, strlen(bad), "a.pbrt", folder, &options, &r, &err), STATUS_OK);
     assert_says(&err, "a.pbrt:2: |b.ply");
     pbrt_folder_remove(folder);
 }

@@ -9,10 +9,7 @@
 
 #include "common/math/curve_table.h"
 
-static double power_at(double x, const void *user)
-{
-    return det_pow_d(x, *(const double *)user);
-}
+static double power_at(double x, const void *user) { return det_pow_d(x, *(const double *)user); }
 
 static double stairs(double x, const void *user)
 {

@@ -20,8 +20,7 @@ static void test_normalize(void **state)
         const struct vec3 unit = vec3_normalize(v);
         assert_true(fabsf(vec3_length(unit) - 1) < 1e-6f);
         for (int power = -80; power <= 126; power++) {
-            const struct vec3 n = vec3_normalize(vec3_make(ldexpf(v.x, power), ldexpf(v.y, power),
-                                                           ldexpf(v.z, power)));
+            const struct vec3 n = vec3_normalize(vec3_make(ldexpf(v.x, power), ldexpf(v.y, power), ldexpf(v.z, power)));
             assert_true(n.x == unit.x && n.y == unit.y && n.z == unit.z);
         }
     }

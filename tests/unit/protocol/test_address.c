@@ -18,8 +18,7 @@ static void test_good(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
-        assert_int_equal(address_parse(good[i].text, "127.0.0.1", 1, host, sizeof host, &port, NULL),
-                         STATUS_OK);
+        assert_int_equal(address_parse(good[i].text, "127.0.0.1", 1, host, sizeof host, &port, NULL), STATUS_OK);
         assert_string_equal(host, good[i].host);
         assert_int_equal(port, good[i].port);
     }
@@ -35,8 +34,7 @@ static void test_bad(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
-        assert_int_equal(address_parse(bad[i], "127.0.0.1", 1, host, sizeof host, &port, &err),
-                         STATUS_ERR_USAGE);
+        assert_int_equal(address_parse(bad[i], "127.0.0.1", 1, host, sizeof host, &port, &err), STATUS_ERR_USAGE);
         assert_non_null(strstr(err.text, bad[i]));
     }
 }
@@ -48,10 +46,10 @@ static void test_limits(void **state)
 
     (void)state;
     /* 31 bytes fit into 32, 32 do not; port 0 and every address only where they are asked for. */
-    assert_int_equal(address_parse("aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa", "", 1, host, sizeof host, &port,
-                                   NULL), STATUS_OK);
-    assert_int_equal(address_parse("aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa", "", 1, host, sizeof host, &port,
-                                   NULL), STATUS_ERR_USAGE);
+    assert_int_equal(address_parse("aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa", "", 1, host, sizeof host, &port, NULL),
+                     STATUS_OK);
+    assert_int_equal(address_parse("aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa", "", 1, host, sizeof host, &port, NULL),
+                     STATUS_ERR_USAGE);
     assert_int_equal(address_parse(":0", "", 0, host, sizeof host, &port, NULL), STATUS_OK);
     assert_string_equal(host, "");
     assert_int_equal(port, 0);

@@ -42,7 +42,7 @@ struct farm {
     int closes_expected;
     int accepting;
     const struct channel_gate *gate;
-    uv_idle_cb turn;         /* started when the gate is ready; NULL: its turn never comes */
+    uv_idle_cb turn; /* started when the gate is ready; NULL: its turn never comes */
     unsigned ready, refused;
     void (*on_open)(struct farm *f, struct side *s);
     void (*on_message)(struct farm *f, struct side *s, const Azulejo__Wire__Envelope *m);
@@ -124,8 +124,7 @@ static void on_connection(uv_stream_t *listener, int result)
     struct error err = {0};
 
     assert_int_equal(result, 0);
-    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, f->gate, f,
-                                  &err);
+    f->accepting = channel_accept(&f->server.channel, listener, &f->key, &callbacks, f->gate, f, &err);
     if (f->accepting != STATUS_OK && f->closes_expected == 2)
         f->closes_expected = 1;
 }
@@ -161,8 +160,8 @@ static void farm_begin(struct farm *f)
 
 static void farm_connect(struct farm *f)
 {
-    assert_int_equal(channel_connect(&f->client.channel, &f->loop, "127.0.0.1", f->port,
-                                     &f->client_key, f->role, &callbacks, f, NULL),
+    assert_int_equal(channel_connect(&f->client.channel, &f->loop, "127.0.0.1", f->port, &f->client_key, f->role,
+                                     &callbacks, f, NULL),
                      STATUS_OK);
 }
 
@@ -173,10 +172,7 @@ static void farm_run(struct farm *f)
     assert_true(f->server.closed <= 1 && f->client.closed <= 1);
 }
 
-static void send_heartbeat(struct side *s)
-{
-    assert_int_equal(message_send_heartbeat(s->channel), STATUS_OK);
-}
+static void send_heartbeat(struct side *s) { assert_int_equal(message_send_heartbeat(s->channel), STATUS_OK); }
 
 /* ---- good peers ------------------------------------------------------------------------ */
 
@@ -244,8 +240,8 @@ static void test_host_with_several_addresses(void **state)
     farm_begin(&f);
     f.on_open = exchange_open;
     f.on_message = exchange_message;
-    assert_int_equal(channel_connect(&f.client.channel, &f.loop, "localhost", f.port, &f.key,
-                                     f.role, &callbacks, &f, NULL),
+    assert_int_equal(channel_connect(&f.client.channel, &f.loop, "localhost", f.port, &f.key, f.role, &callbacks, &f,
+                                     NULL),
                      STATUS_OK);
     farm_run(&f);
     assert_int_equal(f.client.messages, 1);
@@ -312,6 +308,57 @@ static void test_flood(void **state)
     assert_int_equal(f.client.why.code, STATUS_OK);
 }
 
+/* Corked: 64 messages, then, uncorked or not, the end. */
+static void corked_open(struct farm *f, struct side *s)
+{
+    static uint8_t bytes[FLOOD_PIECE];
+
+    if (s != &f->client)
+        return;
+    channel_cork(s->channel);
+    for (; f->sent < 64; f->sent++) {
+        size_t before = channel_queued_bytes(s->channel);
+        memset(bytes, (int)(f->sent % 251), sizeof bytes);
+        assert_int_equal(send_piece(s->channel, f->sent, bytes, sizeof bytes), STATUS_OK);
+        /* Some at a time: what is not sent yet stays small. */
+        if (f->sent % 4 != 3)
+            assert_int_equal(channel_queued_bytes(s->channel), before);
+        else
+            assert_true(channel_queued_bytes(s->channel) >= before);
+    }
+    if (f->idle_turns)
+        channel_uncork(s->channel);
+    send_heartbeat(s);
+    channel_close(s->channel);
+}
+
+static void corked_message(struct farm *f, struct side *s, const Azulejo__Wire__Envelope *m)
+{
+    if (m->body_case == AZULEJO__WIRE__ENVELOPE__BODY_BLOB_DATA)
+        flood_message(f, s, m);
+    else
+        assert_int_equal(f->received, 64);
+}
+
+/* What is corked arrives whole and in order, before what is sent later and before the end. */
+static void test_corked(void **state)
+{
+    (void)state;
+    for (unsigned uncorked = 0; uncorked < 2; uncorked++) {
+        struct farm f;
+        farm_begin(&f);
+        f.idle_turns = uncorked;
+        f.on_open = corked_open;
+        f.on_message = corked_message;
+        farm_connect(&f);
+        farm_run(&f);
+        assert_int_equal(f.received, 64);
+        assert_int_equal(f.server.messages, 65);
+        assert_int_equal(f.server.why.code, STATUS_OK);
+        assert_int_equal(f.client.why.code, STATUS_OK);
+    }
+}
+
 static void short_turn(uv_idle_t *idle)
 {
     struct farm *f = idle->data;
@@ -339,6 +386,55 @@ static void test_turns_end(void **state)
     assert_int_equal(f.received, FLOOD_COUNT);
     assert_true(f.idle_turns >= FLOOD_COUNT / 2);
     assert_int_equal(f.server.why.code, STATUS_OK);
+}
+
+enum { PAUSES = 500 };
+
+static void say_much_at_once(struct farm *f, struct side *s)
+{
+    if (s != &f->client)
+        return;
+    channel_cork(s->channel);
+    for (f->sent = 0; f->sent < PAUSES; f->sent++)
+        send_heartbeat(s);
+    channel_uncork(s->channel);
+    channel_close(s->channel);
+}
+
+static void hear_one(struct farm *f, struct side *s, const Azulejo__Wire__Envelope *m)
+{
+    assert_int_equal(m->body_case, AZULEJO__WIRE__ENVELOPE__BODY_HEARTBEAT);
+    assert_int_equal(f->idle_turns, 0);
+    f->received++;
+    f->idle_turns = 2;
+    channel_pause(s->channel, 1);
+}
+
+static void hear_on(uv_idle_t *idle)
+{
+    struct farm *f = idle->data;
+
+    if (f->idle_turns == 0 || --f->idle_turns > 0)
+        return;
+    channel_pause(f->server.channel, 0);
+    assert_int_equal(f->idle_turns, 0); /* nothing in that call */
+}
+
+/* A paused channel delivers nothing, not even what came with the message at which it was paused; then all, and the end. */
+static void test_pause(void **state)
+{
+    struct farm f;
+
+    (void)state;
+    farm_begin(&f);
+    f.on_open = say_much_at_once;
+    f.on_message = hear_one;
+    uv_idle_start(&f.idle, hear_on);
+    farm_connect(&f);
+    farm_run(&f);
+    assert_int_equal(f.received, PAUSES);
+    assert_int_equal(f.server.why.code, STATUS_OK);
+    assert_int_equal(f.client.why.code, STATUS_OK);
 }
 
 /* Both ends talk at once; the client says 4 MiB and closes in the same breath. */
@@ -450,8 +546,8 @@ static void test_nobody_listens(void **state)
         f.closes_expected = 1;
         uv_close((uv_handle_t *)&f.listener, NULL);
         uv_run(&f.loop, UV_RUN_NOWAIT);
-        assert_int_equal(channel_connect(&f.client.channel, &f.loop, hosts[i], f.port, &f.key,
-                                         f.role, &callbacks, &f, NULL),
+        assert_int_equal(channel_connect(&f.client.channel, &f.loop, hosts[i], f.port, &f.key, f.role, &callbacks, &f,
+                                         NULL),
                          STATUS_OK);
         farm_run(&f);
         assert_int_equal(f.client.why.code, STATUS_ERR_UNREACHABLE);
@@ -548,7 +644,7 @@ static void test_almost_right_keys(void **state)
     refused_run(&f);
     farm_begin(&f);
     assert_int_equal(farm_key_derive(&f.key, FARM_ROLE_WORKER, &f.client_key, NULL), STATUS_OK);
-    f.client_key.role = FARM_ROLE_ADMIN;
+    f.client_key.id = key_identity_shared(FARM_ROLE_ADMIN);
     f.role = FARM_ROLE_ADMIN;
     refused_run(&f);
     assert_non_null(strstr(f.server.why.text, "admin key is not of this farm"));
@@ -574,8 +670,8 @@ static void test_role_that_the_client_lacks(void **state)
     (void)state;
     farm_begin(&f);
     assert_int_equal(farm_key_derive(&f.key, FARM_ROLE_WORKER, &worker, NULL), STATUS_OK);
-    assert_int_equal(channel_connect(&f.client.channel, &f.loop, "127.0.0.1", f.port, &worker,
-                                     FARM_ROLE_ADMIN, &callbacks, &f, &err),
+    assert_int_equal(channel_connect(&f.client.channel, &f.loop, "127.0.0.1", f.port, &worker, FARM_ROLE_ADMIN,
+                                     &callbacks, &f, &err),
                      STATUS_ERR_REFUSED);
     assert_null(f.client.channel);
     assert_non_null(strstr(err.text, "worker key cannot act as admin"));
@@ -591,7 +687,7 @@ struct raw_peer {
     uint16_t port;
     struct farm_key key;
     int with_tls;
-    struct buffer bytes;   /* sent in pieces of `piece` bytes, each a TLS record */
+    struct buffer bytes; /* sent in pieces of `piece` bytes, each a TLS record */
     size_t piece;
     int goodbye;           /* close_notify before the end */
     int hold_until_closed; /* do not close: wait for the other end to do so */
@@ -627,8 +723,7 @@ static int raw_hear(struct raw_peer *p, int fd, struct tls *tls)
     if (tls_feed(tls, bytes, (size_t)got, NULL) != STATUS_OK || tls_step(tls, NULL) != STATUS_OK)
         return 0;
     raw_send_output(fd, tls);
-    while (tls_state_of(tls) == TLS_OPEN &&
-           tls_read(tls, bytes, sizeof bytes, &size, NULL) == STATUS_OK && size > 0)
+    while (tls_state_of(tls) == TLS_OPEN && tls_read(tls, bytes, sizeof bytes, &size, NULL) == STATUS_OK && size > 0)
         buffer_append(&p->heard, bytes, size);
     return 1;
 }
@@ -645,8 +740,7 @@ static void *raw_main(void *argument)
     if (connect(fd, (struct sockaddr *)&address, sizeof address) != 0)
         goto done;
     if (p->with_tls) {
-        if (tls_new_client(&tls, &p->key, FARM_ROLE_CLIENT, NULL) != STATUS_OK ||
-            tls_step(tls, NULL) != STATUS_OK)
+        if (tls_new_client(&tls, &p->key, FARM_ROLE_CLIENT, NULL) != STATUS_OK || tls_step(tls, NULL) != STATUS_OK)
             goto done;
         raw_send_output(fd, tls);
         while (tls_state_of(tls) == TLS_HANDSHAKE)
@@ -1096,8 +1190,7 @@ static void test_every_allocation_fails_once(void **state)
         f.on_open = memory_open;
         f.on_message = memory_message;
         mem_fault_arm(n, 1);
-        result = channel_connect(&f.client.channel, &f.loop, "127.0.0.1", f.port, &f.key, f.role,
-                                 &callbacks, &f, &err);
+        result = channel_connect(&f.client.channel, &f.loop, "127.0.0.1", f.port, &f.key, f.role, &callbacks, &f, &err);
         if (result != STATUS_OK) {
             assert_int_equal(result, STATUS_ERR_NO_MEMORY);
             farm_stop(&f);
@@ -1121,7 +1214,9 @@ int main(void)
         cmocka_unit_test(test_exchange_in_every_role),
         cmocka_unit_test(test_host_with_several_addresses),
         cmocka_unit_test(test_flood),
+        cmocka_unit_test(test_corked),
         cmocka_unit_test(test_turns_end),
+        cmocka_unit_test(test_pause),
         cmocka_unit_test(test_close_flushes),
         cmocka_unit_test(test_abort),
         cmocka_unit_test(test_close_on_open),

@@ -36,6 +36,7 @@ static struct render_settings example_settings(void)
     s.light_choice = LIGHT_CHOICE_UNIFORM;
     s.texture_filter = TEXTURE_FILTER_NEAREST;
     s.bvh_quality = BVH_QUALITY_HIGH;
+    s.exr_names = EXR_NAMES_BLENDER;
     s.not_robust = 1;
     s.no_roulette = 1;
     s.clamp = 12.5f;
@@ -227,20 +228,19 @@ static void test_units(void **state)
     assert_int_equal(wire_unit_check(84, 0, 0, &s, NULL), STATUS_ERR_PROTOCOL);
     assert_int_equal(wire_unit_check(0, 0, 8, &s, NULL), STATUS_ERR_PROTOCOL);
     assert_int_equal(wire_unit_check(0, GROUPS, 0, &s, NULL), STATUS_ERR_PROTOCOL);
-    assert_int_equal(wire_unit_check(UINT32_MAX, UINT32_MAX, UINT32_MAX, &s, NULL),
-                     STATUS_ERR_PROTOCOL);
+    assert_int_equal(wire_unit_check(UINT32_MAX, UINT32_MAX, UINT32_MAX, &s, NULL), STATUS_ERR_PROTOCOL);
     s.spp = 1; /* the second group has none */
     assert_int_equal(wire_unit_check(0, 0, 0, &s, NULL), STATUS_OK);
     assert_int_equal(wire_unit_check(0, 1, 0, &s, NULL), STATUS_ERR_PROTOCOL);
     s.aovs = 0;
-    assert_int_equal(wire_sums_count(&s, 0, 0, 0), 2 * 256 * 3);
-    assert_int_equal(wire_sums_count(&s, 20, 1, 0), 2 * 13 * 16 * 3); /* right edge: 333 = 20 * 16 + 13 */
-    assert_int_equal(wire_sums_count(&s, 83, 0, 1), 2 * 13 * 2 * 3);  /* corner: 50 = 3 * 16 + 2 */
+    assert_int_equal(wire_sums_count(&s, 0, 0, 0), 256 * 3);
+    assert_int_equal(wire_sums_count(&s, 20, 1, 0), 13 * 16 * 3); /* right edge: 333 = 20 * 16 + 13 */
+    assert_int_equal(wire_sums_count(&s, 83, 0, 1), 13 * 2 * 3);  /* corner: 50 = 3 * 16 + 2 */
     /* 1 and 3 floats more, the first in one unit only; samples and error are not sent. */
     s.aovs = 1u << AOV_DEPTH | 1u << AOV_NORMAL | 1u << AOV_SAMPLES | 1u << AOV_ERROR;
-    assert_int_equal(wire_sums_count(&s, 83, 0, 0), 13 * 2 * (2 * 3 + 4));
-    assert_int_equal(wire_sums_count(&s, 83, 1, 0), 13 * 2 * (2 * 3 + 3));
-    assert_int_equal(wire_sums_count(&s, 83, 0, 1), 13 * 2 * (2 * 3 + 3));
+    assert_int_equal(wire_sums_count(&s, 83, 0, 0), 13 * 2 * (3 + 4));
+    assert_int_equal(wire_sums_count(&s, 83, 1, 0), 13 * 2 * (3 + 3));
+    assert_int_equal(wire_sums_count(&s, 83, 0, 1), 13 * 2 * (3 + 3));
     s.aovs = (1u << AOV_COUNT) - 1;
     assert_int_equal(wire_sums_count(&s, 0, 0, 0), TILE_FLOATS_MAX);
 }
@@ -447,14 +447,14 @@ static void test_pieces_that_do_not_fit(void **state)
         size_t sent;
         int zstd;
     } bad[] = {
-        {10, 5, 6, 6, 0},                                      /* over the end */
-        {10, 11, 0, 0, 0},                                     /* begins after the end */
-        {10, UINT64_MAX, 1, 1, 0},                             /* wraps around */
-        {10, 0, 0, 0, 0},                                      /* goes nowhere */
-        {UINT64_MAX, 0, 10, 10, 0},                            /* too large a blob */
+        {10, 5, 6, 6, 0},           /* over the end */
+        {10, 11, 0, 0, 0},          /* begins after the end */
+        {10, UINT64_MAX, 1, 1, 0},  /* wraps around */
+        {10, 0, 0, 0, 0},           /* goes nowhere */
+        {UINT64_MAX, 0, 10, 10, 0}, /* too large a blob */
         {1 << 30, 0, BLOB_PIECE_BYTES + 1, BLOB_PIECE_BYTES + 1, 0},
-        {10, 0, 10, 9, 0},                                     /* not as many as it says */
-        {10, 0, 10, 1 << 20, 1},                               /* "compressed" to a megabyte */
+        {10, 0, 10, 9, 0},       /* not as many as it says */
+        {10, 0, 10, 1 << 20, 1}, /* "compressed" to a megabyte */
     };
     static uint8_t bytes[1 << 20];
     struct digest digest = {{1}};
@@ -488,6 +488,8 @@ static void test_text_is_cleaned(void **state)
     assert_string_equal(message_text(out, sizeof out, "\xc2\x9b\xe2\x82\xac"), "?\xe2\x82\xac");
     assert_string_equal(message_text(out, sizeof out, "\xed\xa0\x80"), "???"); /* a surrogate */
     assert_string_equal(message_text(out, sizeof out, "0123456789abcdefg"), "0123456789abcde");
+    assert_string_equal(message_text(out, sizeof out, "a\xe2\x80\xae" "b\xe2\x81\xa9"), "a?b?"); /* text turned around */
+    assert_string_equal(message_text(out, sizeof out, "\xe2\x80\xa6\xe2\x80\x8b"), "\xe2\x80\xa6\xe2\x80\x8b");
     /* No half character at the end. */
     assert_string_equal(message_text(out, 4, "ab\xc3\xa9"), "ab");
     assert_string_equal(message_text(out, 5, "ab\xc3\xa9"), "ab\xc3\xa9");
@@ -551,7 +553,7 @@ static void test_unpacking_has_a_budget(void **state)
     assert_non_null(wire);
     wire[at++] = 0xaa; /* field 21, length-delimited */
     wire[at++] = 0x01;
-    for (size_t rest = inner; ; rest >>= 7) {
+    for (size_t rest = inner;; rest >>= 7) {
         wire[at++] = (uint8_t)(rest & 0x7f) | (rest > 0x7f ? 0x80 : 0);
         if (rest <= 0x7f)
             break;

@@ -68,6 +68,53 @@ static void test_keys_stay_apart(void **state)
     tls_free(server);
 }
 
+static struct farm_key named(const char *text)
+{
+    struct farm_key out;
+    struct key_identity id;
+
+    assert_true(key_identity_parse(&id, text, strlen(text)));
+    assert_int_equal(farm_key_derive_named(&key, &id, &out, NULL), STATUS_OK);
+    return out;
+}
+
+/* The farm's key proves itself to every name, and a name's to the farm's alone: not to another name, not to an older or
+ * newer key of the same name, and not to a role's key. */
+static void test_names_are_proved(void **state)
+{
+    static const char *const texts[] = {"azulejo-2 submit 1 ana", "azulejo-2 submit 2 ana", "azulejo-2 admin 1 ana",
+                                        "azulejo-2 submit 1 rui", "azulejo-1 client"};
+    enum { COUNT = sizeof texts / sizeof *texts };
+    struct tls *client, *server;
+    char text[KEY_IDENTITY_SIZE];
+
+    (void)state;
+    for (int c = 0; c < COUNT; c++) {
+        const struct farm_key theirs = named(texts[c]);
+        for (int s = -1; s < COUNT; s++) {
+            const struct farm_key mine = s < 0 ? key : named(texts[s]);
+            struct error err = {0};
+            assert_int_equal(tls_new_client(&client, &theirs, FARM_ROLE_CLIENT, NULL), STATUS_OK);
+            assert_int_equal(tls_new_server(&server, &mine, NULL), STATUS_OK);
+            if (s < 0 || s == c) {
+                struct key_identity id;
+                shake(client, server);
+                id = tls_identity(server);
+                assert_string_equal(key_identity_print(&id, text), texts[c]);
+            } else {
+                assert_int_equal(tls_step(client, NULL), STATUS_OK);
+                move(client, server);
+                assert_int_equal(tls_step(server, &err), STATUS_ERR_REFUSED);
+                assert_int_equal(tls_role(server), FARM_ROLE_NONE);
+                move(server, client);
+                assert_int_equal(tls_step(client, &err), STATUS_ERR_REFUSED);
+            }
+            tls_free(client);
+            tls_free(server);
+        }
+    }
+}
+
 static size_t resident_bytes(void)
 {
     unsigned long total, resident = 0;
@@ -107,7 +154,7 @@ static void test_reconnecting_leaves_nothing(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_keys_stay_apart),
+        cmocka_unit_test(test_keys_stay_apart), cmocka_unit_test(test_names_are_proved),
         cmocka_unit_test(test_reconnecting_leaves_nothing),
     };
     return cmocka_run_group_tests_name("tls", tests, set_up, NULL);

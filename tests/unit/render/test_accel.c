@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <cmocka.h>
 
@@ -12,7 +13,7 @@
 #include "tests/support/statistics.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* A stack of squares over one another at these heights over y = 1; none is turned round unless
  * `reversed`. All squares but the first are cut along the other diagonal. */
@@ -34,8 +35,7 @@ static void stack_init(struct stack *t, const float *heights, size_t count, unsi
         uint32_t turned[6];
         for (int k = 0; k < 6; k++)
             turned[k] = indices[i > 0][reversed >> i & 1 ? 5 - k : k];
-        builder_place(&t->b, builder_mesh(&t->b, p, NULL, 4, turned, 2, 0), 0, vec3_splat(1),
-                      vec3_splat(0));
+        builder_place(&t->b, builder_mesh(&t->b, p, NULL, 4, turned, 2, 0), 0, vec3_splat(1), vec3_splat(0));
     }
     builder_camera(&t->b, vec3_make(0, 5, 0), vec3_splat(0), 1);
     t->scene = builder_build(&t->b, &settings);
@@ -154,7 +154,7 @@ static void test_place(void **state)
         hits++;
         surface_from_hit(scene, &ray, &hit, &s);
         surface_leave(&s, vec3_neg(ray.direction), &next);
-        world_exact_corners(scene, 0, 0, 0, corner);
+        triangle_exact_corners(scene, 0, 0, 0, corner);
         exact_normal(corner, n);
         exact_origin(&next, place);
         t = exact_crossing(corner, n, place, (const double[3]){0, 0, 1});
@@ -281,7 +281,7 @@ static int search(const struct render_scene *scene, const struct ray *ray, doubl
 
             if (ray->left_count && ray->left[0].instance == i && ray->left[0].triangle == k)
                 continue;
-            world_exact_corners(scene, i, k, ray->time, c);
+            triangle_exact_corners(scene, i, k, ray->time, c);
             exact_sub(c[1], c[0], e1);
             exact_sub(c[2], c[0], e2);
             exact_sub(o, c[0], s);
@@ -319,8 +319,7 @@ static void tangle(struct scene_builder *b, struct test_random *random, float ne
         if (k % 4 == 1) {
             for (int i = 0; i < 9; i++)
                 p[i] += (i % 3 == 1 ? 1e-6f : 0);
-            builder_place(b, builder_mesh(b, p, NULL, 3, indices, 1, 0), 0, vec3_splat(1),
-                          vec3_splat(0));
+            builder_place(b, builder_mesh(b, p, NULL, 3, indices, 1, 0), 0, vec3_splat(1), vec3_splat(0));
         }
     }
 }
@@ -333,8 +332,7 @@ static const uint32_t sheet_indices[6] = {0, 2, 1, 1, 2, 3};
 static const struct transform aslant = {
     {{0.6f, 0.8f, 0, 0.3f}, {-0.8f, 0.6f, 0, 0.7f}, {0, 0, 1, 0.1f}}};
 
-static void sheet_corners(const void *scene, uint32_t instance, uint32_t triangle, float time,
-                          double corner[3][3])
+static void sheet_corners(const void *scene, uint32_t instance, uint32_t triangle, float time, double corner[3][3])
 {
     (void)scene;
     (void)instance;
@@ -375,19 +373,79 @@ static void test_instance(void **state)
 
         sheet_corners(NULL, 0, 0, 0, corner);
         for (int a = 0; a < 3; a++)
-            place[a] = corner[0][a] + (double)u * (corner[1][a] - corner[0][a]) +
-                       (double)v * (corner[2][a] - corner[0][a]);
+            place[a] =
+                corner[0][a] + (double)u * (corner[1][a] - corner[0][a]) + (double)v * (corner[2][a] - corner[0][a]);
         exact_normal(corner, n);
         for (int a = 0; a < 3; a++)
             place[a] += 1e-9 * n[a];
         ray.origin = exact_round(place, ray.rest);
         u = test_random_float(&random) - 0.5f;
-        ray.direction = vec3_normalize(vec3_make(0.6f * u + 0.8f * rise, 0.6f * rise - 0.8f * u,
-                                                 test_random_float(&random) - 0.5f));
+        ray.direction = vec3_normalize(
+            vec3_make(0.6f * u + 0.8f * rise, 0.6f * rise - 0.8f * u, test_random_float(&random) - 0.5f));
         if (accel_intersect(accel, &ray, NULL, &hit))
             fail_msg("ray %d meets triangle %u behind it", i, hit.triangle);
     }
     accel_free(accel);
+}
+
+/* Sheets of squares, every triangle five times in one place: the tree alone decides which of the five a
+ * ray meets. */
+enum { TIE_SIDE = 120, TIE_COPIES = 5, TIE_TRIANGLES = TIE_SIDE * TIE_SIDE * TIE_COPIES };
+
+static void tie_accel(struct accel **accel, enum bvh_quality quality, unsigned threads, int shared,
+                      const float *positions, const uint32_t *indices)
+{
+    const struct accel_mesh mesh = {positions, indices, 3 * TIE_TRIANGLES, TIE_TRIANGLES};
+    const struct accel_instance instance = {.instance_positions = shared ? NULL : positions,
+                                            .to_world = {.m = {{1}, {0, 1}, {0, 0, 1}}}};
+    const struct accel_input input = {.meshes = &mesh, .instances = &instance, .mesh_count = 1,
+                                      .instance_count = 1, .isa = ISA_AVX2, .quality = quality,
+                                      .threads = threads};
+    struct error err;
+
+    assert_int_equal(accel_new(accel, &input, &err), STATUS_OK);
+}
+
+static void test_threads(void **state)
+{
+    float *positions = malloc((9 * (size_t)TIE_TRIANGLES + 4) * sizeof *positions);
+    uint32_t *indices = malloc(3 * (size_t)TIE_TRIANGLES * sizeof *indices);
+
+    (void)state;
+    if (!(isa_supported_mask() >> ISA_AVX2 & 1))
+        skip();
+    for (size_t t = 0; t < TIE_TRIANGLES; t++) {
+        const size_t place = t / TIE_COPIES * 7919 % (TIE_SIDE * TIE_SIDE);
+        const float x = (float)(place % TIE_SIDE), y = (float)(place / TIE_SIDE);
+        const float corner[9] = {x, y, 0, x + 1.3f, y, 0, x, y + 1.3f, 0};
+        memcpy(positions + 9 * t, corner, sizeof corner);
+        for (uint32_t k = 0; k < 3; k++)
+            indices[3 * t + k] = (uint32_t)(3 * t) + k;
+    }
+    for (int quality = 0; quality < BVH_QUALITY_COUNT; quality++)
+        for (int shared = 0; shared < 2; shared++) {
+            struct test_random random = {7};
+            struct accel *one, *many;
+            uint64_t copies = 0;
+
+            tie_accel(&one, quality, 1, shared, positions, indices);
+            tie_accel(&many, quality, 16, shared, positions, indices);
+            for (int i = 0; i < 20000; i++) {
+                struct ray ray = {.origin = {TIE_SIDE * test_random_float(&random),
+                                             TIE_SIDE * test_random_float(&random), 3},
+                                  .direction = {0, 0, -1}, .t_max = INFINITY};
+                struct hit a = {0}, b = {0};
+
+                assert_int_equal(accel_intersect(one, &ray, NULL, &a), accel_intersect(many, &ray, NULL, &b));
+                assert_int_equal(a.triangle, b.triangle);
+                copies |= (uint64_t)1 << a.triangle % TIE_COPIES;
+            }
+            assert_true(copies & (copies - 1)); /* or nothing would have been compared */
+            accel_free(many);
+            accel_free(one);
+        }
+    free(indices);
+    free(positions);
 }
 
 static void test_against_search(void **state)
@@ -417,8 +475,7 @@ static void test_against_search(void **state)
             double expected = 0;
             int met, sure, found;
 
-            direction = vec3_make(test_random_float(&random) - 0.5f, test_random_float(&random) - 0.5f,
-                                  -1);
+            direction = vec3_make(test_random_float(&random) - 0.5f, test_random_float(&random) - 0.5f, -1);
             ray.direction = vec3_normalize(direction);
             if (!accel_intersect(scene->accel, &ray, NULL, &hit))
                 continue;
@@ -436,8 +493,7 @@ static void test_against_search(void **state)
             found = accel_intersect(scene->accel, &ray, NULL, &hit);
             assert_int_equal(found, met);
             assert_int_equal(accel_occluded(scene->accel, &ray, NULL), met);
-            if (n == 0 && (!met || expected > 1e-3) &&
-                fabsf(vec3_dot(ray.off, ray.direction)) > 1e-2f) {
+            if (n == 0 && (!met || expected > 1e-3) && fabsf(vec3_dot(ray.off, ray.direction)) > 1e-2f) {
                 without++;
                 ray.contacts = 0; /* it starts up to an error of float off the face */
                 assert_int_equal(accel_intersect(scene->accel, &ray, NULL, &hit), met);
@@ -447,8 +503,8 @@ static void test_against_search(void **state)
                 continue;
             surface_from_hit(scene, &ray, &hit, &s);
             if (fabs((double)s.t - expected) > 1e-6 * expected + 1e-13)
-                fail_msg("needles %g, ray %d: met at %.9g instead of %.9g", (double)needles[n], i,
-                         (double)s.t, expected);
+                fail_msg("needles %g, ray %d: met at %.9g instead of %.9g", (double)needles[n], i, (double)s.t,
+                         expected);
         }
         assert_true(compared > 5000);
         assert_true(near > 300);
@@ -470,6 +526,7 @@ int main(void)
         cmocka_unit_test(test_ending_on_a_face),
         cmocka_unit_test(test_against_search),
         cmocka_unit_test(test_instance),
+        cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests_name("accel", tests, NULL, NULL);
 }

@@ -10,7 +10,7 @@
 #include "tests/support/scene_builder.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 #define ULP 0x1p-23f /* of floats from 1 to 2 */
 
@@ -45,8 +45,7 @@ static void add_level(struct bench *t, float y, int folded)
     static const uint32_t indices[6] = {0, 1, 2, 0, 2, 1};
     const float p[9] = {-4, y, -4, 0, y, 8, 4, y, -4};
 
-    builder_place(&t->b, builder_mesh(&t->b, p, NULL, 3, indices, folded ? 2 : 1, 0), 0,
-                  vec3_splat(1), vec3_splat(0));
+    builder_place(&t->b, builder_mesh(&t->b, p, NULL, 3, indices, folded ? 2 : 1, 0), 0, vec3_splat(1), vec3_splat(0));
 }
 
 /* A triangle in the plane x = 0. */
@@ -55,16 +54,14 @@ static void add_upright(struct bench *t)
     static const uint32_t indices[3] = {0, 1, 2};
     static const float p[9] = {0, 0, -1, 0, 0, 1, 0, 3, 0};
 
-    builder_place(&t->b, builder_mesh(&t->b, p, NULL, 3, indices, 1, 0), 0, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(&t->b, builder_mesh(&t->b, p, NULL, 3, indices, 1, 0), 0, vec3_splat(1), vec3_splat(0));
 }
 
 static struct ray downwards(int number)
 {
     struct ray ray = {.origin = {0.1f, 2, 0.2f}};
 
-    ray.direction = vec3_normalize(vec3_make((float)(number % 9 - 4) / 8, -1,
-                                             (float)(number / 9 - 4) / 8));
+    ray.direction = vec3_normalize(vec3_make((float)(number % 9 - 4) / 8, -1, (float)(number / 9 - 4) / 8));
     return ray;
 }
 

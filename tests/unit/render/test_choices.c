@@ -13,7 +13,7 @@
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
 #include "worker/render/light/light_table.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { SIDE = 16 };
 
@@ -54,23 +54,23 @@ static void test_clamp(void **state)
     (void)state;
     bright(&b);
     render(&b, &settings, mean, &stats);
-    assert_true(fabs(mean[0] - 8) < 1e-6 && stats.clamped_samples == 0);
-    assert_true(stats.clamped_luminance == 0 && stats.kept_luminance == 0);
+    assert_true(fabs(mean[0] - 8) < 1e-6 && stats.work.clamped_samples == 0);
+    assert_true(stats.work.clamped_luminance == 0 && stats.work.kept_luminance == 0);
 
     settings.clamp = 8; /* nothing is above it */
     render(&b, &settings, mean, &stats);
-    assert_true(fabs(mean[0] - 8) < 1e-6 && stats.clamped_samples == 0);
-    assert_true(stats.clamped_luminance == 0);
-    assert_true(fabs(stats.kept_luminance / (4 * kept_luminance * samples) - 1) < 1e-6);
+    assert_true(fabs(mean[0] - 8) < 1e-6 && stats.work.clamped_samples == 0);
+    assert_true(stats.work.clamped_luminance == 0);
+    assert_true(fabs(stats.work.kept_luminance / (4 * kept_luminance * samples) - 1) < 1e-6);
 
     settings.clamp = 2; /* a quarter, and the hue stays */
     render(&b, &settings, mean, &stats);
     for (int i = 0; i < SIDE * SIDE; i++)
         assert_true(fabs(mean[3 * i] - 2) < 1e-6 && fabs(mean[3 * i + 1] - 1) < 1e-6 &&
                     fabs(mean[3 * i + 2] - 0.5) < 1e-6);
-    assert_int_equal(stats.clamped_samples, (uint64_t)samples);
-    assert_true(fabs(stats.kept_luminance / (kept_luminance * samples) - 1) < 1e-6);
-    assert_true(fabs(stats.clamped_luminance / (3 * kept_luminance * samples) - 1) < 1e-6);
+    assert_int_equal(stats.work.clamped_samples, (uint64_t)samples);
+    assert_true(fabs(stats.work.kept_luminance / (kept_luminance * samples) - 1) < 1e-6);
+    assert_true(fabs(stats.work.clamped_luminance / (3 * kept_luminance * samples) - 1) < 1e-6);
     builder_release(&b);
 }
 
@@ -87,7 +87,7 @@ static void test_clamp_is_deterministic(void **state)
     settings.clamp = 0.7f;
     render(&b, &settings, mean, &one);
     render(&b, &settings, mean, &two);
-    assert_true(one.clamped_samples > 0 && one.clamped_samples < one.samples);
+    assert_true(one.work.clamped_samples > 0 && one.work.clamped_samples < one.work.samples);
     assert_memory_equal(&one, &two, sizeof one);
     builder_release(&b);
 }
@@ -193,7 +193,7 @@ static uint64_t escapes(int not_robust)
     struct render_scene *scene;
     struct test_random random = {3};
     struct scene_builder b;
-    const struct world_mesh *mesh;
+    const struct render_mesh *mesh;
     uint64_t out = 0;
 
     builder_init(&b);
@@ -204,15 +204,14 @@ static uint64_t escapes(int not_robust)
     scene = builder_build(&b, &settings);
     mesh = &scene->meshes[0];
     for (uint32_t i = 0; i < 200000; i++) {
-        const uint32_t *vertex = world_vertices(mesh, i % mesh->triangle_count);
+        const uint32_t *vertex = triangle_vertices(mesh, i % mesh->triangle_count);
         const float *p = mesh->positions + 3 * (size_t)vertex[0];
         const float *q = mesh->positions + 3 * (size_t)vertex[1];
         struct ray ray = {.origin = {3, 7, 11}, .t_max = INFINITY};
         float along = test_random_float(&random);
         struct hit hit;
 
-        ray.direction = vec3_normalize(vec3_lerp(vec3_make(p[0], p[1], p[2]),
-                                                 vec3_make(q[0], q[1], q[2]), along));
+        ray.direction = vec3_normalize(vec3_lerp(vec3_make(p[0], p[1], p[2]), vec3_make(q[0], q[1], q[2]), along));
         out += !accel_intersect(scene->accel, &ray, NULL, &hit);
     }
     render_scene_free(scene);
@@ -225,8 +224,8 @@ static void test_robust(void **state)
     uint64_t robust = escapes(0), loose = escapes(1);
 
     (void)state;
-    print_message("# of 200000 rays at edges %llu slip through, not robust %llu\n",
-                  (unsigned long long)robust, (unsigned long long)loose);
+    print_message("# of 200000 rays at edges %llu slip through, not robust %llu\n", (unsigned long long)robust,
+                  (unsigned long long)loose);
     assert_true(robust < 10 && loose > 10 * robust + 100);
 }
 
@@ -311,8 +310,7 @@ static void test_light_choice(void **state)
         scene = builder_build(&b, &settings);
         assert_int_equal(scene->emitters.tree.node_count > 0, choice == LIGHT_CHOICE_TREE);
         for (uint32_t i = 0; i < 4; i++)
-            assert_true(fabs((double)light_table_odds(&scene->emitters.table, i) -
-                             expected[choice][i]) < 1e-6);
+            assert_true(fabs((double)light_table_odds(&scene->emitters.table, i) - expected[choice][i]) < 1e-6);
         render_scene_free(scene);
         builder_release(&b);
     }

@@ -11,7 +11,7 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
-#include "worker/render/light/distribution.h"
+#include "worker/render/light/environment/distribution.h"
 #include "worker/render/base/sampler.h"
 
 static void make(struct distribution *d, uint32_t rows, uint32_t columns, const double *weights)
@@ -25,6 +25,11 @@ static void make(struct distribution *d, uint32_t rows, uint32_t columns, const 
     assert_true(distribution_finish(d));
 }
 
+static double odds(const struct distribution *d, uint32_t row, uint32_t column)
+{
+    return (double)distribution_row_odds(d, row) * distribution_width(d, row, column) / DISTRIBUTION_WHOLE;
+}
+
 static struct distribution_cell choose(const struct distribution *d, float u, float v)
 {
     struct distribution_cell cell;
@@ -33,7 +38,7 @@ static struct distribution_cell choose(const struct distribution *d, float u, fl
     assert_true(cell.row < d->rows && cell.column < d->columns);
     assert_true(cell.row_fraction >= 0 && cell.row_fraction <= 1);
     assert_true(cell.column_fraction >= 0 && cell.column_fraction <= 1);
-    assert_true(cell.odds > 0 && cell.odds == distribution_odds(d, cell.row, cell.column));
+    assert_true(odds(d, cell.row, cell.column) > 0 && cell.width == distribution_width(d, cell.row, cell.column));
     return cell;
 }
 
@@ -62,21 +67,18 @@ static void test_proportions(void **state)
         assert_true(fabs(d.total - total) < 1e-12 * total);
         for (int a = 0; a < SIDE; a++)
             for (int b = 0; b < SIDE; b++) {
-                struct distribution_cell cell = choose(&d, ((float)a + 0.5f) / SIDE,
-                                                       ((float)b + 0.5f) / SIDE);
+                struct distribution_cell cell = choose(&d, ((float)a + 0.5f) / SIDE, ((float)b + 0.5f) / SIDE);
                 counts[cell.row * columns + cell.column] += 1.0 / (SIDE * SIDE);
             }
         for (uint32_t i = 0; i < rows * columns; i++) {
             /* A cell's edges can gain or lose a line of the grid each. */
             double share = row_sum[i / columns] / total, want = weights[i] / total;
-            double slack = share * 0x1p-16 + 1.01 / SIDE * (share + want / fmax(share, 1e-9)) + 1.0 / SIDE / SIDE;
+            double slack = share / DISTRIBUTION_WHOLE + 1.01 / SIDE * (share + want / fmax(share, 1e-9)) + 1.0 / SIDE / SIDE;
 
-            /* Starts are rounded to 2^-16 of the row; the odds are the rounded ones'. */
-            assert_true(fabs(distribution_odds(&d, i / columns, i % columns) - want) <=
-                        share * 0x1p-16);
+            /* Starts are rounded to a 65535th of the row, and rows to 2^-24; the odds are the rounded ones'. */
+            assert_true(fabs(odds(&d, i / columns, i % columns) - want) <= share / DISTRIBUTION_WHOLE + 0x1p-24);
             if (weights[i] == 0)
-                assert_true(counts[i] == 0 &&
-                            distribution_odds(&d, i / columns, i % columns) == 0);
+                assert_true(counts[i] == 0 && odds(&d, i / columns, i % columns) == 0);
             else
                 assert_true(fabs(counts[i] - want) <= slack);
         }
@@ -103,8 +105,8 @@ static void test_extreme_numbers(void **state)
                 struct distribution_cell cell = choose(&d, extremes[a], extremes[b]);
 
                 assert_int_equal(cell.row * COLUMNS + cell.column, only);
-                assert_true(fabs(cell.column_fraction - (double)extremes[a]) < 1e-9);
-                assert_true(fabs(cell.row_fraction - (double)extremes[b]) < 1e-9);
+                assert_true(fabs(cell.column_fraction - (double)extremes[a]) < 1e-7);
+                assert_true(fabs(cell.row_fraction - (double)extremes[b]) < 1e-7);
             }
         distribution_release(&d);
     }
@@ -137,7 +139,7 @@ static void test_monotone(void **state)
     make(&d, 1, COLUMNS, weights);
     for (int i = 0; i < STEPS; i++) {
         struct distribution_cell cell = choose(&d, (float)i / STEPS, 0.3f);
-        double position = cell.column + cell.column_fraction;
+        double position = cell.column + (double)cell.column_fraction;
 
         assert_true(position > before);
         before = position;

@@ -15,9 +15,9 @@
 #include "common/math/elementary.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
-#include "worker/render/light/spherical.h"
+#include "worker/render/light/environment/spherical.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 static void assert_near(double got, double want, double tolerance)
 {
@@ -63,8 +63,7 @@ static struct scene_light light_of(enum scene_light_kind kind)
 }
 
 /* The light of a description, in place of the one before. */
-static void make(struct punctual **p, const struct scene_light *light,
-                 const struct texture_image *image)
+static void make(struct punctual **p, const struct scene_light *light, const struct texture_image *image)
 {
     mem_free(*p);
     *p = light_row((int)light->kind)->create(light, image);
@@ -107,8 +106,7 @@ static void test_falloffs(void **state)
             struct vec3 d = {(float)sin(angle), 0, -(float)cos(angle)};
 
             t = fmin(1, fmax(0, (cos(angle) - cos(0.7)) / (cos(0.3) - cos(0.7))));
-            assert_near((double)shine(p, d).x,
-                        2.5 * (falloff == FALLOFF_GLTF ? t * t : t * t * (3 - 2 * t)), 1e-5);
+            assert_near((double)shine(p, d).x, 2.5 * (falloff == FALLOFF_GLTF ? t * t : t * t * (3 - 2 * t)), 1e-5);
         }
     }
     light.inner_cone_rad = light.outer_cone_rad; /* a hard edge */
@@ -238,8 +236,8 @@ static void test_rows(void **state)
 }
 
 /* A light whose cone, slide and range are drawn at random, and its bounds. */
-static void make_random(struct punctual **p, enum scene_light_kind kind,
-                        struct test_random *random, struct light_bounds *bounds)
+static void make_random(struct punctual **p, enum scene_light_kind kind, struct test_random *random,
+                        struct light_bounds *bounds)
 {
     struct scene_light light = light_of(kind);
     struct light_weight weight = {0};
@@ -277,11 +275,10 @@ static void test_bounds_hold(void **state)
             bounds[1].reach = INFINITY; /* the other one can always be chosen */
             assert_int_equal(light_tree_init(&tree, bounds, 2, &err), STATUS_OK);
             for (int i = 0; i < PLACES; i++) {
-                struct vec3 d = vec3_normalize(vec3_make(2 * test_random_float(&random) - 1,
-                                                         2 * test_random_float(&random) - 1,
-                                                         2 * test_random_float(&random) - 1));
-                float odds = light_tree_odds(&tree, vec3_mad(vec3_make(1, 2, 3), d, 2),
-                                             vec3_splat(0), 0);
+                struct vec3 d =
+                    vec3_normalize(vec3_make(2 * test_random_float(&random) - 1, 2 * test_random_float(&random) - 1,
+                                             2 * test_random_float(&random) - 1));
+                float odds = light_tree_odds(&tree, vec3_mad(vec3_make(1, 2, 3), d, 2), vec3_splat(0), 0);
                 int shines = !vec3_is_black(shine(p, d));
 
                 assert_true(odds > 0 || !shines);
@@ -306,8 +303,7 @@ static void test_spherical_triangles(void **state)
     (void)state;
     spherical_triangle_init(&t, o, vec3_make(3, 0, 0), vec3_make(0, 2, 0), vec3_make(0, 0, 1));
     assert_near((double)t.solid_angle, PI_D / 2, 1e-6);
-    spherical_triangle_init(&t, o, vec3_make(0, 0, 1000), vec3_make(1e-3f, 0, 1000),
-                            vec3_make(0, 2e-3f, 1000));
+    spherical_triangle_init(&t, o, vec3_make(0, 0, 1000), vec3_make(1e-3f, 0, 1000), vec3_make(0, 2e-3f, 1000));
     assert_near((double)t.solid_angle, 1e-12, 1e-18);
     spherical_triangle_init(&t, o, vec3_make(0, 0, 0), vec3_make(1, 0, 0), vec3_make(0, 1, 0));
     assert_true(t.solid_angle == 0);
@@ -319,8 +315,7 @@ static void test_spherical_triangles(void **state)
         int inside = 0;
 
         for (int i = 0; i < 3; i++)
-            c[i] = vec3_make(size * (4 * test_random_float(&random) - 2),
-                             size * (4 * test_random_float(&random) - 2),
+            c[i] = vec3_make(size * (4 * test_random_float(&random) - 2), size * (4 * test_random_float(&random) - 2),
                              0.3f + size * test_random_float(&random));
         middle = vec3_lerp(c[1], c[2], 0.4f);
         spherical_triangle_init(&t, o, c[0], c[1], c[2]);
@@ -330,8 +325,7 @@ static void test_spherical_triangles(void **state)
         if (vec3_dot(normal, c[1]) < 0)
             normal = vec3_neg(normal);
         for (int i = 0; i < DRAWS; i++) {
-            assert_true(spherical_triangle_sample(&t, test_random_float(&random),
-                                                  test_random_float(&random), &d));
+            assert_true(spherical_triangle_sample(&t, test_random_float(&random), test_random_float(&random), &d));
             assert_near((double)vec3_length(d), 1, 1e-6);
             for (int e = 0; e < 3; e++) { /* within the three planes */
                 struct vec3 plane = vec3_normalize(vec3_cross(c[e], c[(e + 1) % 3]));
@@ -390,8 +384,7 @@ static void test_which_face(void **state)
 
         m->emission[0] = i == 1 ? 0 : 1;
         m->double_sided = 1;
-        builder_place(&b, quad, builder_last_material(&b), vec3_splat(1),
-                      vec3_make(4 * (float)i, 0, 0));
+        builder_place(&b, quad, builder_last_material(&b), vec3_splat(1), vec3_make(4 * (float)i, 0, 0));
     }
     builder_camera(&b, vec3_make(0, 5, 3), vec3_splat(0), 1);
     scene = builder_build(&b, &settings);
@@ -403,10 +396,9 @@ static void test_which_face(void **state)
         struct hit hit;
         uint32_t face;
 
-        world_triangle(scene, &scene->instances[i / 2], i % 2, 0, corner);
+        triangle_of_instance(scene, &scene->instances[i / 2], i % 2, 0, corner);
         middle = vec3_scale(vec3_add(corner[0], vec3_add(corner[1], corner[2])), 1.0f / 3);
-        ray.direction = vec3_normalize(vec3_cross(vec3_sub(corner[1], corner[0]),
-                                                  vec3_sub(corner[2], corner[0])));
+        ray.direction = vec3_normalize(vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0])));
         ray.origin = vec3_mad(middle, ray.direction, -1);
         assert_true(accel_intersect(scene->accel, &ray, NULL, &hit));
         surface_from_hit(scene, &ray, &hit, &s);
@@ -454,8 +446,7 @@ static void test_dark_triangles(void **state)
         m->emission_texture.uv_transform[1][0] = 0;
         m->emission_texture.uv_transform[1][1] = 1;
         m->emission_texture.uv_transform[1][2] = 0;
-        builder_place(&b, quad, builder_last_material(&b), vec3_splat(1),
-                      vec3_make(right ? 2 : -2, 2, 0));
+        builder_place(&b, quad, builder_last_material(&b), vec3_splat(1), vec3_make(right ? 2 : -2, 2, 0));
     }
     builder_camera(&b, vec3_make(0, 0, 3), vec3_splat(0), 1);
     scene = builder_build(&b, &settings);

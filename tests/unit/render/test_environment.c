@@ -13,7 +13,7 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "tests/support/statistics.h"
-#include "worker/render/light/environment.h"
+#include "worker/render/light/environment/environment.h"
 
 static struct image make_map(uint32_t width, uint32_t height)
 {
@@ -57,8 +57,7 @@ static struct environment *environment_of(struct image map, float rotate_deg, fl
     struct environment *env;
     struct error err = {0};
 
-    if (environment_new(&env, &map, NULL, rotate_deg, vec3_splat(strength), sampling,
-                        &err) != STATUS_OK)
+    if (environment_new(&env, &map, NULL, rotate_deg, vec3_splat(strength), sampling, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     assert_null(map.pixels);
     return env;
@@ -77,8 +76,7 @@ static struct vec3 direction_at(double u, double v)
 {
     double phi = 2 * PI_D * (u - 0.5), theta = PI_D * v;
 
-    return vec3_make((float)(sin(theta) * cos(phi)), (float)cos(theta),
-                     (float)(sin(theta) * sin(phi)));
+    return vec3_make((float)(sin(theta) * cos(phi)), (float)cos(theta), (float)(sin(theta) * sin(phi)));
 }
 
 static struct vec3 rotate_y(struct vec3 d, double degrees)
@@ -86,8 +84,7 @@ static struct vec3 rotate_y(struct vec3 d, double degrees)
     double a = degrees * PI_D / 180, c = cos(a), s = sin(a);
 
     /* Counter-clockwise seen from +Y: +X goes to -Z. */
-    return vec3_make((float)(c * (double)d.x + s * (double)d.z), d.y,
-                     (float)(-s * (double)d.x + c * (double)d.z));
+    return vec3_make((float)(c * (double)d.x + s * (double)d.z), d.y, (float)(-s * (double)d.x + c * (double)d.z));
 }
 
 static void assert_near(double got, double want, double tolerance)
@@ -150,15 +147,12 @@ static void test_six_patches(void **state)
 static void test_rotation(void **state)
 {
     static const float angles[] = {0, 37, 90, 180, 270, 360, -45, 725, 359.99f};
-    struct environment *plain =
-        environment_of(random_map(16, 8, 5, 0), 0, 1, ENV_SAMPLING_IMPORTANCE);
+    struct environment *plain = environment_of(random_map(16, 8, 5, 0), 0, 1, ENV_SAMPLING_IMPORTANCE);
 
     (void)state;
     for (size_t a = 0; a < sizeof angles / sizeof *angles; a++) {
-        struct environment *env =
-            environment_of(random_map(16, 8, 5, 0), angles[a], 1, ENV_SAMPLING_IMPORTANCE);
-        struct environment *patches =
-            environment_of(patch_map(), angles[a], 1, ENV_SAMPLING_IMPORTANCE);
+        struct environment *env = environment_of(random_map(16, 8, 5, 0), angles[a], 1, ENV_SAMPLING_IMPORTANCE);
+        struct environment *patches = environment_of(patch_map(), angles[a], 1, ENV_SAMPLING_IMPORTANCE);
         struct test_random random = {7};
         int across = 0;
 
@@ -167,12 +161,11 @@ static void test_rotation(void **state)
             struct vec3 sampled, radiance;
             float pdf, want = environment_pdf(plain, d);
 
-            assert_vec3_near(environment_radiance(env, turned), environment_radiance(plain, d),
-                             0.02);
+            assert_vec3_near(environment_radiance(env, turned), environment_radiance(plain, d), 0.02);
             /* Rounding of the turned direction may lead over the edge of a cell. */
             across += fabsf(environment_pdf(env, turned) - want) > 1e-3f * want + 1e-5f;
-            assert_true(environment_sample(patches, test_random_float(&random),
-                                           test_random_float(&random), &sampled, &radiance, &pdf));
+            assert_true(environment_sample(patches, test_random_float(&random), test_random_float(&random), &sampled,
+                                           &radiance, &pdf));
             sampled = rotate_y(sampled, -(double)angles[a]);
             if (sampled.x > 0.8f)
                 assert_vec3_near(radiance, colors[0], 1e-5);
@@ -199,8 +192,8 @@ static void test_own_axes(void **state)
     struct test_random random = {3};
 
     (void)state;
-    assert_int_equal(environment_new(&env, &map, axes_of_map, 90, vec3_make(1, 2, 3),
-                                     ENV_SAMPLING_IMPORTANCE, &err), STATUS_OK);
+    assert_int_equal(environment_new(&env, &map, axes_of_map, 90, vec3_make(1, 2, 3), ENV_SAMPLING_IMPORTANCE, &err),
+                     STATUS_OK);
     /* Turned by 90 degrees, +X stands at -Z: a ray along -Z sees what +X saw, the map's +Y. */
     assert_vec3_near(environment_radiance(env, vec3_make(0, 0, -1)), vec3_make(0, 2, 0), 1e-5);
     assert_vec3_near(environment_radiance(env, vec3_make(0, 1, 0)), vec3_make(0, 0, 3), 1e-5);
@@ -209,14 +202,14 @@ static void test_own_axes(void **state)
         struct vec3 d, radiance;
         float pdf;
 
-        assert_true(environment_sample(env, test_random_float(&random), test_random_float(&random),
-                                       &d, &radiance, &pdf));
+        assert_true(
+            environment_sample(env, test_random_float(&random), test_random_float(&random), &d, &radiance, &pdf));
         assert_vec3_near(environment_radiance(env, d), radiance, 1e-2);
     }
     environment_free(env);
     map = patch_map();
-    assert_int_equal(environment_new(&env, &map, scaled, 0, vec3_splat(1),
-                                     ENV_SAMPLING_IMPORTANCE, &err), STATUS_ERR_INPUT);
+    assert_int_equal(environment_new(&env, &map, scaled, 0, vec3_splat(1), ENV_SAMPLING_IMPORTANCE, &err),
+                     STATUS_ERR_INPUT);
     assert_null(map.pixels);
 }
 
@@ -224,8 +217,7 @@ static void test_own_axes(void **state)
 
 /* Texel of any column and row by the definition: periodic in u, over a pole to (u + 1/2,
  * mirrored v); half a column off where the width is odd. */
-static double reference_texel(const float *pixels, long width, long height, double column, long row,
-                              int channel)
+static double reference_texel(const float *pixels, long width, long height, double column, long row, int channel)
 {
     long first;
     double t;
@@ -295,8 +287,7 @@ static void test_poles_and_seam_are_continuous(void **state)
 
     (void)state;
     for (size_t w = 0; w < sizeof widths / sizeof *widths; w++) {
-        struct environment *env =
-            environment_of(random_map(widths[w], 6, w, 0), 20, 1, ENV_SAMPLING_IMPORTANCE);
+        struct environment *env = environment_of(random_map(widths[w], 6, w, 0), 20, 1, ENV_SAMPLING_IMPORTANCE);
 
         for (int i = 0; i < 500; i++) {
             double phi = 2 * PI_D * test_random_double(&random), e = 1e-6;
@@ -309,10 +300,8 @@ static void test_poles_and_seam_are_continuous(void **state)
             for (int pole = -1; pole <= 1; pole += 2)
                 assert_vec3_near(environment_radiance(env, vec3_make(c, (float)pole, s)),
                                  environment_radiance(env, vec3_make(-c, (float)pole, -s)), 0.02);
-            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, across),
-                             0.05);
-            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, before),
-                             0.05);
+            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, across), 0.05);
+            assert_vec3_near(environment_radiance(env, seam), environment_radiance(env, before), 0.05);
         }
         environment_free(env);
     }
@@ -376,8 +365,7 @@ static void test_sample_agrees(void **state)
             across += fabsf(again - pdf) > 1e-4f * pdf; /* the edge of a cell */
             seen = environment_radiance_pdf(env, d, &again);
             assert_true(again == environment_pdf(env, d));
-            assert_true(memcmp(&seen, &(struct vec3){0, 0, 0}, sizeof seen) == 0 ||
-                        vec3_luminance(radiance) > 0);
+            assert_true(memcmp(&seen, &(struct vec3){0, 0, 0}, sizeof seen) == 0 || vec3_luminance(radiance) > 0);
             scale = fmax((double)vec3_max(radiance), 1);
             assert_vec3_near(seen, radiance, 1e-4 * scale + 2e-5 * 1000);
             seen = environment_radiance(env, d);
@@ -435,8 +423,7 @@ static void test_density_covers_radiance(void **state)
                 d = vec3_make(0, k % 2 ? 1.0f : -1.0f, 0);
             radiance = environment_radiance_pdf(env, d, &pdf);
             assert_true(isfinite(pdf) && pdf >= 0);
-            if (density_cases[i].zeros == -2 ||
-                vec3_luminance(radiance) > 5 * environment_mean_luminance(env)) {
+            if (density_cases[i].zeros == -2 || vec3_luminance(radiance) > 5 * environment_mean_luminance(env)) {
                 assert_true(pdf > 0);
                 lit++;
             }
@@ -497,8 +484,8 @@ static void test_sun_has_a_window(void **state)
         struct vec3 d, radiance;
         float pdf;
 
-        assert_true(environment_sample(env, test_random_float(&random), test_random_float(&random),
-                                       &d, &radiance, &pdf));
+        assert_true(
+            environment_sample(env, test_random_float(&random), test_random_float(&random), &d, &radiance, &pdf));
         if (radiance.x > 1e4f)
             running_stats_add(&stats, (double)radiance.x / (double)pdf);
     }
@@ -512,8 +499,7 @@ static void test_sun_has_a_window(void **state)
 static void test_modes(void **state)
 {
     struct test_random random = {21};
-    struct environment *uniform =
-        environment_of(random_map(8, 4, 1, 0), 45, 1, ENV_SAMPLING_UNIFORM);
+    struct environment *uniform = environment_of(random_map(8, 4, 1, 0), 45, 1, ENV_SAMPLING_UNIFORM);
     struct environment *bsdf = environment_of(random_map(8, 4, 1, 0), 45, 1, ENV_SAMPLING_BSDF);
 
     (void)state;
@@ -533,6 +519,39 @@ static void test_modes(void **state)
     assert_true(environment_bytes(bsdf) < environment_bytes(uniform) + 1);
     environment_free(uniform);
     environment_free(bsdf);
+}
+
+/* What a light sample reads after its shadow ray arrived is what the sample would have read at once; a map
+ * with a black texel is read at once. */
+static void test_late_reading(void **state)
+{
+    struct test_random random = {25};
+
+    (void)state;
+    for (int mode = 0; mode < ENV_SAMPLING_COUNT; mode++)
+        for (int zeros = 0; zeros < 2; zeros++) {
+            struct image map = random_map(16, 8, 3, 0);
+            struct environment *env;
+
+            if (zeros)
+                set_texel(&map, 15, 7, 0, 1e-40f, 0); /* times a weight, it may be 0 */
+            env = environment_of(map, 30, 1, mode);
+            assert_int_equal(environment_has_black(env), zeros);
+            for (int k = 0; k < 1000; k++) {
+                float u = test_random_float(&random), v = test_random_float(&random), pdf, late_pdf;
+                struct vec3 d, late_d, radiance;
+                int found = environment_sample(env, u, v, &d, &radiance, &pdf);
+
+                assert_int_equal(environment_aim(env, u, v, &late_d, &late_pdf), found);
+                assert_true(late_pdf == pdf);
+                if (found) {
+                    assert_vec3_near(late_d, d, 0);
+                    assert_vec3_near(environment_radiance(env, late_d), radiance, 0);
+                    assert_false(vec3_is_black(radiance));
+                }
+            }
+            environment_free(env);
+        }
 }
 
 static void test_constant(void **state)
@@ -556,8 +575,7 @@ static void test_constant(void **state)
         }
         assert_true(environment_pdf(env, axes[3]) == pdf);
         assert_vec3_near(environment_radiance(env, axes[2]), vec3_make(1, 2, 3), 0);
-        assert_near((double)environment_mean_luminance(env),
-                    (double)vec3_luminance(vec3_make(1, 2, 3)), 1e-6);
+        assert_near((double)environment_mean_luminance(env), (double)vec3_luminance(vec3_make(1, 2, 3)), 1e-6);
         environment_free(env);
 
         assert_int_equal(environment_new_constant(&env, vec3_splat(0), mode, &err), STATUS_OK);
@@ -669,15 +687,13 @@ static void test_mean_luminance(void **state)
             for (int b = 0; b < U; b++) {
                 double v = (a + 0.5) / V, u = (b + 0.5) / U;
 
-                sum += (double)vec3_luminance(environment_radiance(env, direction_at(u, v))) *
-                       sin(PI_D * v);
+                sum += (double)vec3_luminance(environment_radiance(env, direction_at(u, v))) * sin(PI_D * v);
                 norm += sin(PI_D * v);
             }
         sum /= norm;
         assert_near((double)environment_mean_luminance(env), sum, 1e-3 * sum);
         if (density_cases[i].zeros == -2) /* constant: exact for any size */
-            assert_near((double)environment_mean_luminance(env),
-                        (double)vec3_luminance(vec3_make(1, 2, 3)), 1e-6);
+            assert_near((double)environment_mean_luminance(env), (double)vec3_luminance(vec3_make(1, 2, 3)), 1e-6);
         environment_free(env);
     }
 }
@@ -700,8 +716,7 @@ static void test_texels_that_are_no_radiance(void **state)
     assert_true(isfinite(environment_mean_luminance(env)));
     for (int k = 0; k < 20000; k++) {
         float u = test_random_float(&random), v = test_random_float(&random), pdf;
-        struct vec3 d = random_direction(&random),
-                    radiance = environment_radiance_pdf(env, d, &pdf);
+        struct vec3 d = random_direction(&random), radiance = environment_radiance_pdf(env, d, &pdf);
 
         assert_true(vec3_is_finite(radiance) && vec3_min(radiance) >= 0);
         assert_true(isfinite(pdf) && pdf >= 0);
@@ -747,10 +762,9 @@ static void test_bad_arguments(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         map = make_map(2, 2);
-        assert_int_equal(
-            environment_new(&env, &map, NULL, bad[i][0], vec3_splat(bad[i][1]),
-                            ENV_SAMPLING_UNIFORM, &err),
-            STATUS_ERR_INPUT);
+        assert_int_equal(environment_new(&env, &map, NULL, bad[i][0], vec3_splat(bad[i][1]), ENV_SAMPLING_UNIFORM,
+                                         &err),
+                         STATUS_ERR_INPUT);
         assert_null(env);
         assert_null(map.pixels);
     }
@@ -795,6 +809,7 @@ int main(void)
         cmocka_unit_test(test_sun_has_a_window),
         cmocka_unit_test(test_own_axes),
         cmocka_unit_test(test_modes),
+        cmocka_unit_test(test_late_reading),
         cmocka_unit_test(test_constant),
         cmocka_unit_test(test_black_and_strength),
         cmocka_unit_test(test_extreme_numbers),

@@ -107,10 +107,10 @@ static void nothing_goes_wrong_by_itself(void **state)
     (void)state;
     switch_on(0);
     render_soundly(&stats, "nothing");
-    assert_true(depth_light_is_valid(&stats.depth) && depth_light_is_known(&stats.depth));
-    assert_false(health_is_ill(&stats.health));
+    assert_true(depth_light_is_valid(&stats.work.depth) && depth_light_is_known(&stats.work.depth));
+    assert_false(health_is_ill(&stats.work.health));
     for (int k = 0; k < HEALTH_KINDS; k++)
-        assert_int_equal(stats.health.first[k], 0);
+        assert_int_equal(stats.work.health.first[k], 0);
 }
 
 static void each_fault_moves_its_counter(void **state)
@@ -125,22 +125,21 @@ static void each_fault_moves_its_counter(void **state)
         switch_on(fault);
         hits = struck(&first);
         render_soundly(&stats, health_rows[kind].name);
-        assert_true(depth_light_is_valid(&stats.depth)); /* whatever a sample carries */
+        assert_true(depth_light_is_valid(&stats.work.depth)); /* whatever a sample carries */
         if (kind == HEALTH_BAD_DENSITIES)
-            figure_within("samples dropped where a light has the density 0", (double)stats.dropped_samples, 0, 0,
+            figure_within("samples dropped where a light has the density 0", (double)stats.work.dropped_samples, 0, 0,
                           "exact");
-        if (stats.health.count[kind] == 0)
+        if (stats.work.health.count[kind] == 0)
             fail_msg("fault %d does not move %s", fault, health_rows[kind].name);
-        assert_true(hits > 0 && stats.health.first[kind] >= first);
-        assert_true(health_place_of(stats.health.first[kind], &place));
+        assert_true(hits > 0 && stats.work.health.first[kind] >= first);
+        assert_true(health_place_of(stats.work.health.first[kind], &place));
         rect = tile_rect_of(WIDTH, HEIGHT, place.tile);
         if (fault == FAULT_NAN_RADIANCE || fault == FAULT_NEGATIVE_RADIANCE) {
-            assert_int_equal(stats.health.count[kind], hits);
-            assert_int_equal(stats.health.first[kind], first);
+            assert_int_equal(stats.work.health.count[kind], hits);
+            assert_int_equal(stats.work.health.first[kind], first);
         }
         if (fault != FAULT_HUGE_RADIANCE) /* a sum's example is its pass */
-            assert_true(is_struck(rect.x + place.pixel % rect.width, rect.y + place.pixel / rect.width,
-                                  place.sample));
+            assert_true(is_struck(rect.x + place.pixel % rect.width, rect.y + place.pixel / rect.width, place.sample));
         (void)render(&again);
         assert_memory_equal(&stats, &again, sizeof stats);
     }
@@ -151,33 +150,32 @@ static void each_fault_moves_its_counter(void **state)
 static void dropped_samples_are_black(void **state)
 {
     static float well[TILE_FLOATS_MAX], ill[TILE_FLOATS_MAX];
+    struct render_settings few = imported_settings(WIDTH, HEIGHT, GROUPS); /* one sample a group */
+    struct render_scene *one = imported_build(&import, &few, 1);
     struct render_stats stats = {0};
-    uint32_t black = 0, begin, end;
+    uint32_t black = 0;
     float most[2] = {0};
 
     (void)state;
-    pass_range(SPP, 0, 0, &begin, &end); /* two samples: one of each replicate */
-    assert_int_equal(end - begin, GROUP_REPLICATES);
     switch_on(0);
-    render_tile(scene, 1, 0, 0, 0, well, NULL, &stats);
+    render_tile(one, 1, 0, 0, 0, well, NULL, &stats);
     switch_on(FAULT_NAN_RADIANCE);
-    render_tile(scene, 1, 0, 0, 0, ill, NULL, &stats);
-    for (size_t i = 0; i < GROUP_REPLICATES * TILE_PIXELS_MAX * 3; i++) {
+    render_tile(one, 1, 0, 0, 0, ill, NULL, &stats);
+    for (size_t i = 0; i < TILE_PIXELS_MAX * 3; i++) {
         most[0] = fmaxf(most[0], well[i]);
         most[1] = fmaxf(most[1], ill[i]);
     }
     figure_within("brightest pixel where one sample in 37 is no number", (double)most[1], 0, (double)most[0],
                   "the same picture without a fault");
-    for (uint32_t r = 0; r < GROUP_REPLICATES; r++)
-        for (uint32_t p = 0; p < TILE_PIXELS_MAX; p++) {
-            size_t at = (r * TILE_PIXELS_MAX + p) * 3;
-            int hit = is_struck(p % TILE_SIZE, p / TILE_SIZE, r * GROUPS);
-            black += (uint32_t)hit;
-            for (int c = 0; c < 3; c++)
-                assert_true(ill[at + (size_t)c] == (hit ? 0 : well[at + (size_t)c]));
-        }
-    assert_int_equal(stats.dropped_samples, black);
+    for (uint32_t p = 0; p < TILE_PIXELS_MAX; p++) {
+        int hit = is_struck(p % TILE_SIZE, p / TILE_SIZE, 0);
+        black += (uint32_t)hit;
+        for (size_t c = p * 3; c < p * 3 + 3; c++)
+            assert_true(ill[c] == (hit ? 0 : well[c]));
+    }
+    assert_int_equal(stats.work.dropped_samples, black);
     assert_true(black > 5);
+    render_scene_free(one);
     switch_on(0);
 }
 
@@ -192,15 +190,15 @@ static void variables_that_are_no_number_are_left_out(void **state)
     (void)state;
     switch_on(FAULT_NAN_AOV);
     floats = render_tile(scene, 1, 0, 0, 0, sums, NULL, &stats);
-    assert_true(floats > GROUP_REPLICATES * TILE_PIXELS_MAX * 3);
-    for (size_t i = GROUP_REPLICATES * TILE_PIXELS_MAX * 3; i < floats; i++)
+    assert_true(floats > TILE_PIXELS_MAX * PIXEL_FLOATS);
+    for (size_t i = TILE_PIXELS_MAX * PIXEL_FLOATS; i < floats; i++)
         most = fmaxf(most, fabsf(sums[i]));
     figure_within("longest sum of two normals where one in 37 is no number", (double)most, 0, 2.0001,
                   "two of length 1");
     switch_on(0);
 }
 
-/* In the pass of samples 256 to 384 of a group some pixels have two samples of FLT_MAX in a replicate. */
+/* In the pass of samples 256 to 384 of a group some pixels have two samples of FLT_MAX. */
 static void sums_beyond_floats_are_cut(void **state)
 {
     static float sums[TILE_FLOATS_MAX];
@@ -219,7 +217,7 @@ static void sums_beyond_floats_are_cut(void **state)
     for (size_t i = 0; i < floats; i++)
         bad += !isfinite(sums[i]);
     figure_within("infinite sums where one sample in 37 is the largest float", bad, 0, 0, "exact");
-    assert_true(stats.clamped_values > 0);
+    assert_true(stats.work.clamped_values > 0);
     render_scene_free(bright);
     switch_on(0);
 }

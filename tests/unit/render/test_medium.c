@@ -12,7 +12,7 @@
 
 #include "common/base/memory.h"
 #include "tests/support/statistics.h"
-#include "worker/render/medium/medium.h"
+#include "worker/render/medium/null_collisions.h"
 
 static struct scene_medium medium_of(float absorption, float scattering, float g)
 {
@@ -32,9 +32,9 @@ static void set_rgb(float out[3], float r, float g, float b)
     out[2] = b;
 }
 
-static struct world_medium *medium_made(const struct scene_medium *source, const float *grid)
+static struct render_medium *medium_made(const struct scene_medium *source, const float *grid)
 {
-    struct world_medium *medium;
+    struct render_medium *medium;
     struct error err = {0};
 
     if (medium_new(&medium, source, (const uint8_t *)(const void *)grid, &err) != STATUS_OK)
@@ -56,9 +56,9 @@ static struct ray ray_along_x(float from, float length)
 static void test_transmittance_is_beer_lamberts(void **state)
 {
     struct scene_medium source = medium_of(0, 0, 0);
-    struct sampler sampler = {1, 2, 3};
+    struct sampler sampler = {.seed = 1, .index = 2, .index_reversed = 3};
     struct medium_random random = {&sampler, 0, 0};
-    struct world_medium *medium;
+    struct render_medium *medium;
 
     (void)state;
     set_rgb(source.absorption, 0.5f, 2, 0);
@@ -83,8 +83,8 @@ static void test_transmittance_is_beer_lamberts(void **state)
 static void test_absorber_never_scatters(void **state)
 {
     struct scene_medium source = medium_of(2, 0, 0);
-    struct world_medium *medium = medium_made(&source, NULL);
-    struct sampler sampler = {1, 2, 3};
+    struct render_medium *medium = medium_made(&source, NULL);
+    struct sampler sampler = {.seed = 1, .index = 2, .index_reversed = 3};
     struct medium_random random = {&sampler, 0, 0};
     struct ray ray = ray_along_x(0, 0.7f);
     struct medium_event event;
@@ -105,8 +105,8 @@ static void test_absorber_never_scatters(void **state)
 static void test_grey_free_path(void **state)
 {
     struct scene_medium source = medium_of(0.5f, 1.5f, 0);
-    struct world_medium *medium = medium_made(&source, NULL);
-    struct sampler sampler = {1, 2, 3};
+    struct render_medium *medium = medium_made(&source, NULL);
+    struct sampler sampler = {.seed = 1, .index = 2, .index_reversed = 3};
     struct medium_random random = {&sampler, 0, 0};
     struct ray ray = ray_along_x(0, 0.8f);
     struct medium_event event;
@@ -132,9 +132,9 @@ static void test_chromatic_weights_add_up(void **state)
     static const float ABSORPTION[3] = {0.1f, 3, 0}, SCATTERING[3] = {0.4f, 2, 0};
     static const float LENGTHS[] = {0.05f, 0.4f, 2, 12, INFINITY};
     struct scene_medium source = medium_of(0, 0, 0);
-    struct sampler sampler = {1, 2, 3};
+    struct sampler sampler = {.seed = 1, .index = 2, .index_reversed = 3};
     struct medium_random random = {&sampler, 0, 0};
-    struct world_medium *medium;
+    struct render_medium *medium;
 
     (void)state;
     memcpy(source.absorption, ABSORPTION, sizeof ABSORPTION);
@@ -161,8 +161,7 @@ static void test_chromatic_weights_add_up(void **state)
             double t = extinction > 0 ? exp(-extinction * (double)LENGTHS[l]) : 1;
 
             assert_near(passed[c], t, 5e-5);
-            assert_near(scattered[c],
-                        extinction > 0 ? (double)SCATTERING[c] / extinction * (1 - t) : 0, 5e-5);
+            assert_near(scattered[c], extinction > 0 ? (double)SCATTERING[c] / extinction * (1 - t) : 0, 5e-5);
         }
     }
     assert_int_equal(random.drawn, 0);
@@ -172,14 +171,14 @@ static void test_chromatic_weights_add_up(void **state)
 static void test_emission_is_closed_form(void **state)
 {
     static const float LENGTHS[] = {1e-6f, 1e-3f, 0.5f, 7};
-    struct sampler sampler = {1, 2, 3};
+    struct sampler sampler = {.seed = 1, .index = 2, .index_reversed = 3};
     struct medium_random random = {&sampler, 0, 0};
     struct medium_event event;
 
     (void)state;
     for (int scatters = 0; scatters < 2; scatters++) {
         struct scene_medium source = medium_of(0, 0, 0);
-        struct world_medium *medium;
+        struct render_medium *medium;
 
         set_rgb(source.absorption, 0.5f, 1e-4f, 0);
         set_rgb(source.scattering, scatters ? 0.25f : 0, 0, 0);
@@ -190,10 +189,8 @@ static void test_emission_is_closed_form(void **state)
             double length = (double)LENGTHS[l], red = scatters ? 0.75 : 0.5;
 
             medium_sample(medium, &ray, 0.4f, &random, &event);
-            assert_near((double)event.emitted.x / length,
-                        -3 * expm1(-red * length) / red / length, 1e-5);
-            assert_near((double)event.emitted.y / length,
-                        -5 * expm1(-1e-4 * length) / 1e-4 / length, 1e-5);
+            assert_near((double)event.emitted.x / length, -3 * expm1(-red * length) / red / length, 1e-5);
+            assert_near((double)event.emitted.y / length, -5 * expm1(-1e-4 * length) / 1e-4 / length, 1e-5);
             assert_near((double)event.emitted.z / length, 7, 1e-5);
         }
         struct ray endless = ray_along_x(0, INFINITY);
@@ -212,7 +209,7 @@ static void test_phase_integrates_to_one(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof GS / sizeof *GS; i++) {
         struct scene_medium source = medium_of(0, 1, GS[i]);
-        struct world_medium *medium = medium_made(&source, NULL);
+        struct render_medium *medium = medium_made(&source, NULL);
         double sum = 0, moment = 0, lost = 0;
         enum { N = 400000 };
 
@@ -242,7 +239,7 @@ static void test_phase_sampling_inverts_the_distribution(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof GS / sizeof *GS; i++) {
         struct scene_medium source = medium_of(0, 1, GS[i]);
-        struct world_medium *medium = medium_made(&source, NULL);
+        struct render_medium *medium = medium_made(&source, NULL);
         double g = fmin(fmax((double)GS[i], -(double)0.999f), (double)0.999f);
 
         for (int k = 0; k < 1000; k++) {
@@ -253,8 +250,7 @@ static void test_phase_sampling_inverts_the_distribution(void **state)
             assert_near((double)vec3_length(d), 1, 1e-6);
             below = fabs(g) < 1e-3
                         ? (1 + cosine) / 2 + 0.75 * g * (cosine * cosine - 1)
-                        : (1 - g * g) / (2 * g) *
-                              (1 / sqrt(fmax(1 + g * g - 2 * g * cosine, 1e-12)) - 1 / (1 + g));
+                        : (1 - g * g) / (2 * g) * (1 / sqrt(fmax(1 + g * g - 2 * g * cosine, 1e-12)) - 1 / (1 + g));
             /* A float's cosine resolves the narrowest peaks no better. */
             assert_near(below, (double)u, fabs(g) > 0.99 ? 0.2 : fabs(g) > 0.9 ? 2e-3 : 1e-5);
         }
@@ -269,9 +265,9 @@ static void test_even_grid_is_homogeneous_in_its_box(void **state)
     enum { X = 11, Y = 3, Z = 20 };
     static float cells[X * Y * Z];
     struct scene_medium source = medium_of(0.5f, 1.5f, 0), even = source;
-    struct sampler sampler = {1, 2, 3};
+    struct sampler sampler = {.seed = 1, .index = 2, .index_reversed = 3};
     struct medium_random random = {&sampler, 0, 0};
-    struct world_medium *grid, *same;
+    struct render_medium *grid, *same;
 
     (void)state;
     for (int i = 0; i < X * Y * Z; i++)
@@ -315,8 +311,8 @@ static void test_pure_function_of_its_numbers(void **state)
 {
     static const float cells[2] = {1, 5};
     struct scene_medium source = medium_of(0.1f, 0.1f, 0);
-    struct world_medium *medium;
-    struct sampler sampler = {77, 2, 3};
+    struct render_medium *medium;
+    struct sampler sampler = {.seed = 77, .index = 2, .index_reversed = 3};
     struct ray ray = ray_along_x(-1, INFINITY);
     int differ = 0;
 
@@ -355,7 +351,7 @@ static void test_hostile_values(void **state)
     enum { VALUE_COUNT = 6, SIDE = 9 };
     float cells[SIDE * SIDE * SIDE];
     struct test_random random = {5};
-    struct sampler sampler = {77, 2, 3};
+    struct sampler sampler = {.seed = 77, .index = 2, .index_reversed = 3};
 
     (void)state;
     for (int i = 0; i < SIDE * SIDE * SIDE; i++)
@@ -365,7 +361,7 @@ static void test_hostile_values(void **state)
         struct scene_medium source = medium_of(0, 0, i & 1 ? 0.99999f : -0.99999f);
         struct medium_random numbers = {&sampler, (uint32_t)i, 0};
         struct ray ray = {.origin = {0.4f, 0.5f, 0.6f}, .direction = {0, 0, 1}, .t_max = INFINITY};
-        struct world_medium *medium;
+        struct render_medium *medium;
         struct medium_event event;
         float scale;
 
@@ -399,6 +395,18 @@ static void test_hostile_values(void **state)
     }
 }
 
+/* Optical depths of free paths, in float, against the C library in double. */
+static void test_free_path_logarithm(void **state)
+{
+    (void)state;
+    assert_true(medium_depth_of(0) == 0);
+    for (uint32_t i = 1; i < 1u << 24; i += i < 4096 || i > (1u << 24) - 4096 ? 1 : 61) {
+        const double u = ldexp((double)i, -24), depth = -log1p(-u);
+
+        assert_true(fabs((double)medium_depth_of((float)u) - depth) <= 3e-7 * depth);
+    }
+}
+
 static void test_out_of_memory(void **state)
 {
     static const float cells[1] = {1};
@@ -409,7 +417,7 @@ static void test_out_of_memory(void **state)
     source.has_grid = 1;
     source.grid_size[0] = source.grid_size[1] = source.grid_size[2] = 1;
     for (long n = 0; n < 2; n++) {
-        struct world_medium *medium = (void *)&source;
+        struct render_medium *medium = (void *)&source;
 
         mem_fault_arm(n, 1);
         assert_int_equal(medium_new(&medium, &source, (const uint8_t *)(const void *)cells, &err),
@@ -424,6 +432,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_transmittance_is_beer_lamberts),
         cmocka_unit_test(test_absorber_never_scatters),
+        cmocka_unit_test(test_free_path_logarithm),
         cmocka_unit_test(test_grey_free_path),
         cmocka_unit_test(test_chromatic_weights_add_up),
         cmocka_unit_test(test_emission_is_closed_form),

@@ -9,11 +9,12 @@
 #include <cmocka.h>
 
 #include "common/base/memory.h"
+#include "common/scene/scene_effects.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
-#include "worker/render/surface/world_motion.h"
+#include "worker/render/render_scene.h"
+#include "worker/render/surface/render_motion.h"
 
 static const float no_yes[2] = {0, 1};
 
@@ -48,10 +49,7 @@ static int shoot(const struct render_scene *scene, float x, float y, float time,
     return 1;
 }
 
-static int inside_triangle(double x, double y)
-{
-    return y > -1 && y < 1 - 2 * fabs(x);
-}
+static int inside_triangle(double x, double y) { return y > -1 && y < 1 - 2 * fabs(x); }
 
 /* A triangle that moves by (3, -1, 2) in a second: hit where it then is, and nowhere else. */
 static void test_moving_triangle(void **state)
@@ -86,8 +84,7 @@ static void test_moving_triangle(void **state)
         if (margin < 1e-5)
             continue;
         if (met != expected)
-            fail_msg("(%g, %g) at %g: %s", (double)x, (double)y, (double)time,
-                     met ? "met" : "missed");
+            fail_msg("(%g, %g) at %g: %s", (double)x, (double)y, (double)time, met ? "met" : "missed");
         if (!met)
             continue;
         hits++;
@@ -125,9 +122,8 @@ static void hits_agree(const struct render_scene *scene, uint32_t triangles)
         struct surface s;
         struct hit hit;
         struct ray ray;
-        world_triangle(scene, &scene->instances[0], triangle, time, corner);
-        at = vec3_add(vec3_scale(corner[0], 1 - u - v),
-                      vec3_add(vec3_scale(corner[1], u), vec3_scale(corner[2], v)));
+        triangle_of_instance(scene, &scene->instances[0], triangle, time, corner);
+        at = vec3_add(vec3_scale(corner[0], 1 - u - v), vec3_add(vec3_scale(corner[1], u), vec3_scale(corner[2], v)));
         n = vec3_cross(vec3_sub(corner[1], corner[0]), vec3_sub(corner[2], corner[0]));
         if (vec3_length(n) < 1e-2f)
             continue; /* edge on, or collapsed */
@@ -183,7 +179,7 @@ static void test_turning(void **state)
         for (int i = 0; i <= 200; i++) {
             double t = i / 200.0, a = cases[k].angle * t;
             struct vec3 corner[3];
-            world_triangle(scene, &scene->instances[0], 0, (float)t, corner);
+            triangle_of_instance(scene, &scene->instances[0], 0, (float)t, corner);
             worst = fmax(worst, hypot((double)corner[1].x - cos(a), (double)corner[1].z + sin(a)));
         }
         /* The cap of 17 steps leaves half a turn a chord of 1/200 at most. */
@@ -196,7 +192,7 @@ static void test_turning(void **state)
 }
 
 /* Twenty turns a frame: matrices mixed between such steps collapse, so the vertices are given;
- * the hits still are what world_corners says. */
+ * the hits still are what corners_of_triangle says. */
 static void test_spinning(void **state)
 {
     struct render_settings settings = open_shutter();
@@ -207,7 +203,7 @@ static void test_spinning(void **state)
     turning_scene(&b, 23.3 * 2 * M_PI / 3);
     scene = builder_build(&b, &settings);
     assert_non_null(scene->instances[0].motion_positions);
-    assert_true(scene->instances[0].world_positions == scene->instances[0].motion_positions[0]);
+    assert_true(scene->instances[0].instance_positions == scene->instances[0].motion_positions[0]);
     assert_int_equal(scene->instances[0].motion_steps, 17);
     hits_agree(scene, 1);
     render_scene_free(scene);
@@ -230,8 +226,8 @@ static void test_morphing(void **state)
     (void)state;
     builder_init(&b);
     builder_lambert(&b, 0.5f);
-    builder_place(&b, builder_mesh_deforming(&b, base, 4, indices, 2, NULL, morphs, 2), 0,
-                  vec3_splat(1), vec3_splat(0))->node = 0;
+    builder_place(&b, builder_mesh_deforming(&b, base, 4, indices, 2, NULL, morphs, 2), 0, vec3_splat(1), vec3_splat(0))
+        ->node = 0;
     builder_node(&b, -1, 2);
     builder_channel(&b, 0, PATH_TRANSLATION, 2, no_yes, path);
     builder_channel(&b, 0, PATH_WEIGHTS, 2, no_yes, weights);
@@ -243,14 +239,12 @@ static void test_morphing(void **state)
         struct vec3 corner[3];
         double t = i / 10.0;
         for (uint32_t triangle = 0; triangle < 2; triangle++) {
-            world_triangle(scene, &scene->instances[0], triangle, (float)t, corner);
+            triangle_of_instance(scene, &scene->instances[0], triangle, (float)t, corner);
             for (int k = 0; k < 3; k++) {
                 uint32_t v = 3 * indices[3 * triangle + (uint32_t)k];
                 double x = (double)base[v] + t * (double)morphs[v] + 0.5 * t * (double)morphs[12 + v];
-                double y = (double)base[v + 1] + t * (double)morphs[v + 1] +
-                           0.5 * t * (double)morphs[13 + v] + 4 * t;
-                double z = (double)base[v + 2] + t * (double)morphs[v + 2] +
-                           0.5 * t * (double)morphs[14 + v];
+                double y = (double)base[v + 1] + t * (double)morphs[v + 1] + 0.5 * t * (double)morphs[13 + v] + 4 * t;
+                double z = (double)base[v + 2] + t * (double)morphs[v + 2] + 0.5 * t * (double)morphs[14 + v];
                 assert_true(fabs((double)corner[k].x - x) < 1e-6);
                 assert_true(fabs((double)corner[k].y - y) < 1e-6);
                 assert_true(fabs((double)corner[k].z - z) < 1e-6);
@@ -261,7 +255,7 @@ static void test_morphing(void **state)
     /* The bounding sphere holds it at both ends. */
     for (float t = 0; t <= 1; t++) {
         struct vec3 corner[3];
-        world_triangle(scene, &scene->instances[0], 1, t, corner);
+        triangle_of_instance(scene, &scene->instances[0], 1, t, corner);
         for (int k = 0; k < 3; k++)
             assert_true(vec3_length(vec3_sub(corner[k], scene->bounds_centre)) <= scene->bounds_radius);
     }
@@ -289,8 +283,8 @@ static void test_skin(void **state)
     (void)state;
     builder_init(&b);
     builder_lambert(&b, 0.5f);
-    instance = builder_place(&b, builder_mesh_deforming(&b, base, 6, indices, 4, influences, NULL, 0),
-                             0, vec3_splat(7), vec3_splat(9)); /* not used: the skin's joints are */
+    instance = builder_place(&b, builder_mesh_deforming(&b, base, 6, indices, 4, influences, NULL, 0), 0, vec3_splat(7),
+                             vec3_splat(9)); /* not used: the skin's joints are */
     instance->skin = builder_skin(&b, joints, 2);
     builder_node(&b, -1, 0);
     builder_node(&b, -1, 0);
@@ -304,12 +298,12 @@ static void test_skin(void **state)
     for (int i = 0; i <= 16; i++) {
         double a = M_PI / 2 * i / 16;
         struct vec3 corner[3];
-        world_triangle(scene, &scene->instances[0], 2, (float)i / 16, corner);
+        triangle_of_instance(scene, &scene->instances[0], 2, (float)i / 16, corner);
         assert_true(fabs((double)corner[1].x - 2 * cos(a)) < 2e-3);
         assert_true(fabs((double)corner[1].z + 2 * sin(a)) < 2e-3);
         assert_true(fabs((double)corner[0].x - 0.5 * (1 + cos(a))) < 2e-3);
         assert_true(fabs((double)corner[0].z + 0.5 * sin(a)) < 2e-3);
-        world_triangle(scene, &scene->instances[0], 0, (float)i / 16, corner);
+        triangle_of_instance(scene, &scene->instances[0], 0, (float)i / 16, corner);
         assert_true(corner[0].x == 0 && corner[0].y == -1 && corner[0].z == 0);
     }
     hits_agree(scene, 4);
@@ -352,8 +346,7 @@ static void test_normals(void **state)
         builder_lambert(&b, 0.5f);
         instance = builder_place(&b,
                                  builder_mesh_deforming_smooth(&b, base, normals, 3, indices, 1,
-                                                               skin ? influences : NULL, still,
-                                                               tilt, !skin),
+                                                               skin ? influences : NULL, still, tilt, !skin),
                                  0, vec3_splat(1), vec3_splat(0));
         builder_node(&b, -1, !skin);
         turn_y(0, turns);
@@ -451,15 +444,13 @@ static void test_closed_shutter(void **state)
         builder_place(&b, builder_quad(&b), 0, vec3_splat(3), vec3_make(0, -1.5f, 0));
         builder_environment_constant(&b, vec3_make(1, 2, 3));
         builder_camera(&b, vec3_make(0, 1, 9), vec3_splat(0), 0.5f);
-        assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 1, builder_source(&b), &err),
-                         STATUS_OK);
+        assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 1, builder_source(&b), &err), STATUS_OK);
         assert_int_equal(scene->animated, animated);
         assert_int_equal(scene->effects & EFFECT_MOTION_BLUR ? 1 : 0, 0);
         frame_bits(scene, 1, animated ? moving[k] : standing);
         render_scene_free(scene);
         if (k == 1) {
-            assert_int_equal(
-                render_scene_new(&scene, &b.scene, &settings, 2, builder_source(&b), &err), STATUS_OK);
+            assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 2, builder_source(&b), &err), STATUS_OK);
             frame_bits(scene, 1, other);
             render_scene_free(scene);
         }
@@ -489,8 +480,8 @@ static void test_standing_node(void **state)
     assert_int_equal(scene->instances[0].motion_steps, 0);
     assert_int_equal(scene->camera.shutter_open, 0);
     assert_int_equal(scene->effects & EFFECT_MOTION_BLUR ? 1 : 0, 0);
-    assert_true(scene->instances[0].world_positions[0] == 0);
-    assert_true(scene->instances[0].world_positions[2] == 3);
+    assert_true(scene->instances[0].instance_positions[0] == 0);
+    assert_true(scene->instances[0].instance_positions[2] == 3);
     render_scene_free(scene);
     builder_release(&b);
 }
@@ -528,8 +519,7 @@ static void test_camera_and_light(void **state)
     /* Half a frame a second: frame 1 is at half a second. */
     settings.fps = 2;
     settings.shutter = 0;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 1, builder_source(&b), &err),
-                     STATUS_OK);
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 1, builder_source(&b), &err), STATUS_OK);
     assert_int_equal(scene->camera.motion_steps, 0);
     assert_true(scene->camera.to_world.m[1][3] == 1.5f);
     render_scene_free(scene);

@@ -11,7 +11,7 @@
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/light/emitters.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 static int nested(int leave_early)
 {
@@ -46,8 +46,7 @@ static void test_scopes(void **state)
 }
 
 /* The account of a surface's base, and those of the lobes by which it may scatter. */
-static void assert_charged(const char *what, const struct bsdf_params *params, uint8_t base,
-                           uint64_t lobes)
+static void assert_charged(const char *what, const struct bsdf_params *params, uint8_t base, uint64_t lobes)
 {
     const struct vec3 wo = {0.6f, 0, 0.8f};
     struct bsdf_sample sample;
@@ -61,7 +60,8 @@ static void assert_charged(const char *what, const struct bsdf_params *params, u
     profile_account(PROFILE_ACCOUNT(FOG));
     bsdf_eval_pdf(&b, wo, (struct vec3){0.48f, 0.36f, 0.8f}, &pdf);
     bsdf_eval_pdf(&b, wo, (struct vec3){0.48f, 0.36f, -0.8f}, &pdf);
-    assert_int_equal(profile_account_now(), PROFILE_ACCOUNT(FOG)); /* as it was */
+    assert_int_equal(profile_account_now(), PROFILE_NO_EFFECT); /* the stage is scattering, its lobes are done */
+    assert_int_equal(WATCHED_GET(profile_place.stage), STAGE_SCATTER + 1);
     for (int i = 0; i < 64; i++) {
         profile_account(PROFILE_ACCOUNT(FOG));
         if (bsdf_sample(&b, wo, ((float)i + 0.5f) / 64, 0.37f, 0.61f, &sample))
@@ -151,14 +151,13 @@ static uint64_t charged_lights(struct scene_builder *b, const struct render_sett
         uint8_t point = PROFILE_ACCOUNT(PUNCTUAL_LIGHT);
 
         profile_account(PROFILE_NO_EFFECT);
-        if (!emitters_sample(scene, &context, ((float)i + 0.5f) / 256,
-                             ((float)(i * 37 % 256) + 0.5f) / 256, &light))
+        if (!emitters_sample(scene, &context, ((float)i + 0.5f) / 256, ((float)(i * 37 % 256) + 0.5f) / 256, &light))
             continue;
         if (light.delta && light.direction.x < 0 && !(settings->without & EFFECT_LIGHT_IMAGE))
             point = PROFILE_ACCOUNT(LIGHT_IMAGE);
-        assert_int_equal(profile_account_now(), light.delta ? point
-                                       : light.distance < INFINITY ? PROFILE_ACCOUNT(EMISSIVE_MESH)
-                                                                   : PROFILE_ACCOUNT(ENVIRONMENT));
+        assert_int_equal(profile_account_now(), light.delta                 ? point
+                                                : light.distance < INFINITY ? PROFILE_ACCOUNT(EMISSIVE_MESH)
+                                                                            : PROFILE_ACCOUNT(ENVIRONMENT));
         met |= (uint64_t)1 << (profile_account_now() - 1);
     }
     profile_account(PROFILE_NO_EFFECT);

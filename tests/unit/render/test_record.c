@@ -48,7 +48,7 @@ static float sum_in_order(const struct sample_record *r, int channel)
     float sum = 0;
 
     for (uint32_t i = 0; i < r->count; i++)
-        for (int source = 0; source < RECORD_SOURCES; source++) {
+        for (int source = 0; source < PATH_SOURCES; source++) {
             const struct vec3 *added = &r->vertices[i].added[source];
             sum += channel == 0 ? added->x : channel == 1 ? added->y : added->z;
         }
@@ -56,9 +56,8 @@ static float sum_in_order(const struct sample_record *r, int channel)
 }
 
 /* The sums of a unit, from its samples rendered one by one, as tile_render adds them up. */
-static void sum_samples(const struct render_scene *scene, const struct render_settings *settings,
-                        uint32_t tile, uint32_t group, uint32_t pass, float *sums,
-                        struct render_stats *stats)
+static void sum_samples(const struct render_scene *scene, const struct render_settings *settings, uint32_t tile,
+                        uint32_t group, uint32_t pass, float *sums, struct render_stats *stats)
 {
     struct tile_rect rect = tile_rect_of(settings->width, settings->height, tile);
     size_t pixels = (size_t)rect.width * rect.height;
@@ -66,7 +65,7 @@ static void sum_samples(const struct render_scene *scene, const struct render_se
 
     pass_range(settings->spp, group, pass, &begin, &end);
     for (uint32_t p = 0; p < pixels; p++) {
-        double sum[GROUP_REPLICATES][3] = {{0}};
+        double sum[3] = {0};
         for (uint32_t i = begin; i < end; i++) {
             float added[3], plain[3];
             struct render_stats unused = {0};
@@ -75,18 +74,17 @@ static void sum_samples(const struct render_scene *scene, const struct render_se
             render_sample(scene, 1, x, y, i * GROUPS + group, added, &record, stats);
             render_sample(scene, 1, x, y, i * GROUPS + group, plain, NULL, &unused);
             assert_memory_equal(added, plain, sizeof added);
-            assert_true(record.count > 0 && !record.truncated && record.end != RECORD_END_NONE);
+            assert_true(record.count > 0 && !record.truncated && record.end != PATH_GOES_ON);
             for (int c = 0; c < 3; c++) {
                 float radiance = c == 0 ? record.radiance.x : c == 1 ? record.radiance.y : record.radiance.z;
                 float parts = sum_in_order(&record, c);
                 assert_memory_equal(&parts, &radiance, sizeof parts);
                 assert_memory_equal(&added[c], &radiance, sizeof parts);
-                sum[i % GROUP_REPLICATES][c] += (double)added[c];
+                sum[c] += (double)added[c];
             }
         }
-        for (size_t r = 0; r < GROUP_REPLICATES; r++)
-            for (size_t c = 0; c < 3; c++)
-                sums[(r * pixels + p) * 3 + c] = (float)sum[r][c];
+        for (size_t c = 0; c < 3; c++)
+            sums[p * 3 + c] = (float)sum[c];
     }
 }
 
@@ -117,12 +115,12 @@ static void check_scene(const char *path)
                 kernel_recording.tile_render(scene, 1, tile, group, pass, whole, NULL, &b);
                 sum_samples(scene, &settings, tile, group, pass, again, &c);
                 if (memcmp(film, whole, floats * sizeof *film) != 0)
-                    fail_msg("%s: the kernel with hooks differs in tile %u", path, tile);
+                    fail_msg("%s: the kernel that records differs in tile %u", path, tile);
                 if (memcmp(film, again, floats * sizeof *film) != 0)
-                    fail_msg("%s: its samples one by one differ in tile %u, group %u, pass %u", path,
-                             tile, group, pass);
-                if (a.rays != c.rays || a.vertices != c.vertices || a.samples != c.samples ||
-                    memcmp(&a.health, &c.health, sizeof a.health) != 0)
+                    fail_msg("%s: its samples one by one differ in tile %u, group %u, pass %u", path, tile, group,
+                             pass);
+                if (a.work.rays != c.work.rays || a.work.vertices != c.work.vertices || a.work.samples != c.work.samples ||
+                    memcmp(&a.work.health, &c.work.health, sizeof a.work.health) != 0)
                     fail_msg("%s: counted differently in tile %u", path, tile);
             }
     render_scene_free(scene);
@@ -143,7 +141,7 @@ static void every_effect_has_the_same_bits(void **state)
 /* ---- what is written down --------------------------------------------------------------------- */
 
 struct seen {
-    uint32_t ends[RECORD_ENDS], kinds[4], lights, hidden, lobes, bodies, media, weighted;
+    uint32_t ends[PATH_ENDS], kinds[4], lights, hidden, lobes, bodies, media, weighted;
 };
 
 static void check_near(struct vec3 a, struct vec3 b)
@@ -154,12 +152,12 @@ static void check_near(struct vec3 a, struct vec3 b)
 /* A vertex, and the next one if there is one. */
 static void check_vertex(const struct record_vertex *v, const struct record_vertex *next, struct seen *seen)
 {
-    seen->kinds[v->kind]++;
+    seen->kinds[v->met]++;
     seen->bodies += v->body_count > 0;
     seen->media += v->medium >= 0;
     seen->weighted += v->met_weight < 1;
     assert_true(v->met_weight >= 0 && v->met_weight <= 1 && v->survival > 0 && v->survival <= 1);
-    if (v->kind == RECORD_SURFACE)
+    if (v->met == PATH_MET_SURFACE)
         assert_true(v->instance >= 0 && v->material >= 0 && fabsf(vec3_length(v->ng) - 1) < 1e-5f);
     if (v->light.found) {
         seen->lights++;
@@ -167,14 +165,14 @@ static void check_vertex(const struct record_vertex *v, const struct record_vert
     }
     if (v->light.traced && vec3_is_black(v->light.visible)) {
         seen->hidden++;
-        assert_true(vec3_is_black(v->added[RECORD_FROM_LIGHT]));
+        assert_true(vec3_is_black(v->added[FROM_LIGHT]));
     }
     if (!v->scattered)
         return;
     seen->lobes += v->lobe[0] != 0;
     assert_true(v->lobe[0] && fabsf(vec3_length(v->direction) - 1) < 1e-5f && v->delta == !(v->pdf > 0));
-    if (next && v->kind != RECORD_BOUNDARY && next->kind != RECORD_ESCAPE && next->medium < 0 &&
-        next->kind == RECORD_SURFACE && v->kind == RECORD_SURFACE && next->body_count == 0) {
+    if (next && v->met != PATH_MET_BOUNDARY && next->met != PATH_MET_ESCAPE && next->medium < 0 &&
+        next->met == PATH_MET_SURFACE && v->met == PATH_MET_SURFACE && next->body_count == 0) {
         check_near(next->throughput, vec3_scale(vec3_mul(v->throughput, v->weight), 1 / v->survival));
         check_near(next->p, vec3_mad(v->p, v->direction, next->t));
     }
@@ -198,7 +196,7 @@ static void look_at(const char *path, uint32_t max_depth, struct seen *seen)
             seen->ends[record.end]++;
             for (uint32_t i = 0; i < record.count; i++)
                 check_vertex(&record.vertices[i], i + 1 < record.count ? &record.vertices[i + 1] : NULL, seen);
-            assert_true(record.count <= max_depth + 2 || seen->kinds[RECORD_BOUNDARY] > 0);
+            assert_true(record.count <= max_depth + 2 || seen->kinds[PATH_MET_BOUNDARY] > 0);
         }
     render_scene_free(scene);
     import_result_release(&import);
@@ -211,16 +209,16 @@ static void paths_are_explained(void **state)
     (void)state;
     look_at("scenes/cornell/cornell-area.gltf", 12, &seen);
     assert_true(seen.lights > 100 && seen.hidden > 10 && seen.lobes > 100 && seen.weighted > 10);
-    assert_true(seen.ends[RECORD_END_ROULETTE] > 100);
-    assert_int_equal(seen.ends[RECORD_END_NONE], 0);
+    assert_true(seen.ends[PATH_ROULETTE] > 100);
+    assert_int_equal(seen.ends[PATH_GOES_ON], 0);
     look_at("scenes/cornell/cornell-area.gltf", 1, &seen);
-    assert_true(seen.ends[RECORD_END_DEPTH] > 100 && seen.ends[RECORD_END_ROULETTE] == 0);
+    assert_true(seen.ends[PATH_DEPTH] > 100 && seen.ends[PATH_ROULETTE] == 0);
     look_at("scenes/features/media.pbrt", 12, &seen);
-    assert_true(seen.kinds[RECORD_MEDIUM] > 50 && seen.media > 50 && seen.kinds[RECORD_BOUNDARY] > 0);
+    assert_true(seen.kinds[PATH_MET_MEDIUM] > 50 && seen.media > 50 && seen.kinds[PATH_MET_BOUNDARY] > 0);
     look_at("scenes/features/nested.gltf", 12, &seen);
-    assert_true(seen.bodies > 50 && seen.ends[RECORD_END_ESCAPED] > 50);
+    assert_true(seen.bodies > 50 && seen.ends[PATH_ESCAPED] > 50);
     look_at("scenes/features/unlit.gltf", 12, &seen);
-    assert_true(seen.ends[RECORD_END_UNLIT] > 0);
+    assert_true(seen.ends[PATH_UNLIT] > 0);
 }
 
 /* The emitters put directional lights first. */
@@ -255,7 +253,7 @@ static void clamping_is_the_films(void **state)
         assert_true(added[0] <= 0.25f && added[1] <= 0.25f && added[2] <= 0.25f);
         clamped += added[0] < record.radiance.x;
     }
-    assert_true(clamped > 10 && stats.clamped_samples == clamped);
+    assert_true(clamped > 10 && stats.work.clamped_samples == clamped);
     render_scene_free(scene);
     import_result_release(&import);
 }

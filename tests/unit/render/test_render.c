@@ -66,7 +66,7 @@ static void test_tiles_are_pure(void **state)
             struct tail tail, same;
             size_t n = render_tile(one, 3, t, p % GROUPS, p, first, &tail, &stats);
             struct tile_rect r = tile_rect_of(SIDE, SIDE, t);
-            assert_int_equal(n, (size_t)GROUP_REPLICATES * r.width * r.height * 3);
+            assert_int_equal(n, (size_t)PIXEL_FLOATS * r.width * r.height);
             render_tile(two, 3, other, p % GROUPS, p, again, &same, &stats);
             n = render_tile(two, 3, t, p % GROUPS, p, again, &same, &stats);
             assert_memory_equal(first, again, n * sizeof *first);
@@ -74,8 +74,8 @@ static void test_tiles_are_pure(void **state)
             assert_memory_equal(tail.entries, same.entries, tail.count * sizeof *tail.entries);
             assert_true(tail.count > 0 && tail_is_valid(&tail, r.width * r.height));
         }
-    assert_int_equal(stats.dropped_samples, 0);
-    assert_true(stats.rays > stats.samples);
+    assert_int_equal(stats.work.dropped_samples, 0);
+    assert_true(stats.work.rays > stats.work.samples);
     render_scene_free(one);
     render_scene_free(two);
     builder_release(&b);
@@ -187,8 +187,7 @@ static void test_watertight(void **state)
 
         builder_init(&b);
         builder_lambert(&b, 0);
-        builder_place(&b, builder_sphere(&b, 16, 0), 0,
-                      vec3_splat(place == 2 ? 1e-3f : 3.3f), at);
+        builder_place(&b, builder_sphere(&b, 16, 0), 0, vec3_splat(place == 2 ? 1e-3f : 3.3f), at);
         builder_environment_constant(&b, vec3_splat(1));
         builder_camera(&b, vec3_add(at, vec3_splat(1e-4f)), vec3_add(at, vec3_make(1, 0.3f, 0)), 2.5f);
         scene = builder_build(&b, &settings);
@@ -267,21 +266,17 @@ static void test_hostile_blobs(void **state)
     indices = (uint32_t *)(void *)(b.blobs[0].data + 48);
     positions = (float *)(void *)b.blobs[0].data;
     indices[5] = 4;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err), STATUS_ERR_INPUT);
     assert_non_null(strstr(err.text, "vertex 4 of 4"));
     indices[5] = 3;
     positions[2] = NAN;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err), STATUS_ERR_INPUT);
     positions[2] = -1;
     b.blobs[0].size_bytes--;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err), STATUS_ERR_INPUT);
     b.blobs[0].size_bytes++;
     settings.camera = 1;
-    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(render_scene_new(&scene, &b.scene, &settings, 0, builder_source(&b), &err), STATUS_ERR_INPUT);
     assert_null(scene);
     builder_release(&b);
 }

@@ -17,7 +17,7 @@
 #include "tests/support/statistics.h"
 #include "worker/render/shape/sphere.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* A scene of this pbrt text, made ready. */
 struct fixture {
@@ -102,8 +102,7 @@ static void test_false_claims(void **state)
         struct import_result import;
         struct render_scene *scene;
 
-        pbrt_world(which ? LAMP "Shape \"cylinder\"" : LAMP "Shape \"sphere\" \"float phimax\" 350",
-                   &import);
+        pbrt_world(which ? LAMP "Shape \"cylinder\"" : LAMP "Shape \"sphere\" \"float phimax\" 350", &import);
         import.scene.meshes[0].arrays |= MESH_SPHERE;
         scene = imported_build(&import, &settings, 0);
         assert_int_equal(spheres_of(scene), 0);
@@ -117,8 +116,8 @@ static void test_false_claims(void **state)
 static struct vec3 random_direction(struct test_random *r)
 {
     for (;;) {
-        struct vec3 d = vec3_make(2 * test_random_float(r) - 1, 2 * test_random_float(r) - 1,
-                                  2 * test_random_float(r) - 1);
+        struct vec3 d =
+            vec3_make(2 * test_random_float(r) - 1, 2 * test_random_float(r) - 1, 2 * test_random_float(r) - 1);
         float length2 = vec3_length_squared(d);
 
         if (length2 > 0.01f && length2 < 1)
@@ -163,8 +162,7 @@ static double off_sphere(const struct sphere_shape *sphere, const struct surface
 static uint64_t misjudged, astray;
 
 /* After the hit: outwards nothing, inwards the far side, from which outwards nothing again. */
-static void leave_all_ways(const struct fixture *f, const struct surface *s,
-                           struct test_random *random)
+static void leave_all_ways(const struct fixture *f, const struct surface *s, struct test_random *random)
 {
     const struct sphere_shape *shape = sphere_of(s->instance->shape);
 
@@ -196,8 +194,9 @@ static void leave_all_ways(const struct fixture *f, const struct surface *s,
     }
 }
 
-/* Rays at a sphere of radius `radius` around (x, 2x, -x) from up to `far` radii or metres away. */
-static void shoot(double radius, double x, double far, uint64_t seed)
+/* Rays at a sphere of radius `radius` around (x, 2x, -x) from up to `far` radii or metres away, with so many small ones
+ * beside it. */
+static void shoot_beside(uint32_t others, double radius, double x, double far, uint64_t seed)
 {
     struct buffer text = BUFFER_INIT;
     struct test_random random = {seed};
@@ -209,13 +208,12 @@ static void shoot(double radius, double x, double far, uint64_t seed)
     buffer_printf(&text, "LookAt 0 0 %g 0 0 0 0 1 0 Camera \"perspective\" WorldBegin " LAMP
                          "Translate %.17g %.17g %.17g Shape \"sphere\" \"float radius\" %.17g",
                   2 * far, x, 2 * x, -x, radius);
-    /* Others beside it, so that its own box is looked at. */
-    for (int k = 0; k < 6; k++)
+    for (uint32_t k = 0; k < others; k++)
         buffer_printf(&text, " Translate %.17g %.17g %.17g Shape \"sphere\" \"float radius\" %.17g",
                       k == 0 ? 4 * radius : 0, k == 1 ? 4 * radius : k == 2 ? -8 * radius : 0,
                       k == 3 ? -4 * radius : k > 3 ? 2 * radius : 0, 0.01 * radius);
     fixture_whole(&f, buffer_text(&text));
-    assert_int_equal(spheres_of(f.scene), 7);
+    assert_int_equal(spheres_of(f.scene), 1 + others);
     shape = sphere_of(f.scene->instances[0].shape);
     for (int i = 0; i < 4000; i++) {
         struct vec3 away = random_direction(&random), aside = random_direction(&random);
@@ -234,8 +232,8 @@ static void shoot(double radius, double x, double far, uint64_t seed)
         way[1] = shape->centre[1] + aim * (double)aside.y - origin[1];
         way[2] = shape->centre[2] + aim * (double)aside.z - origin[2];
         ray.origin = exact_round(origin, ray.rest);
-        ray.direction = vec3_normalize(
-            vec3_make((float)(way[0] / reach), (float)(way[1] / reach), (float)(way[2] / reach)));
+        ray.direction =
+            vec3_normalize(vec3_make((float)(way[0] / reach), (float)(way[1] / reach), (float)(way[2] / reach)));
         exact_origin(&ray, origin);
         passes = passes_at(shape, &ray);
         /* Doubles of the distance and the coordinates cannot tell. */
@@ -246,8 +244,7 @@ static void shoot(double radius, double x, double far, uint64_t seed)
             continue;
         if (met != (passes < 1)) {
             if (misjudged++ == 0)
-                printf("# radius %g at %g, from %g away: met %d, passes at %Lg radii\n", radius, x,
-                       reach, met, passes);
+                printf("# radius %g at %g, from %g away: met %d, passes at %Lg radii\n", radius, x, reach, met, passes);
             continue;
         }
         assert_int_equal(accel_occluded(f.scene->accel, &ray, NULL), met);
@@ -268,6 +265,13 @@ static void shoot(double radius, double x, double far, uint64_t seed)
     buffer_release(&text);
 }
 
+/* Two spheres are looked at one by one; of seven the accelerator has a tree, and looks at their boxes. */
+static void shoot(double radius, double x, double far, uint64_t seed)
+{
+    shoot_beside(1, radius, x, far, seed);
+    shoot_beside(6, radius, x, far, seed);
+}
+
 static void test_hits(void **state)
 {
     (void)state;
@@ -284,6 +288,160 @@ static void test_hits(void **state)
 
 #define SQUARE "Shape \"trianglemesh\" \"point3 P\" [-9 -9 0 9 -9 0 9 9 0 -9 9 0] " \
                "\"integer indices\" [0 1 2 0 2 3]"
+
+/* ---- faces closer than float's error ---------------------------------------------------------- */
+
+/* The middle of SQUARE, whose corner 0 is 9 less. */
+static void middle_of_ground(const struct render_scene *scene, double out[3])
+{
+    double corner[3][3];
+
+    triangle_exact_corners(scene, 0, 0, 0, corner);
+    for (int a = 0; a < 3; a++)
+        out[a] = corner[0][a] + (a < 2 ? 9 : 0);
+}
+
+/* How far the place on instance `of` is from the nearest other, of which one is glass: spheres, and the ground. */
+static double nearest_other(const struct render_scene *scene, uint32_t of, const double p[3])
+{
+    double least = INFINITY, ground[3];
+
+    middle_of_ground(scene, ground);
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        const struct render_instance *other = &scene->instances[i];
+        double to[3], beyond2 = (p[2] - ground[2]) * (p[2] - ground[2]);
+
+        if (i == of || !((scene->materials[other->material].flags |
+                          scene->materials[scene->instances[of].material].flags) & MATERIAL_BOUNDS))
+            continue;
+        if (other->shape) {
+            exact_sub(p, sphere_of(other->shape)->centre, to);
+            least = fmin(least, fabs(sqrt(exact_dot(to, to)) - sphere_of(other->shape)->radius));
+            continue;
+        }
+        for (int a = 0; a < 2; a++)
+            beyond2 += pow(fmax(fabs(p[a] - ground[a]) - 9, 0), 2);
+        least = fmin(least, sqrt(beyond2));
+    }
+    return least;
+}
+
+/* A place of a sphere, or of the ground: mostly where it is nearest to `other`, or a little beside. */
+static void some_place(const struct render_scene *scene, const struct render_instance *on,
+                       const struct render_instance *other, struct test_random *random, double p[3])
+{
+    const struct sphere_shape *sphere = on->shape ? sphere_of(on->shape) : NULL;
+    const struct sphere_shape *seen = other->shape ? sphere_of(other->shape) : NULL;
+    struct vec3 d = random_direction(random);
+    const double aside[3] = {(double)d.x, (double)d.y, (double)d.z};
+    double size = sphere ? sphere->radius : seen ? seen->radius : 1, ground[3], to[3], length;
+    double wide = pow((double)scene->near_reach / size, test_random_double(random));
+
+    middle_of_ground(scene, ground);
+    for (int a = 0; a < 3 && !sphere; a++)
+        p[a] = ground[a] + (a == 2 ? 0 : fmin(fmax((seen ? seen->centre[a] - ground[a] : 0) + wide * aside[a], -9), 9));
+    if (!sphere)
+        return;
+    for (int a = 0; a < 3; a++)
+        to[a] = seen ? seen->centre[a] - sphere->centre[a] : a == 2 ? ground[2] - sphere->centre[2] : 0;
+    length = sqrt(exact_dot(to, to));
+    for (int a = 0; a < 3; a++)
+        to[a] = (length > 0 ? to[a] / length : 0) * (test_random_double(random) < 0.2 ? -1 : 1) + wide * aside[a];
+    length = sqrt(exact_dot(to, to));
+    for (int a = 0; a < 3; a++)
+        p[a] = sphere->centre[a] + sphere->radius / length * to[a];
+}
+
+/* Spheres of glass and others, that touch, cut, hold or do not reach one another and the ground. */
+static void random_spheres(struct buffer *text, struct test_random *random)
+{
+    double c[3] = {0, 0, 1}, r = 1;
+
+    buffer_printf(text, LAMP SQUARE);
+    for (int i = 0; i < 6; i++) {
+        const double gap[] = {0, 1e-7, -1e-7, 1e-5, -0.3, 1}, from = r;
+        double next = 0.2 + test_random_double(random), apart;
+        struct vec3 d = random_direction(random);
+
+        buffer_printf(text, " AttributeBegin Material \"%s\" Translate %.9g %.9g %.9g Shape \"sphere\" \"float radius\" "
+                            "%.9g AttributeEnd", test_random_double(random) < 0.5 ? "dielectric" : "diffuse", c[0], c[1],
+                      c[2], r);
+        r = next;
+        apart = test_random_double(random) < 0.3 ? fabs(from - r) : from + r;
+        apart += gap[(int)(6 * test_random_double(random))];
+        for (int a = 0; a < 3; a++)
+            c[a] += apart * (double)(&d.x)[a];
+        if (i % 2)
+            c[2] = r + gap[(int)(6 * test_random_double(random))] * (i % 3 ? 1 : -1);
+    }
+}
+
+/* Of a sphere that stands on the ground only the foot is near it, and of one that does not reach it nothing. */
+static void test_alone(void **state)
+{
+    struct test_random random = {5};
+    struct fixture f;
+
+    (void)state;
+    fixture_init(&f, LAMP SQUARE " Material \"dielectric\" Translate 2 0 1 Shape \"sphere\" "
+                                 "Translate 3 0 1 Shape \"sphere\"");
+    assert_int_equal(spheres_of(f.scene), 2);
+    for (uint32_t i = 1; i < 3; i++) {
+        const double *centre = sphere_of(f.scene->instances[i].shape)->centre;
+        struct vec3 c = vec3_make((float)centre[0], (float)centre[1], (float)centre[2]);
+        struct vec3 foot = vec3_add(c, vec3_make(0, 0, -1)), below = vec3_make(foot.x, foot.y, (float)centre[2] - (float)i);
+
+        for (int k = 0; k < 1000; k++) {
+            struct vec3 d = random_direction(&random);
+            assert_false((i == 2 || d.z > -0.95f) &&
+                         render_near_face(f.scene, &f.scene->instances[i], 0, vec3_add(c, d), 1));
+        }
+        assert_int_equal(render_near_face(f.scene, &f.scene->instances[i], 0, foot, 1), i == 1);
+        assert_int_equal(render_near_face(f.scene, &f.scene->instances[0], 0, below, 1), i == 1);
+    }
+    fixture_release(&f);
+}
+
+static void test_near(void **state)
+{
+    uint64_t near = 0, missed = 0, far = 0, asked = 0;
+    struct test_random random = {11};
+
+    (void)state;
+    for (int k = 0; k < 60; k++) {
+        struct buffer text = BUFFER_INIT;
+        struct fixture f;
+        double reach, ground[3];
+
+        random_spheres(&text, &random);
+        fixture_init(&f, buffer_text(&text));
+        reach = (double)f.scene->near_reach;
+        middle_of_ground(f.scene, ground);
+        for (int i = 0; i < 4000; i++) {
+            uint32_t of = (uint32_t)(test_random_double(&random) * f.scene->instance_count);
+            uint32_t other = (uint32_t)(test_random_double(&random) * f.scene->instance_count);
+            const struct render_instance *on = &f.scene->instances[of];
+            double p[3], rest[3], apart;
+            int is_near;
+
+            some_place(f.scene, on, &f.scene->instances[other], &random, p);
+            apart = nearest_other(f.scene, of, p);
+            is_near = render_near_face(f.scene, on, on->shape || p[1] - ground[1] < p[0] - ground[0] ? 0 : 1, exact_round(p, rest), 1);
+            near += apart < reach;
+            missed += apart < reach && !is_near;
+            far += apart > 0.1;
+            asked += apart > 0.1 && is_near;
+        }
+        fixture_release(&f);
+        buffer_release(&text);
+    }
+    printf("# %llu places near another face, %llu not; of those %llu ask\n", (unsigned long long)near,
+           (unsigned long long)far, (unsigned long long)asked);
+    assert_true(near > 5000 && asked * 2 < far);
+    figure_within("places of spheres and beside them, near another face, where no one asks which comes first",
+                  (double)missed, 0, 0, "exact");
+}
+
 #define LAMP_BALL "AttributeBegin AreaLightSource \"diffuse\" Shape \"sphere\" AttributeEnd "
 
 /* Of shadow rays to sampled points of the lamp, the first instance, from 8 radii along z. */
@@ -370,8 +528,8 @@ static void test_on_table(void **state)
 
             from = vec3_make(aside * cosf(angle), aside * sinf(angle), -1);
             from = vec3_scale(vec3_normalize(from), 0.5f * (float)shape->radius);
-            ray.origin = vec3_add(from, vec3_make((float)shape->centre[0], (float)shape->centre[1],
-                                                  (float)shape->centre[2]));
+            ray.origin =
+                vec3_add(from, vec3_make((float)shape->centre[0], (float)shape->centre[1], (float)shape->centre[2]));
             ray.direction = vec3_normalize(from);
             assert_true(accel_intersect(f.scene->accel, &ray, NULL, &hit));
             surface_from_hit(f.scene, &ray, &hit, &s);
@@ -404,7 +562,7 @@ static void test_uv(void **state)
                           "Rotate 20 1 1 0 Scale 2 2 2 Shape \"sphere\"");
     assert_int_equal(spheres_of(f.scene), 1);
     for (int i = 0; i < 2000; i++) {
-        const struct world_instance *instance = &f.scene->instances[0];
+        const struct render_instance *instance = &f.scene->instances[0];
         const struct sphere_shape *shape = sphere_of(instance->shape);
         struct vec3 d = random_direction(&random), centre, local;
         struct ray ray = {.t_max = INFINITY};
@@ -434,8 +592,7 @@ static void test_uv(void **state)
 /* ---- light ------------------------------------------------------------------------------------ */
 
 /* Irradiance at a place with normal `n`, by sampling the lamp, blocked by nothing. */
-static double irradiance(const struct render_scene *scene, struct vec3 p, struct vec3 n,
-                         double *error)
+static double irradiance(const struct render_scene *scene, struct vec3 p, struct vec3 n, double *error)
 {
     const struct light_context context = {p, n, 0};
     struct running_stats s = {0};
@@ -445,10 +602,9 @@ static double irradiance(const struct render_scene *scene, struct vec3 p, struct
         struct light_sample light;
         double value = 0;
 
-        if (emitters_sample(scene, &context, ((float)(i % SIDE) + 0.5f) / SIDE,
-                            ((float)(i / SIDE) + 0.5f) / SIDE, &light))
-            value = (double)(light.radiance.x / light.pdf *
-                             float_max(vec3_dot(light.direction, n), 0));
+        if (emitters_sample(scene, &context, ((float)(i % SIDE) + 0.5f) / SIDE, ((float)(i / SIDE) + 0.5f) / SIDE,
+                            &light))
+            value = (double)(light.radiance.x / light.pdf * float_max(vec3_dot(light.direction, n), 0));
         running_stats_add(&s, value);
     }
     *error = running_stats_error(&s);
@@ -481,8 +637,7 @@ static void test_irradiance(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof away / sizeof *away; i++)
         expect_irradiance(GLOW "Shape \"sphere\"", away[i], 3 * PI_D / (away[i] * away[i]));
-    expect_irradiance(GLOW "Shape \"sphere\" \"float radius\" 1e-4", 0.7,
-                      3 * PI_D * 1e-8 / 0.49);
+    expect_irradiance(GLOW "Shape \"sphere\" \"float radius\" 1e-4", 0.7, 3 * PI_D * 1e-8 / 0.49);
     /* From inside it fills the hemisphere, wherever the place is. */
     expect_irradiance("ReverseOrientation " GLOW "Shape \"sphere\" \"float radius\" 5", 0, 3 * PI_D);
     expect_irradiance("ReverseOrientation " GLOW "Shape \"sphere\" \"float radius\" 5", 4, 3 * PI_D);
@@ -509,6 +664,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_which),       cmocka_unit_test(test_false_claims),
+        cmocka_unit_test(test_near), cmocka_unit_test(test_alone),
         cmocka_unit_test(test_hits),        cmocka_unit_test(test_shadow_rays),
         cmocka_unit_test(test_uv),          cmocka_unit_test(test_irradiance),
         cmocka_unit_test(test_power),       cmocka_unit_test(test_on_table),

@@ -9,7 +9,7 @@
 
 #include "tests/support/scene_builder.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* The shading normal of a triangle in the xy plane seen along `wo`, whose vertices' normal leans
  * towards +x by `lean` radians, and which reflects by `specular`. */
@@ -30,8 +30,7 @@ static struct vec3 shading_normal(double lean, struct vec3 wo, float specular)
 
     builder_init(&b);
     builder_lambert(&b, 0.5f)->specular = specular;
-    builder_place(&b, builder_mesh(&b, positions, normals, 3, indices, 1, 0), 0, vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(&b, builder_mesh(&b, positions, normals, 3, indices, 1, 0), 0, vec3_splat(1), vec3_splat(0));
     builder_camera(&b, vec3_make(0, 0, 9), vec3_splat(0), 1);
     scene = builder_build(&b, &settings);
     assert_true(accel_intersect(scene->accel, &ray, NULL, &hit));
@@ -42,10 +41,7 @@ static struct vec3 shading_normal(double lean, struct vec3 wo, float specular)
     return s.basis.n;
 }
 
-static struct vec3 towards(double angle)
-{
-    return vec3_make((float)sin(angle), 0, (float)cos(angle));
-}
+static struct vec3 towards(double angle) { return vec3_make((float)sin(angle), 0, (float)cos(angle)); }
 
 static double angle_of(struct vec3 n)
 {

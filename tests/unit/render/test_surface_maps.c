@@ -10,7 +10,7 @@
 
 #include "tests/support/scene_builder.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { MAP_SIDE = 8 };
 /* A normal map's texel, and what it says: x along the tangent, y along the bitangent. */
@@ -19,12 +19,12 @@ static const double tilt[3] = {0.4, 0.2, 0.8};
 
 /* What the tests vary. */
 struct wall {
-    float handedness;             /* of the tangents: 1 or -1 */
-    int mirrored;                 /* x -> -x */
+    float handedness; /* of the tangents: 1 or -1 */
+    int mirrored;     /* x -> -x */
     int from_behind;
-    double turn_rad;              /* while the shutter is open */
-    int about;                    /* the axis of that: 1: y, in the surface; 2: z, across it */
-    float time;                   /* of the ray */
+    double turn_rad; /* while the shutter is open */
+    int about;       /* the axis of that: 1: y, in the surface; 2: z, across it */
+    float time;      /* of the ray */
     void (*dress)(struct scene_builder *b, struct scene_material *m);
 };
 
@@ -81,7 +81,7 @@ static void look(const struct wall *w, float x, float y, float footprint, struct
     surface_from_hit(scene, &ray, &hit, s);
     s->footprint = footprint;
     surface_shade(scene, s, vec3_neg(ray.direction), params);
-    alpha_seen = world_alpha(s->material, s->mesh, s->vertex, s->b1, s->b2);
+    alpha_seen = material_alpha(s->material, s->mesh, s->vertex, s->b1, s->b2);
     /* What outlives the scene is the basis and the parameters. */
     render_scene_free(scene);
     builder_release(&b);
@@ -268,7 +268,7 @@ static void texture_coordinates_are_the_slots(void **state)
     (void)state;
     nearest = 1;
     for (size_t k = 0; k < 4 * 3 * 2; k++) {
-        const float (*m)[3] = transforms[k / 6];
+        const float(*m)[3] = transforms[k / 6];
         const float *p = at[k / 2 % 3];
         float x = (p[0] + 1) / 2, y = (p[1] + 1) / 2, u = k % 2 ? 1 - y : x, v = k % 2 ? x : y;
         double mapped[2];

@@ -24,14 +24,10 @@ static void png_append(png_structp png, png_bytep data, size_t size_bytes)
     buffer_append(png_get_io_ptr(png), data, size_bytes);
 }
 
-static void png_flush_nothing(png_structp png)
-{
-    (void)png;
-}
+static void png_flush_nothing(png_structp png) { (void)png; }
 
 /* A PNG file of `channels` and `bits`; pixels big-endian when 16-bit, as PNG has it. */
-static void make_png(struct buffer *out, uint32_t width, uint32_t height, int channels, int bits,
-                     const uint8_t *pixels)
+static void make_png(struct buffer *out, uint32_t width, uint32_t height, int channels, int bits, const uint8_t *pixels)
 {
     static const int types[4] = {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY_ALPHA, PNG_COLOR_TYPE_RGB,
                                  PNG_COLOR_TYPE_RGBA};
@@ -39,8 +35,8 @@ static void make_png(struct buffer *out, uint32_t width, uint32_t height, int ch
     png_infop info = png_create_info_struct(png);
 
     png_set_write_fn(png, out, png_append, png_flush_nothing);
-    png_set_IHDR(png, info, width, height, bits, types[channels - 1], PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_IHDR(png, info, width, height, bits, types[channels - 1], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                 PNG_FILTER_TYPE_DEFAULT);
     png_write_info(png, info);
     for (uint32_t y = 0; y < height; y++)
         png_write_row(png, pixels + (size_t)y * width * (size_t)channels * (size_t)(bits / 8));
@@ -48,8 +44,8 @@ static void make_png(struct buffer *out, uint32_t width, uint32_t height, int ch
     png_destroy_write_struct(&png, &info);
 }
 
-static struct texture_image *texture_from_pixels(uint32_t width, uint32_t height, int channels,
-                                                 int bits, const uint8_t *pixels)
+static struct texture_image *texture_from_pixels(uint32_t width, uint32_t height, int channels, int bits,
+                                                 const uint8_t *pixels)
 {
     struct buffer file = BUFFER_INIT;
     struct texture_image *image;
@@ -186,8 +182,7 @@ static void test_layouts(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct texture_image *image =
-            texture_from_pixels(1, 1, cases[i].channels, cases[i].bits, cases[i].pixels);
+        struct texture_image *image = texture_from_pixels(1, 1, cases[i].channels, cases[i].bits, cases[i].pixels);
         struct scene_texture texture = texture_as(WRAP_REPEAT, WRAP_REPEAT, 0);
         struct texel linear = texture_lookup(image, &texture, 0.3f, 0.8f, 0, 0);
         struct texel decoded = texture_lookup(image, &texture, 0.3f, 0.8f, 0, 1);
@@ -258,12 +253,10 @@ static void test_extreme_coordinates(void **state)
 
             for (int a = 0; a < COUNT; a++)
                 for (int b = 0; b < COUNT; b++) {
-                    struct texel t = texture_lookup(image, &texture, extremes[a], extremes[b],
-                                                    a % 3 ? 0 : INFINITY, 0);
+                    struct texel t = texture_lookup(image, &texture, extremes[a], extremes[b], a % 3 ? 0 : INFINITY, 0);
                     int black = texture.wrap_u == WRAP_BLACK && t.a == 0.0f;
 
-                    assert_true(black || (t.r >= 0.39f && t.r <= 0.79f && t.b >= 0.39f &&
-                                          t.b <= 0.79f));
+                    assert_true(black || (t.r >= 0.39f && t.r <= 0.79f && t.b >= 0.39f && t.b <= 0.79f));
                     if (!isfinite(extremes[a]) && !isfinite(extremes[b]))
                         assert_memory_equal(&t, a % 3 ? &origin : &far, sizeof t);
                 }
@@ -275,9 +268,8 @@ static void test_extreme_coordinates(void **state)
 /* Float images are neither clamped nor decoded. The file is Radiance HDR without runs. */
 static void test_float_image(void **state)
 {
-    static const uint8_t file[] =
-        "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n"
-        "\x80\x40\x20\x84\x80\x40\x20\x80"; /* (8, 4, 2), (1/2, 1/4, 1/8) */
+    static const uint8_t file[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n"
+                                  "\x80\x40\x20\x84\x80\x40\x20\x80"; /* (8, 4, 2), (1/2, 1/4, 1/8) */
     struct texture_image *image;
     struct scene_texture texture = texture_as(WRAP_CLAMP, WRAP_CLAMP, 0);
     struct error err = {0};
@@ -313,8 +305,8 @@ static double *halved(const double *in, uint32_t w, uint32_t h, uint32_t nw, uin
                     double bottom = fmin(j + 1.0, (y + 1.0) * h / nh);
 
                     if (right > left && bottom > top)
-                        out[y * nw + x] += in[j * w + i] * (right - left) * (bottom - top) *
-                                           ((double)nw * nh / ((double)w * h));
+                        out[y * nw + x] +=
+                            in[j * w + i] * (right - left) * (bottom - top) * ((double)nw * nh / ((double)w * h));
                 }
     return out;
 }
@@ -355,9 +347,7 @@ static void test_levels_are_means(void **state)
                 }
             image = texture_from_pixels(w, h, channels, bits, pixels);
             size_t bytes = texture_image_bytes(image);
-            assert_int_equal(texture_image_filter(image, TEXTURE_AS_DATA | TEXTURE_AS_COLOR, "x",
-                                                  &err),
-                             STATUS_OK);
+            assert_int_equal(texture_image_filter(image, TEXTURE_AS_DATA | TEXTURE_AS_COLOR, "x", &err), STATUS_OK);
             assert_true(texture_image_bytes(image) > bytes);
             for (int srgb = 0; srgb < 2; srgb++) {
                 int c = channels < 3 ? 0 : 1; /* of the texel: g */
@@ -386,8 +376,7 @@ static void test_levels_are_means(void **state)
                         float footprint = (float)(1u << level) / (float)longest * 1.000001f;
                         struct texel t = texture_lookup(image, &texture, u, v, footprint, srgb);
                         float want = (float)mean[srgb][i];
-                        double codes = srgb ? fabs((double)srgb_encode(t.g) -
-                                                   (double)srgb_encode(want))
+                        double codes = srgb ? fabs((double)srgb_encode(t.g) - (double)srgb_encode(want))
                                             : fabs((double)t.g - (double)want);
 
                         assert_near((float)(codes * most), 0, bits == 8 ? 0.505 : 0.7);
@@ -468,14 +457,10 @@ static void test_encoding_overrides_slot(void **state)
             int srgb = encoding == ENCODING_BY_SLOT ? slot : encoding == ENCODING_SRGB;
 
             texture.encoding = (enum scene_encoding)encoding;
-            assert_near(texture_lookup(image, &texture, 1, 0.5f, 0, slot).r,
-                        srgb ? linear : encoded, 1e-6);
-            assert_int_equal(texture_use_of(&texture, slot),
-                             srgb ? TEXTURE_AS_COLOR : TEXTURE_AS_DATA);
-            assert_int_equal(
-                texture_image_filter(image, texture_use_of(&texture, slot), "x", &err), STATUS_OK);
-            assert_near(texture_lookup(image, &texture, 1, 0.5f, 1, slot).r,
-                        srgb ? linear / 2 : encoded / 2, 3e-3);
+            assert_near(texture_lookup(image, &texture, 1, 0.5f, 0, slot).r, srgb ? linear : encoded, 1e-6);
+            assert_int_equal(texture_use_of(&texture, slot), srgb ? TEXTURE_AS_COLOR : TEXTURE_AS_DATA);
+            assert_int_equal(texture_image_filter(image, texture_use_of(&texture, slot), "x", &err), STATUS_OK);
+            assert_near(texture_lookup(image, &texture, 1, 0.5f, 1, slot).r, srgb ? linear / 2 : encoded / 2, 3e-3);
         }
     texture_image_free(image);
 }
@@ -500,8 +485,7 @@ static void test_constant_collapses(void **state)
             assert_true(texture_image_bytes(image) < 3000 + (bits == 16 ? 65536 * 4 : 0));
             assert_int_equal(texture_image_filter(image, 3, "x", &err), STATUS_OK);
             for (uint32_t k = 0; k < 100; k++) {
-                t = texture_lookup(image, &texture, (float)k * 0.17f, (float)k * -0.3f,
-                                   (float)k * 0.01f, 0);
+                t = texture_lookup(image, &texture, (float)k * 0.17f, (float)k * -0.3f, (float)k * 0.01f, 0);
                 assert_near(t.b, (double)(0x5b / 255.0f), 1e-7);
                 assert_near(t.a, channels % 2 ? 1 : (double)(0x5b / 255.0f), 1e-7);
             }
@@ -585,9 +569,7 @@ static void test_damaged_files(void **state)
     struct error err = {0};
 
     (void)state;
-    assert_int_equal(
-        texture_image_new(&image, (const uint8_t *)text, sizeof text, "wood.svg", &err),
-        STATUS_ERR_INPUT);
+    assert_int_equal(texture_image_new(&image, (const uint8_t *)text, sizeof text, "wood.svg", &err), STATUS_ERR_INPUT);
     assert_null(image);
     assert_non_null(strstr(err.text, "wood.svg"));
     assert_int_equal(texture_image_new(&image, NULL, 0, "empty", &err), STATUS_ERR_INPUT);
@@ -666,8 +648,7 @@ static void test_dark(void **state)
         image = texture_from_pixels(W, H, channels, bits, pixels);
         assert_int_equal(texture_dark_new(&dark, image, &err), STATUS_OK);
         for (uint32_t box = 0; box < BOXES; box++) {
-            struct scene_texture texture = texture_as(wraps[box % 4], wraps[box / 4 % 4],
-                                                      box % 7 == 0);
+            struct scene_texture texture = texture_as(wraps[box % 4], wraps[box / 4 % 4], box % 7 == 0);
             uint32_t seed = (kind * BOXES + box) * 1000;
             float reach = box % 5 == 0 ? 300.0f : 1.6f;
             float u0 = between(-reach, reach, seed), v0 = between(-reach, reach, seed + 1);

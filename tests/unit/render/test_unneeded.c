@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 enum { SIZE = 8, SPP = 16 };
 
@@ -21,8 +21,7 @@ static struct scene_material *floor_init(struct scene_builder *b)
 
     builder_init(b);
     m = builder_lambert(b, 0.5f);
-    builder_place(b, builder_quad(b), builder_last_material(b), vec3_splat(100),
-                  vec3_make(0, 0, 0));
+    builder_place(b, builder_quad(b), builder_last_material(b), vec3_splat(100), vec3_make(0, 0, 0));
     builder_camera(b, vec3_make(0, 5, 0), vec3_splat(0), 0.5f);
     return m;
 }
@@ -49,10 +48,10 @@ static double rays_of(struct scene_builder *b, enum env_sampling sampling)
     settings.env_sampling = sampling;
     scene = builder_build(b, &settings);
     builder_render(scene, &settings, 0, mean, NULL, &stats);
-    assert_int_equal(stats.samples, SIZE * SIZE * SPP);
+    assert_int_equal(stats.work.samples, SIZE * SIZE * SPP);
     render_scene_free(scene);
     builder_release(b);
-    return (double)stats.rays / (double)stats.samples;
+    return (double)stats.work.rays / (double)stats.work.samples;
 }
 
 static void test_shadow_rays(void **state)
@@ -169,7 +168,7 @@ static void test_attributes_unread(void **state)
         scene->meshes[0].colors = nowhere;
         memset(&stats, 0, sizeof stats);
         builder_render(scene, &settings, 0, mean, NULL, &stats);
-        assert_true(stats.vertices > 0 && stats.dropped_samples == 0);
+        assert_true(stats.work.vertices > 0 && stats.work.dropped_samples == 0);
         render_scene_free(scene);
         builder_release(&b);
     }
@@ -225,7 +224,7 @@ static void test_filter_unasked(void **state)
         scene->materials[0].m.alpha_cutoff = 2;
         memset(&stats, 0, sizeof stats);
         builder_render(scene, &settings, 0, mean, NULL, &stats);
-        assert_int_equal(stats.vertices > 0, !inside); /* from inside the faces are culled */
+        assert_int_equal(stats.work.vertices > 0, !inside); /* from inside the faces are culled */
         render_scene_free(scene);
         builder_release(&b);
     }

@@ -9,7 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "common/scene/effects.h"
+#include "common/scene/effects_material.h"
+#include "common/scene/scene_effects.h"
 #include "common/scene/settings.h"
 #include "tests/support/scene_sample.h"
 
@@ -86,10 +87,8 @@ static void test_lobes(void **state)
     (void)state;
     EXPECT(plain_set, (void)0);
     EXPECT(EFFECT_DIFFUSE, p.material.specular = 0);
-    EXPECT(EFFECT_DIFFUSE | EFFECT_ROUGH_DIFFUSE, p.material.specular = 0;
-           p.material.diffuse_roughness = 0.5f);
-    EXPECT(EFFECT_GLOSSY, memset(p.material.base_color, 0, 3 * sizeof(float));
-           p.material.diffuse_roughness = 0.5f);
+    EXPECT(EFFECT_DIFFUSE | EFFECT_ROUGH_DIFFUSE, p.material.specular = 0; p.material.diffuse_roughness = 0.5f);
+    EXPECT(EFFECT_GLOSSY, memset(p.material.base_color, 0, 3 * sizeof(float)); p.material.diffuse_roughness = 0.5f);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.diffuse_roughness = 0.5f);
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1);
     EXPECT(plain_set, p.material.metallic = 0.5f);
@@ -100,8 +99,7 @@ static void test_lobes(void **state)
     EXPECT(plain_set | EFFECT_MIRROR | EFFECT_TEXTURE, p.material.metallic = 1;
            p.material.metallic_roughness_texture.texture = 0);
     /* ... but a factor of 0 stays 0. */
-    EXPECT(EFFECT_DIFFUSE | EFFECT_MIRROR, p.material.roughness = 0;
-           p.material.metallic_roughness_texture.texture = 0);
+    EXPECT(EFFECT_DIFFUSE | EFFECT_MIRROR, p.material.roughness = 0; p.material.metallic_roughness_texture.texture = 0);
 }
 
 static void test_mirror_threshold(void **state)
@@ -116,6 +114,23 @@ static void test_mirror_threshold(void **state)
     EXPECT(plain_set, p.material.roughness = EFFECT_MIRROR_ROUGHNESS);
 }
 
+/* A texture of roughness makes a mirror somewhere, unless its least value is known to be rough. */
+static void test_least_roughness(void **state)
+{
+    const uint64_t coated = plain_set | EFFECT_CLEARCOAT | EFFECT_TEXTURE;
+
+    (void)state;
+    EXPECT(plain_set | EFFECT_TEXTURE | EFFECT_MIRROR, p.material.metallic_roughness_texture.texture = 0);
+    EXPECT(plain_set | EFFECT_TEXTURE, p.material.metallic_roughness_texture.texture = 0;
+           p.material.least_roughness = 0.04f);
+    EXPECT(plain_set | EFFECT_TEXTURE | EFFECT_MIRROR, p.material.metallic_roughness_texture.texture = 0;
+           p.material.least_roughness = EFFECT_MIRROR_ROUGHNESS); /* filtering rounds */
+    EXPECT(coated | EFFECT_MIRROR, p.material.clearcoat = 1; p.material.clearcoat_roughness = 0.5f;
+           p.material.clearcoat_roughness_texture.texture = 0);
+    EXPECT(coated, p.material.clearcoat = 1; p.material.clearcoat_roughness = 0.5f;
+           p.material.clearcoat_roughness_texture.texture = 0; p.material.clearcoat_least_roughness = 0.04f);
+}
+
 static void test_transmission(void **state)
 {
     /* What transmits has no closed, opaque surface: single-sided ones are culled. */
@@ -128,14 +143,12 @@ static void test_transmission(void **state)
     EXPECT(thin | EFFECT_DIFFUSE | EFFECT_TEXTURE, p.material.transmission = 1;
            p.material.transmission_texture.texture = 0);
     EXPECT(EFFECT_GLOSSY, p.material.transmission = 1; p.material.metallic = 1);
-    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1;
-           p.material.roughness = 0);
-    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1;
-           p.material.roughness = 0; p.material.specular = 0);
-    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC, p.material.transmission = 1;
-           p.material.refractive = 1);
-    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC | EFFECT_DIELECTRIC,
-           p.material.transmission = 1; p.material.refractive = 1; p.material.ior = 1);
+    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1; p.material.roughness = 0);
+    EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1; p.material.roughness = 0;
+           p.material.specular = 0);
+    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC, p.material.transmission = 1; p.material.refractive = 1);
+    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC | EFFECT_DIELECTRIC, p.material.transmission = 1;
+           p.material.refractive = 1; p.material.ior = 1);
     /* Absorption needs a distance and a colour, and something that lets light in. */
     EXPECT(glass, p.material.transmission = 1; p.material.refractive = 1;
            p.material.roughness = 0; p.material.attenuation_distance = 1);
@@ -163,17 +176,14 @@ static void test_textures(void **state)
     EXPECT(textured | EFFECT_ROUGH_DIFFUSE, p.material.diffuse_roughness_texture.texture = 0;
            p.material.diffuse_roughness = 0.5f);
     EXPECT(plain_set | EFFECT_ROUGH_DIFFUSE, p.material.diffuse_roughness_texture.texture = 0;
-           p.material.diffuse_roughness = 0.5f;
-           scene_material_reduce(&p.material, EFFECT_TEXTURE));
+           p.material.diffuse_roughness = 0.5f; scene_material_reduce(&p.material, EFFECT_TEXTURE));
     EXPECT(plain_set, p.material.transmission_texture.texture = 0);
     EXPECT(plain_set, p.material.emission_texture.texture = 0);
-    EXPECT(textured | EFFECT_EMISSIVE_MESH, p.material.emission_texture.texture = 0;
-           p.material.emission[2] = 1);
+    EXPECT(textured | EFFECT_EMISSIVE_MESH, p.material.emission_texture.texture = 0; p.material.emission[2] = 1);
     EXPECT(plain_set, p.material.normal_texture.texture = 0);
     EXPECT(plain_set, p.material.normal_texture.texture = 0; p.mesh[0].arrays = MESH_TANGENTS;
            p.material.normal_scale = 0);
-    EXPECT(textured | EFFECT_NORMAL_MAP, p.material.normal_texture.texture = 0;
-           p.mesh[0].arrays = MESH_TANGENTS);
+    EXPECT(textured | EFFECT_NORMAL_MAP, p.material.normal_texture.texture = 0; p.mesh[0].arrays = MESH_TANGENTS);
     EXPECT(plain_set | EFFECT_VERTEX_COLOR, p.mesh[0].arrays = MESH_COLORS);
 }
 
@@ -185,20 +195,18 @@ static void test_alpha(void **state)
     EXPECT(plain_set, p.material.base_color[3] = 0.5f);
     EXPECT(plain_set, p.material.alpha_mode = ALPHA_BLEND);
     EXPECT(seen_through, p.material.alpha_mode = ALPHA_BLEND; p.material.base_color[3] = 0.5f);
-    EXPECT(seen_through & ~EFFECT_CULLING, p.material.alpha_mode = ALPHA_BLEND;
-           p.material.base_color[3] = 0.5f; p.material.double_sided = 1);
+    EXPECT(seen_through & ~EFFECT_CULLING, p.material.alpha_mode = ALPHA_BLEND; p.material.base_color[3] = 0.5f;
+           p.material.double_sided = 1);
     EXPECT(seen_through | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_BLEND;
            p.material.base_color_texture.texture = 0);
-    EXPECT(seen_through | EFFECT_VERTEX_COLOR, p.material.alpha_mode = ALPHA_BLEND;
-           p.mesh[0].arrays = MESH_COLORS);
+    EXPECT(seen_through | EFFECT_VERTEX_COLOR, p.material.alpha_mode = ALPHA_BLEND; p.mesh[0].arrays = MESH_COLORS);
     EXPECT(plain_set, p.material.alpha_mode = ALPHA_MASK);
-    EXPECT(plain_set | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_MASK;
-           p.material.alpha_cutoff = 0; p.material.base_color_texture.texture = 0);
+    EXPECT(plain_set | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_MASK; p.material.alpha_cutoff = 0;
+           p.material.base_color_texture.texture = 0);
     EXPECT(seen_through | EFFECT_TEXTURE, p.material.alpha_mode = ALPHA_MASK;
            p.material.base_color_texture.texture = 0);
     /* What is nowhere visible calls for nothing else. */
-    EXPECT(EFFECT_ALPHA, p.material.alpha_mode = ALPHA_BLEND; p.material.base_color[3] = 0;
-           p.material.emission[0] = 9);
+    EXPECT(EFFECT_ALPHA, p.material.alpha_mode = ALPHA_BLEND; p.material.base_color[3] = 0; p.material.emission[0] = 9);
     EXPECT(EFFECT_ALPHA, p.material.alpha_mode = ALPHA_MASK; p.material.base_color[3] = 0.25f);
 }
 
@@ -213,8 +221,8 @@ static void test_culling(void **state)
     /* An orthographic camera's rays start on a plane without known borders. */
     EXPECT(plain_set | EFFECT_CULLING | EFFECT_ORTHOGRAPHIC, p.camera[0] = p.camera[1]);
     /* A refracting volume has two sides by definition. */
-    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC, p.mesh[0].closed = 0;
-           p.material.transmission = 1; p.material.refractive = 1);
+    EXPECT(EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC, p.mesh[0].closed = 0; p.material.transmission = 1;
+           p.material.refractive = 1);
 }
 
 static void test_light(void **state)
@@ -225,13 +233,10 @@ static void test_light(void **state)
     EXPECT(plain_set | EFFECT_ENVIRONMENT, p.scene.environment.present = 1);
     EXPECT(plain_set, p.scene.environment.present = p.scene.environment.constant = 1;
            memset(p.scene.environment.radiance, 0, sizeof p.scene.environment.radiance));
-    EXPECT(plain_set | EFFECT_ENVIRONMENT,
-           p.scene.environment.present = p.scene.environment.constant = 1;
+    EXPECT(plain_set | EFFECT_ENVIRONMENT, p.scene.environment.present = p.scene.environment.constant = 1;
            p.scene.environment.radiance[0] = 1);
-    EXPECT(EFFECT_UNLIT, p.material.unlit = 1; p.material.emission[0] = 1;
-           p.material.transmission = 1);
-    EXPECT(EFFECT_UNLIT | EFFECT_TEXTURE, p.material.unlit = 1;
-           p.material.base_color_texture.texture = 0);
+    EXPECT(EFFECT_UNLIT, p.material.unlit = 1; p.material.emission[0] = 1; p.material.transmission = 1);
+    EXPECT(EFFECT_UNLIT | EFFECT_TEXTURE, p.material.unlit = 1; p.material.base_color_texture.texture = 0);
 }
 
 static void test_reachable(void **state)
@@ -269,8 +274,7 @@ static void test_layers(void **state)
 {
     (void)state;
     EXPECT(plain_set | EFFECT_CLEARCOAT | EFFECT_MIRROR, p.material.clearcoat = 1);
-    EXPECT(plain_set | EFFECT_CLEARCOAT, p.material.clearcoat = 1;
-           p.material.clearcoat_roughness = 0.5f);
+    EXPECT(plain_set | EFFECT_CLEARCOAT, p.material.clearcoat = 1; p.material.clearcoat_roughness = 0.5f);
     EXPECT(plain_set, p.material.clearcoat_roughness = 0.5f);
     EXPECT(plain_set | EFFECT_SHEEN, p.material.sheen_color[2] = 0.1f);
     EXPECT(plain_set | EFFECT_IRIDESCENCE, p.material.iridescence = 0.5f);
@@ -280,18 +284,16 @@ static void test_layers(void **state)
     EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
            p.material.anisotropy = 1); /* nothing to stretch */
     /* Nor does a texture of what is not called for count. */
-    EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1;
-           p.material.anisotropy = 1; p.material.anisotropy_texture.texture = 0);
+    EXPECT(EFFECT_GLOSSY, p.material.metallic = 1; p.material.roughness = 1; p.material.anisotropy = 1;
+           p.material.anisotropy_texture.texture = 0);
     EXPECT(plain_set, p.material.diffuse_transmission = 1;
            memset(p.material.diffuse_transmission_color, 0, 3 * sizeof(float));
            p.material.diffuse_transmission_texture.texture = 0);
-    EXPECT(EFFECT_MIRROR | EFFECT_GLOSSY | EFFECT_ANISOTROPY, p.material.metallic = 1;
-           p.material.roughness = 0; p.material.anisotropy = 0.5f); /* rough along one axis */
-    EXPECT(plain_set | EFFECT_DIFFUSE_TRANSMISSION | EFFECT_CULLING,
-           p.material.diffuse_transmission = 0.5f);
+    EXPECT(EFFECT_MIRROR | EFFECT_GLOSSY | EFFECT_ANISOTROPY, p.material.metallic = 1; p.material.roughness = 0;
+           p.material.anisotropy = 0.5f); /* rough along one axis */
+    EXPECT(plain_set | EFFECT_DIFFUSE_TRANSMISSION | EFFECT_CULLING, p.material.diffuse_transmission = 0.5f);
     EXPECT(EFFECT_CONDUCTOR | EFFECT_GLOSSY, p.material.kind = MATERIAL_CONDUCTOR);
-    EXPECT(EFFECT_CONDUCTOR | EFFECT_MIRROR, p.material.kind = MATERIAL_CONDUCTOR;
-           p.material.roughness = 0);
+    EXPECT(EFFECT_CONDUCTOR | EFFECT_MIRROR, p.material.kind = MATERIAL_CONDUCTOR; p.material.roughness = 0);
     EXPECT(EFFECT_MIRROR | EFFECT_DIELECTRIC | EFFECT_DISPERSION, p.material.transmission = 1;
            p.material.refractive = 1; p.material.roughness = 0; p.material.dispersion = 1);
     EXPECT(EFFECT_INTERFACE, p.material.kind = MATERIAL_INTERFACE);
@@ -301,8 +303,7 @@ static void test_lens(void **state)
 {
     (void)state;
     EXPECT(plain_set | EFFECT_DEPTH_OF_FIELD, p.camera[0].lens_radius = 0.1f);
-    EXPECT(plain_set | EFFECT_PANORAMA, p.camera[0].kind = CAMERA_PANORAMA;
-           p.camera[0].lens_radius = 0.1f);
+    EXPECT(plain_set | EFFECT_PANORAMA, p.camera[0].kind = CAMERA_PANORAMA; p.camera[0].lens_radius = 0.1f);
 }
 
 static void test_media(void **state)
@@ -311,13 +312,12 @@ static void test_media(void **state)
     static struct scene_medium clear = {.name = "none"};
 
     (void)state;
-    EXPECT(plain_set | EFFECT_FOG | EFFECT_MEDIUM, p.scene.media = &medium;
-           p.scene.medium_count = 1; p.scene.fog = 0);
+    EXPECT(plain_set | EFFECT_FOG | EFFECT_MEDIUM, p.scene.media = &medium; p.scene.medium_count = 1; p.scene.fog = 0);
     EXPECT(plain_set, p.scene.media = &clear; p.scene.medium_count = 1; p.scene.fog = 0);
     /* A medium in what lets no light in is not there. */
     EXPECT(plain_set, p.scene.media = &medium; p.scene.medium_count = 1; p.material.medium = 0);
-    EXPECT(EFFECT_INTERFACE | EFFECT_MEDIUM, p.scene.media = &medium; p.scene.medium_count = 1;
-           p.material.medium = 0; p.material.kind = MATERIAL_INTERFACE);
+    EXPECT(EFFECT_INTERFACE | EFFECT_MEDIUM, p.scene.media = &medium; p.scene.medium_count = 1; p.material.medium = 0;
+           p.material.kind = MATERIAL_INTERFACE);
 }
 
 static void test_consequences(void **state)
@@ -401,8 +401,7 @@ static void test_without(void **state)
     render_settings_default(&settings);
     assert_true(scene_effects(&p.scene, &settings, 0, NULL) & EFFECT_TEXTURE);
     settings.without = EFFECT_CLEARCOAT | EFFECT_EMISSIVE_MESH;
-    assert_int_equal(scene_effects(&p.scene, &settings, 0, NULL),
-                     plain_set | EFFECT_MULTIPLE_SCATTERING);
+    assert_int_equal(scene_effects(&p.scene, &settings, 0, NULL), plain_set | EFFECT_MULTIPLE_SCATTERING);
     for (int i = 0; i < EFFECT_COUNT; i++) {
         settings.without = (uint64_t)1 << i & EFFECTS_SWITCHABLE;
         assert_false(scene_effects(&p.scene, &settings, 0, NULL) & settings.without);
@@ -424,15 +423,14 @@ static void test_names(void **state)
     (void)state;
     for (int i = 0; i < EFFECT_COUNT; i++)
         for (int j = 0; j < i; j++)
-            assert_string_not_equal(effect_name((enum effect_bit)i),
-                                    effect_name((enum effect_bit)j));
+            assert_string_not_equal(effect_name((enum effect_bit)i), effect_name((enum effect_bit)j));
     assert_string_equal(effect_name(EFFECT_COUNT), "unknown");
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_lobes),      cmocka_unit_test(test_mirror_threshold),
+        cmocka_unit_test(test_lobes),      cmocka_unit_test(test_mirror_threshold), cmocka_unit_test(test_least_roughness),
         cmocka_unit_test(test_transmission), cmocka_unit_test(test_textures),
         cmocka_unit_test(test_alpha),      cmocka_unit_test(test_culling),
         cmocka_unit_test(test_light),      cmocka_unit_test(test_reachable),

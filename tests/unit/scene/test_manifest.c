@@ -38,9 +38,8 @@ static const json_t *row_of(const json_t *json, const char *effect)
     const json_t *row;
     size_t i;
 
-    json_array_foreach(json_object_get(json, "ran"), i, row)
-        if (strcmp(json_string_value(json_object_get(row, "effect")), effect) == 0)
-            return row;
+    json_array_foreach(json_object_get(json, "ran"), i,
+                       row) if (strcmp(json_string_value(json_object_get(row, "effect")), effect) == 0) return row;
     return NULL;
 }
 
@@ -59,8 +58,7 @@ static double no_effect(const json_t *json)
 
 static void test_shares(void **state)
 {
-    struct manifest m = of_effects(EFFECT_DIFFUSE | EFFECT_TEXTURE | EFFECT_SHEEN |
-                                   EFFECT_INSTANCING);
+    struct manifest m = of_effects(EFFECT_DIFFUSE | EFFECT_TEXTURE | EFFECT_SHEEN | EFFECT_INSTANCING);
     json_t *json;
 
     (void)state;
@@ -94,8 +92,7 @@ static void test_whole(void **state)
     json = written(&m);
     sum = no_effect(json);
     assert_int_equal(json_array_size(json_object_get(json, "ran")), 3);
-    json_array_foreach(json_object_get(json, "ran"), i, row)
-        sum += json_number_value(json_object_get(row, "share"));
+    json_array_foreach(json_object_get(json, "ran"), i, row) sum += json_number_value(json_object_get(row, "share"));
     assert_true(fabs(sum - 1) < 5e-5 * 4);
     json_decref(json);
 }
@@ -148,8 +145,7 @@ static void test_depth(void **state)
     depth = json_object_get(json_object_get(json, "picture"), key);
     assert_true(json_number_value(json_object_get(depth, "share")) == 0.004);
     assert_int_equal(json_integer_value(json_object_get(depth, "max_depth")), 8);
-    assert_true(json_is_null(json_object_get(depth, "deeper")) &&
-                json_is_null(json_object_get(depth, "deeper_share")));
+    assert_true(json_is_null(json_object_get(depth, "deeper")) && json_is_null(json_object_get(depth, "deeper_share")));
     json_decref(json);
     m.depth = (struct depth_report){0.25, 32, 0.0099};
     json = written(&m);

@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "common/base/buffer.h"
-#include "common/scene/effects.h"
+#include "common/scene/effects_material.h"
 #include "common/scene/material.h"
 #include "common/scene/scene.pb-c.h"
 #include "tests/support/scene_sample.h"
@@ -24,8 +24,7 @@ static const ProtobufCMessageDescriptor *message_of(enum material_message messag
 
     if (message == MESSAGE_MATERIAL)
         return material;
-    return protobuf_c_message_descriptor_get_field(material, material_message_numbers[message])
-        ->descriptor;
+    return protobuf_c_message_descriptor_get_field(material, material_message_numbers[message])->descriptor;
 }
 
 /* A member of a group has the group's name before its own: clearcoat_ior is ior in clearcoat. What
@@ -38,8 +37,7 @@ static int name_fits(enum material_message message, const char *member, const ch
 
     if (message == MESSAGE_MATERIAL)
         return strcmp(member, wire) == 0;
-    group = protobuf_c_message_descriptor_get_field(material, material_message_numbers[message])
-                ->name;
+    group = protobuf_c_message_descriptor_get_field(material, material_message_numbers[message])->name;
     length = strlen(group);
     if (strncmp(member, group, length) != 0)
         return 0;
@@ -48,11 +46,10 @@ static int name_fits(enum material_message message, const char *member, const ch
     return member[length] == '_' && strcmp(member + length + 1, wire) == 0;
 }
 
-static void assert_field(enum material_message message, uint32_t number, const char *name,
-                         ProtobufCType type, int repeated)
+static void assert_field(enum material_message message, uint32_t number, const char *name, ProtobufCType type,
+                         int repeated)
 {
-    const ProtobufCFieldDescriptor *field =
-        protobuf_c_message_descriptor_get_field(message_of(message), number);
+    const ProtobufCFieldDescriptor *field = protobuf_c_message_descriptor_get_field(message_of(message), number);
 
     if (!field)
         fail_msg("%s: message %s has no field %u", name, message_of(message)->name, number);
@@ -87,8 +84,7 @@ static void test_rows_are_in_the_proto(void **state)
         const struct material_texture_row *row = &material_textures[i];
 
         assert_field(row->message, row->number, row->name, PROTOBUF_C_TYPE_MESSAGE, 0);
-        assert_ptr_equal(protobuf_c_message_descriptor_get_field(message_of(row->message),
-                                                                 row->number)->descriptor,
+        assert_ptr_equal(protobuf_c_message_descriptor_get_field(message_of(row->message), row->number)->descriptor,
                          &azulejo__scene__texture_slot__descriptor);
     }
 }
@@ -135,8 +131,7 @@ static void test_later_fields_default_to_nothing(void **state)
         const struct material_value *row = &material_values[i];
         if (row->message == MESSAGE_MATERIAL && row->number > LAST_OF_VERSION_3 &&
             row->initial != (row->type == TYPE_MEDIUM ? -1 : 0))
-            fail_msg("%s: a field of Material itself must default to 0: put it in a group",
-                     row->name);
+            fail_msg("%s: a field of Material itself must default to 0: put it in a group", row->name);
     }
 }
 
@@ -177,11 +172,9 @@ static void check_row_round_trips(int value, int texture)
         scene_unpack(&copy, packed.data, packed.size, &err) != STATUS_OK)
         fail_msg("value %d, texture %d: %s", value, texture, err.text);
     for (int i = 0; i < MATERIAL_VALUES; i++)
-        if (memcmp((char *)m + material_values[i].offset,
-                   (char *)&copy.materials[1] + material_values[i].offset,
+        if (memcmp((char *)m + material_values[i].offset, (char *)&copy.materials[1] + material_values[i].offset,
                    4 * (size_t)material_values[i].count) != 0)
-            fail_msg("value %d, texture %d: %s is another", value, texture,
-                     material_values[i].name);
+            fail_msg("value %d, texture %d: %s is another", value, texture, material_values[i].name);
     assert_memory_equal(m->textures, copy.materials[1].textures, sizeof m->textures);
     buffer_release(&packed);
     scene_release(&copy);
@@ -220,9 +213,8 @@ static void test_defaults(void **state)
     assert_true(m.iridescence_thickness_min_nm == 100 && m.iridescence_thickness_max_nm == 400);
     assert_true(m.medium == -1 && m.medium_outside == -1 && isinf(m.attenuation_distance));
     for (int i = 0; i < 3; i++)
-        assert_true(m.base_color[i] == 1 && m.specular_color[i] == 1 &&
-                    m.attenuation_color[i] == 1 && m.diffuse_transmission_color[i] == 1 &&
-                    m.conductor_eta[i] == 1);
+        assert_true(m.base_color[i] == 1 && m.specular_color[i] == 1 && m.attenuation_color[i] == 1 &&
+                    m.diffuse_transmission_color[i] == 1 && m.conductor_eta[i] == 1);
     assert_true(m.base_color[3] == 1);
     m.emission[1] = -0.0f;
     assert_true(material_value_is_default(&m, &material_values[MATERIAL_VALUE_emission]));
@@ -245,35 +237,17 @@ static void assert_complaint(void (*spoil)(struct scene_material *m), const char
     scene_release(&scene);
 }
 
-static void rough(struct scene_material *m)
-{
-    m->roughness = 1.5f;
-}
+static void rough(struct scene_material *m) { m->roughness = 1.5f; }
 
-static void opaque(struct scene_material *m)
-{
-    m->attenuation_distance = 0;
-}
+static void opaque(struct scene_material *m) { m->attenuation_distance = 0; }
 
-static void reversed(struct scene_material *m)
-{
-    m->conductor_eta[1] = 0;
-}
+static void reversed(struct scene_material *m) { m->conductor_eta[1] = 0; }
 
-static void all_back(struct scene_material *m)
-{
-    m->base_interreflection = 1;
-}
+static void all_back(struct scene_material *m) { m->base_interreflection = 1; }
 
-static void both_sides(struct scene_material *m)
-{
-    m->double_sided = 2;
-}
+static void both_sides(struct scene_material *m) { m->double_sided = 2; }
 
-static void thin(struct scene_material *m)
-{
-    m->ior = 0.5f;
-}
+static void thin(struct scene_material *m) { m->ior = 0.5f; }
 
 static void test_complaints(void **state)
 {
@@ -323,8 +297,7 @@ static void assert_acting(const struct scene_material *m, const char *slots)
         *strstr(word, "_texture") = ' ';
         strcpy(strchr(word + 1, ' '), " ");
         if (material_has_texture(m, i) != (strstr(slots, word) != NULL))
-            fail_msg("%s %s", material_textures[i].name,
-                     strstr(slots, word) ? "does not act" : "acts");
+            fail_msg("%s %s", material_textures[i].name, strstr(slots, word) ? "does not act" : "acts");
     }
 }
 
@@ -401,18 +374,15 @@ static void test_reduce(void **state)
         for (int i = 0; i < MATERIAL_VALUES; i++) {
             const struct material_value *row = &material_values[i];
             if (row->effect >> bit & 1)
-                assert_true(material_value_is_default(&m, row) &&
-                            !material_value_is_default(&full, row));
+                assert_true(material_value_is_default(&m, row) && !material_value_is_default(&full, row));
             else
-                assert_memory_equal((char *)&m + row->offset, (char *)&full + row->offset,
-                                    4 * (size_t)row->count);
+                assert_memory_equal((char *)&m + row->offset, (char *)&full + row->offset, 4 * (size_t)row->count);
         }
         for (int i = 0; i < MATERIAL_TEXTURES; i++)
             assert_int_equal(m.textures[i].texture,
                              bit == EFFECT_BIT_TEXTURE ||
                                      (bit == EFFECT_BIT_NORMAL_MAP &&
-                                      (i == MATERIAL_TEXTURE_normal ||
-                                       i == MATERIAL_TEXTURE_clearcoat_normal))
+                                      (i == MATERIAL_TEXTURE_normal || i == MATERIAL_TEXTURE_clearcoat_normal))
                                  ? -1
                                  : 0);
     }

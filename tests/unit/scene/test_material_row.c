@@ -11,12 +11,12 @@
 #include <string.h>
 
 #include "common/base/buffer.h"
-#include "common/scene/effects.h"
+#include "common/scene/scene_effects.h"
 #include "common/scene/material.h"
 #include "common/scene/settings.h"
 #include "common/scene/simplify.h"
 #include "tests/support/scene_sample.h"
-#include "worker/render/scene/world_material.h"
+#include "worker/render/scene/render_material.h"
 
 static void test_default(void **state)
 {
@@ -67,8 +67,8 @@ static void test_wire(void **state)
     if (scene_unpack(&copy, packed.data, packed.size, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     assert_true(copy.materials[1].clearcoat_varnish == 0.5f);
-    assert_memory_equal(&copy.materials[1].clearcoat_varnish_texture,
-                        &scene.materials[0].mix_texture, sizeof(struct scene_texture_slot));
+    assert_memory_equal(&copy.materials[1].clearcoat_varnish_texture, &scene.materials[0].mix_texture,
+                        sizeof(struct scene_texture_slot));
     assert_true(copy.materials[2].clearcoat_varnish == 0.25f); /* without the group */
     buffer_release(&packed);
     scene_release(&scene);
@@ -110,8 +110,8 @@ static void test_effects(void **state)
     scene_release(&scene);
 }
 
-static status no_blob(void *user, const struct digest *digest, const uint8_t **data,
-                      size_t *size_bytes, struct error *err)
+static status no_blob(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                      struct error *err)
 {
     (void)user, (void)digest, (void)data, (void)size_bytes;
     return error_set(err, STATUS_ERR_INPUT, "the image is asked for");
@@ -142,23 +142,22 @@ static void test_simplified(void **state)
 static void test_loaded(void **state)
 {
     struct render_settings settings;
-    struct world_used used;
-    struct world_material ready;
+    struct render_used used;
+    struct render_material ready;
     struct scene scene;
     struct error err = {0};
 
     (void)state;
     varnished_scene(&scene);
     render_settings_default(&settings);
-    assert_int_equal(world_used_init(&used, &scene, &settings, &err), STATUS_OK);
-    assert_true(used.images[scene.textures[1].image] & WORLD_IMAGE_USED);
-    world_used_release(&used);
+    assert_int_equal(used_init(&used, &scene, &settings, &err), STATUS_OK);
+    assert_true(used.images[scene.textures[1].image] & RENDER_IMAGE_USED);
+    used_release(&used);
     settings.without = EFFECT_CLEARCOAT;
-    assert_int_equal(world_used_init(&used, &scene, &settings, &err), STATUS_OK);
+    assert_int_equal(used_init(&used, &scene, &settings, &err), STATUS_OK);
     assert_int_equal(used.images[scene.textures[1].image], 0);
-    world_used_release(&used);
-    assert_ptr_equal(&ready.clearcoat_varnish,
-                     &ready.slots[MATERIAL_TEXTURE_clearcoat_varnish]);
+    used_release(&used);
+    assert_ptr_equal(&ready.clearcoat_varnish, &ready.slots[MATERIAL_TEXTURE_clearcoat_varnish]);
     scene_release(&scene);
 }
 

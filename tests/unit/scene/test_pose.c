@@ -56,13 +56,11 @@ static void stage_set(struct stage *s)
     s->scene.camera_count = s->scene.light_count = 1;
 }
 
-static void add_channel(struct stage *s, uint32_t node, enum scene_channel_path path,
-                        enum scene_interpolation how, uint32_t keys, uint32_t components,
-                        float *times, float *values)
+static void add_channel(struct stage *s, uint32_t node, enum scene_channel_path path, enum scene_interpolation how,
+                        uint32_t keys, uint32_t components, float *times, float *values)
 {
     assert_true(s->scene.channel_count < CHANNELS);
-    s->channels[s->scene.channel_count++] =
-        (struct scene_channel){node, path, how, keys, components, times, values};
+    s->channels[s->scene.channel_count++] = (struct scene_channel){node, path, how, keys, components, times, values};
 }
 
 static struct scene_pose pose_at(struct stage *s, double time_s)
@@ -71,8 +69,7 @@ static struct scene_pose pose_at(struct stage *s, double time_s)
     struct error err = {0};
 
     scene_sample_blob(&s->mesh, 1);
-    if (scene_validate(&s->scene, &err) != STATUS_OK ||
-        scene_pose_init(&pose, &s->scene, time_s, &err) != STATUS_OK)
+    if (scene_validate(&s->scene, &err) != STATUS_OK || scene_pose_init(&pose, &s->scene, time_s, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     return pose;
 }
@@ -84,8 +81,8 @@ static void assert_near(double got, double expected, double bound)
 }
 
 /* Where the node's transform takes a point. */
-static void assert_maps(const struct transform_d *t, double x, double y, double z, double to_x,
-                        double to_y, double to_z)
+static void assert_maps(const struct transform_d *t, double x, double y, double z, double to_x, double to_y,
+                        double to_z)
 {
     const double expected[3] = {to_x, to_y, to_z};
 
@@ -423,8 +420,7 @@ static void test_skin(void **state)
         struct transform_d to_world = pose_instance(&pose, &s.scene, 0);
         assert_maps(&to_world, 1, 2, 3, 1, 2, 3);
     }
-    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, tangents, &err),
-                     STATUS_OK);
+    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, tangents, &err), STATUS_OK);
     for (int i = 0; i < SECTIONS; i++) {
         /* Up to the joint it lies along X, behind it along Y. */
         assert_near((double)positions[3 * i], i < 2 ? i : 2, 1e-6);
@@ -443,8 +439,7 @@ static void test_skin(void **state)
     s.nodes[0].has_matrix = 1;
     s.nodes[0].matrix = (struct transform_d){{{-1, 0, 0, 0}, {1, 1, 0, 0}, {0, 0, 1, 0}}};
     pose = pose_at(&s, 0);
-    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, tangents, &err),
-                     STATUS_OK);
+    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, tangents, &err), STATUS_OK);
     assert_near((double)positions[3], -1, 1e-6);
     assert_near((double)positions[4], 1, 1e-6);
     assert_near((double)normals[3], sqrt(0.5), 1e-6); /* square to the tangent (-1, 1, 0) */
@@ -454,27 +449,23 @@ static void test_skin(void **state)
     {
         struct mesh_influence influence = {{1, 0, 0, 0}, {2, 9, 9, 9}};
         memcpy(blob + layout.skin + sizeof influence, &influence, sizeof influence);
-        assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, NULL, NULL, &err),
-                         STATUS_ERR_INPUT);
+        assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, NULL, NULL, &err), STATUS_ERR_INPUT);
         assert_non_null(strstr(err.text, "vertex 1 follows a joint"));
         influence.joint[0] = 0;
         influence.weight[0] = NAN;
         memcpy(blob + layout.skin + sizeof influence, &influence, sizeof influence);
-        assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, NULL, NULL, &err),
-                         STATUS_ERR_INPUT);
+        assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, NULL, NULL, &err), STATUS_ERR_INPUT);
         assert_non_null(strstr(err.text, "vertex 1 is moved beyond"));
     }
     mem_fault_arm(0, 1);
-    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, NULL, NULL, &err),
-                     STATUS_ERR_NO_MEMORY);
+    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, NULL, NULL, &err), STATUS_ERR_NO_MEMORY);
     mem_fault_arm(-1, 0);
     scene_pose_release(&pose);
     /* A mesh with joints that no skin moves stands in its bind pose. */
     s.instance.skin = -1;
     assert_false(scene_instance_deforms(&s.scene, 0));
     pose = pose_at(&s, 0);
-    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, NULL, &err),
-                     STATUS_OK);
+    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, NULL, &err), STATUS_OK);
     assert_near((double)positions[9], 3, 0);
     assert_near((double)normals[10], 1, 0);
     scene_pose_release(&pose);
@@ -507,9 +498,9 @@ static void test_morphs(void **state)
         put(blob, layout.positions, v, 3, corner);
         put(blob, layout.normals, v, 3, up);
     }
-    put(blob, layout.morphs, 1, 3, first);                         /* target 0, vertex 1 */
-    put(blob, layout.morphs + 36, 1, 3, turned);                   /* its normal */
-    put(blob, layout.morphs + layout.morph_stride, 2, 3, second);  /* target 1, vertex 2 */
+    put(blob, layout.morphs, 1, 3, first);                        /* target 0, vertex 1 */
+    put(blob, layout.morphs + 36, 1, 3, turned);                  /* its normal */
+    put(blob, layout.morphs + layout.morph_stride, 2, 3, second); /* target 1, vertex 2 */
     put(blob, layout.morphs + layout.morph_stride + 36, 2, 3, cancel);
     assert_false(scene_instance_deforms(&s.scene, 0)); /* no weight, and none will come */
     rest[1] = 1;
@@ -521,8 +512,7 @@ static void test_morphs(void **state)
     assert_near(pose.weights[3][0], 0.5, 1e-12);
     assert_near(pose.weights[3][1], 0.25, 1e-12);
     assert_null(pose.weights[0]);
-    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, NULL, &err),
-                     STATUS_OK);
+    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, NULL, &err), STATUS_OK);
     assert_near((double)positions[0], 1, 0);
     assert_near((double)positions[3], 2, 1e-6);
     assert_near((double)positions[4], 1, 0);
@@ -534,8 +524,7 @@ static void test_morphs(void **state)
     scene_pose_release(&pose);
     /* A normal that vanishes stays what it was. */
     pose = pose_at(&s, 2);
-    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, NULL, &err),
-                     STATUS_OK);
+    assert_int_equal(pose_deform(&pose, &s.scene, 0, blob, positions, normals, NULL, &err), STATUS_OK);
     assert_near((double)normals[7], 1, 0);
     assert_near((double)positions[7], 3, 1e-6);
     scene_pose_release(&pose);

@@ -56,8 +56,7 @@ static void test_layout(void **state)
     assert_int_equal(layout.indices, 540);
 }
 
-static void assert_slot_equal(const struct scene_texture_slot *a,
-                              const struct scene_texture_slot *b)
+static void assert_slot_equal(const struct scene_texture_slot *a, const struct scene_texture_slot *b)
 {
     assert_int_equal(a->texture, b->texture);
     assert_int_equal(a->uv_set, b->uv_set);
@@ -137,8 +136,7 @@ static void assert_motion_equal(const struct scene *a, const struct scene *b)
         const struct scene_skin *x = &a->skins[i], *y = &b->skins[i];
         SAME(joint_count);
         assert_memory_equal(x->joints, y->joints, x->joint_count * sizeof(uint32_t));
-        assert_memory_equal(x->inverse_bind, y->inverse_bind,
-                            x->joint_count * sizeof *x->inverse_bind);
+        assert_memory_equal(x->inverse_bind, y->inverse_bind, x->joint_count * sizeof *x->inverse_bind);
     }
 }
 
@@ -163,8 +161,7 @@ static void assert_media_equal(const struct scene *a, const struct scene *b)
     assert_int_equal(a->volume_rule, b->volume_rule);
 }
 
-static void assert_environment_equal(const struct scene_environment *x,
-                                     const struct scene_environment *y)
+static void assert_environment_equal(const struct scene_environment *x, const struct scene_environment *y)
 {
     SAME(present);
     SAME(constant);
@@ -228,8 +225,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_true(x->transmission == y->transmission);
         assert_slot_equal(&x->transmission_texture, &y->transmission_texture);
         assert_int_equal(x->refractive, y->refractive);
-        assert_memory_equal(x->attenuation_color, y->attenuation_color,
-                            sizeof x->attenuation_color);
+        assert_memory_equal(x->attenuation_color, y->attenuation_color, sizeof x->attenuation_color);
         assert_true(x->attenuation_distance == y->attenuation_distance);
         assert_layers_equal(x, y);
     }
@@ -238,8 +234,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_string_equal(a->instances[i].name, b->instances[i].name);
         assert_int_equal(a->instances[i].mesh, b->instances[i].mesh);
         assert_int_equal(a->instances[i].material, b->instances[i].material);
-        assert_memory_equal(&a->instances[i].to_world, &b->instances[i].to_world,
-                            sizeof a->instances[i].to_world);
+        assert_memory_equal(&a->instances[i].to_world, &b->instances[i].to_world, sizeof a->instances[i].to_world);
         assert_int_equal(a->instances[i].node, b->instances[i].node);
         assert_int_equal(a->instances[i].skin, b->instances[i].skin);
         assert_int_equal(a->instances[i].body, b->instances[i].body);
@@ -268,8 +263,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
         assert_string_equal(x->name, y->name);
         assert_int_equal(x->kind, y->kind);
         assert_memory_equal(&x->to_world, &y->to_world, sizeof x->to_world);
-        assert_true(x->yfov_rad == y->yfov_rad && x->xmag == y->xmag && x->ymag == y->ymag &&
-                    x->aspect == y->aspect);
+        assert_true(x->yfov_rad == y->yfov_rad && x->xmag == y->xmag && x->ymag == y->ymag && x->aspect == y->aspect);
         SAME(lens_radius);
         SAME(focus_distance);
         SAME(blades);
@@ -316,9 +310,8 @@ static void test_round_trip(void **state)
     check_round_trip(&scene);
     scene.environment.present = scene.environment.constant = 0;
     check_round_trip(&scene);
-    scene.mesh_count = scene.image_count = scene.texture_count = scene.material_count =
-        scene.instance_count = scene.light_count = scene.node_count = scene.channel_count =
-            scene.skin_count = scene.medium_count = 0;
+    scene.mesh_count = scene.image_count = scene.texture_count = scene.material_count = scene.instance_count =
+        scene.light_count = scene.node_count = scene.channel_count = scene.skin_count = scene.medium_count = 0;
     scene.fog = scene.cameras[0].node = -1;
     check_round_trip(&scene);
     scene_release(&scene);
@@ -454,7 +447,7 @@ static void test_refuses_pictures(void **state)
     REFUSE("images[0].name", s.images[0].name = "\xe2\x82");
     REFUSE("textures[1].image", s.textures[1].image = 2);
     REFUSE("textures[0].wrap_u", s.textures[0].wrap_u = WRAP_COUNT);
-    REFUSE("textures[0].wrap_v", s.textures[0].wrap_v = (enum scene_wrap)-1);
+    REFUSE("textures[0].wrap_v", s.textures[0].wrap_v = (enum scene_wrap) - 1);
     REFUSE("textures[0].nearest", s.textures[0].nearest = -1);
     REFUSE("textures[0].encoding", s.textures[0].encoding = ENCODING_COUNT);
 }
@@ -776,8 +769,7 @@ static void test_refuses_environment(void **state)
     REFUSE_NUMBER("portals[1].edge1", environment.portals[1].edge1[0]);
     REFUSE_NUMBER("portals[1].edge2", environment.portals[1].edge2[0]);
     REFUSE("portals[0].edge1", s.environment.portals[0].edge1[0] = 0);
-    REFUSE("portals[0].edge1", (s.environment.portals[0].edge2[0] = 5,
-                                s.environment.portals[0].edge2[2] = 0));
+    REFUSE("portals[0].edge1", (s.environment.portals[0].edge2[0] = 5, s.environment.portals[0].edge2[2] = 0));
     REFUSE("name", s.name = long_name);
 }
 
@@ -859,7 +851,7 @@ static void test_hostile_bytes(void **state)
     refuse_bytes("\x08\x03", 2, "no camera");
     refuse_bytes("\x08\x03\x08\x03", 4, "twice");
     refuse_bytes("\x08\x03\x9a\x01\x00", 5, "does not know"); /* field 19 */
-    refuse_bytes("\x08\x03\x10\x00", 4, "does not know");   /* field 2 as a number */
+    refuse_bytes("\x08\x03\x10\x00", 4, "does not know");     /* field 2 as a number */
     refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", 13, "ends within");
     refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, "ends within");
     refuse_bytes("\x08\x03\x3a\x00", 4, "instances[0] is too short");

@@ -14,6 +14,7 @@
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
+#include "common/scene/material.h"
 #include "common/scene/simplify.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
@@ -26,13 +27,9 @@ static void png_append(png_structp png, png_bytep data, size_t size_bytes)
     buffer_append(png_get_io_ptr(png), data, size_bytes);
 }
 
-static void png_flush_nothing(png_structp png)
-{
-    (void)png;
-}
+static void png_flush_nothing(png_structp png) { (void)png; }
 
-static struct buffer make_png(uint32_t width, uint32_t height, int channels, int bits,
-                              const uint8_t *pixels)
+static struct buffer make_png(uint32_t width, uint32_t height, int channels, int bits, const uint8_t *pixels)
 {
     static const int types[4] = {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY_ALPHA, PNG_COLOR_TYPE_RGB,
                                  PNG_COLOR_TYPE_RGBA};
@@ -41,8 +38,8 @@ static struct buffer make_png(uint32_t width, uint32_t height, int channels, int
     png_infop info = png_create_info_struct(png);
 
     png_set_write_fn(png, &out, png_append, png_flush_nothing);
-    png_set_IHDR(png, info, width, height, bits, types[channels - 1], PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_IHDR(png, info, width, height, bits, types[channels - 1], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                 PNG_FILTER_TYPE_DEFAULT);
     png_write_info(png, info);
     for (uint32_t y = 0; y < height; y++)
         png_write_row(png, pixels + (size_t)y * width * (size_t)channels * (size_t)(bits / 8));
@@ -89,8 +86,8 @@ static int32_t add_even(struct scene_builder *b, const uint8_t color[4], int cha
     return add_texture(b, add_image(b, make_png(4, 3, channels, 8, pixels)));
 }
 
-static status read_blob(void *user, const struct digest *digest, const uint8_t **data,
-                        size_t *size_bytes, struct error *err)
+static status read_blob(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                        struct error *err)
 {
     struct blob_source source = builder_source(user);
 
@@ -103,8 +100,7 @@ static struct scene_simplify_report simplified(struct scene_builder *b)
     struct error err = {0};
 
     assert_int_equal(scene_validate(&b->scene, &err), STATUS_OK);
-    if (scene_simplify(&b->scene, (struct scene_blob_reader){read_blob, b}, &report, &err) !=
-        STATUS_OK)
+    if (scene_simplify(&b->scene, (struct scene_blob_reader){read_blob, b}, &report, &err) != STATUS_OK)
         fail_msg("%s", err.text);
     if (scene_validate(&b->scene, &err) != STATUS_OK)
         fail_msg("%s", err.text);
@@ -161,10 +157,7 @@ static struct scene_texture_slot *slot_of(struct scene_material *m, size_t at)
     return (struct scene_texture_slot *)(void *)((char *)m + at);
 }
 
-static float *factor_of(struct scene_material *m, size_t at)
-{
-    return (float *)(void *)((char *)m + at);
-}
+static float *factor_of(struct scene_material *m, size_t at) { return (float *)(void *)((char *)m + at); }
 
 /* Everything acts, at awkward factors. */
 static void wake_all(struct scene_material *m)
@@ -188,6 +181,38 @@ static struct buffer even_exr(const float color[4])
     assert_int_equal(exr_encode(&out, &image, NULL, NULL), STATUS_OK);
     image_release(&image);
     return out;
+}
+
+/* The least roughness is the factor times the least texel of its channel; where the texture has a black border, or
+ * none is left, nothing is known. */
+static void test_least_roughness(void **state)
+{
+    static const uint8_t color[4] = {255, 52, 200, 255}; /* one texel has 51 of 255 in green */
+    static const enum scene_wrap wraps[] = {WRAP_REPEAT, WRAP_MIRROR, WRAP_CLAMP, WRAP_BLACK};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof wraps / sizeof *wraps; i++) {
+        struct scene_builder b;
+        struct scene_material *m = start(&b);
+        const int32_t texture = add_even(&b, color, 4, CHANNEL_GREEN);
+
+        b.scene.textures[texture].wrap_v = wraps[i];
+        m->roughness = 0.5f;
+        m->clearcoat = 1;
+        m->clearcoat_roughness = 0.25f;
+        m->metallic_roughness_texture.texture = m->clearcoat_roughness_texture.texture = texture;
+        (void)simplified(&b);
+        assert_float_equal(m->least_roughness, wraps[i] == WRAP_BLACK ? 0 : 0.1f, 1e-7f);
+        assert_float_equal(m->clearcoat_least_roughness, wraps[i] == WRAP_BLACK ? 0 : 0.05f, 1e-7f);
+        builder_release(&b);
+
+        m = start(&b);
+        m->metallic_roughness_texture.texture = add_even(&b, color, 4, -1);
+        (void)simplified(&b);
+        assert_int_equal(m->metallic_roughness_texture.texture, -1); /* folded */
+        assert_float_equal(m->least_roughness, 0, 0);
+        builder_release(&b);
+    }
 }
 
 /* Kinds of constant images: 8 and 16 bits of 1 to 4 channels, floats with and without alpha. */
@@ -233,19 +258,16 @@ static void test_constants_fold_exactly(void **state)
                 assert_int_equal(report.textures, 1);
                 assert_int_equal(b.scene.image_count, 0);
                 assert_int_equal(slot_of(m, cases[k].slot)->texture, -1);
-                assert_int_equal(
-                    texture_image_new(&image, copy.data, copy.size, "x", &err), STATUS_OK);
+                assert_int_equal(texture_image_new(&image, copy.data, copy.size, "x", &err), STATUS_OK);
                 assert_int_equal(texture_image_filter(image, 3, "x", &err), STATUS_OK);
                 for (int place = 0; place < 5; place++) {
-                    struct texel t = texture_lookup(image, &texture, 0.37f * (float)place,
-                                                    0.21f * (float)place, 0.1f * (float)place,
-                                                    cases[k].srgb);
+                    struct texel t = texture_lookup(image, &texture, 0.37f * (float)place, 0.21f * (float)place,
+                                                    0.1f * (float)place, cases[k].srgb);
                     const float channels[4] = {t.r, t.g, t.b, t.a};
 
                     for (int i = 0; i < cases[k].parts; i++)
                         assert_true(*factor_of(m, cases[k].part[i].factor) ==
-                                    *factor_of(&before, cases[k].part[i].factor) *
-                                        channels[cases[k].part[i].channel]);
+                                    *factor_of(&before, cases[k].part[i].factor) * channels[cases[k].part[i].channel]);
                 }
                 texture_image_free(image);
                 buffer_release(&copy);
@@ -595,8 +617,8 @@ static void test_unreached_rows_go(void **state)
         assert_true(digest_equal(&b.scene.images[i].blob.digest, &kept[i]));
     /* A second time there is nothing left to do. */
     report = simplified(&b);
-    assert_int_equal(report.folded + report.flat_normals + report.unseen + report.made_opaque +
-                         report.mixes + report.materials + report.textures + report.images,
+    assert_int_equal(report.folded + report.flat_normals + report.unseen + report.made_opaque + report.mixes +
+                         report.materials + report.textures + report.images,
                      0);
     builder_release(&b);
 }
@@ -647,11 +669,9 @@ static void test_pictures_keep_their_bits(void **state)
             for (int c = 0; c < 4; c++)
                 color[c] = test_random_u64(&random) % 4 ? (uint8_t)test_random_u64(&random) : 255;
             for (int i = 0; i < cases[k].parts; i++)
-                *factor_of(m, cases[k].part[i].factor) =
-                    test_random_u64(&random) % 3 ? test_random_float(&random) : 0;
+                *factor_of(m, cases[k].part[i].factor) = test_random_u64(&random) % 3 ? test_random_float(&random) : 0;
             if (test_random_u64(&random) % 2)
-                slot_of(m, cases[k].slot)->texture =
-                    add_even(&b, color, 1 + (int)(test_random_u64(&random) % 4), -1);
+                slot_of(m, cases[k].slot)->texture = add_even(&b, color, 1 + (int)(test_random_u64(&random) % 4), -1);
         }
         m->double_sided = 1;
         m->alpha_mode = (enum scene_alpha_mode)(test_random_u64(&random) % ALPHA_COUNT);
@@ -673,8 +693,8 @@ static void test_pictures_keep_their_bits(void **state)
 
 /* ---- faults ------------------------------------------------------------------------------------ */
 
-static status refuse_blob(void *user, const struct digest *digest, const uint8_t **data,
-                          size_t *size_bytes, struct error *err)
+static status refuse_blob(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
+                          struct error *err)
 {
     (void)user;
     (void)digest;
@@ -695,15 +715,38 @@ static void test_damaged_images_are_named(void **state)
     file.size /= 2;
     m->base_color_texture.texture = add_texture(&b, add_image(&b, file));
     b.scene.images[0].name = "bricks.png";
-    assert_int_equal(
-        scene_simplify(&b.scene, (struct scene_blob_reader){read_blob, &b}, &report, &err),
-        STATUS_ERR_INPUT);
+    assert_int_equal(scene_simplify(&b.scene, (struct scene_blob_reader){read_blob, &b}, &report, &err),
+                     STATUS_ERR_INPUT);
     assert_non_null(strstr(err.text, "bricks.png"));
     assert_int_equal(scene_validate(&b.scene, &err), STATUS_OK);
-    assert_int_equal(
-        scene_simplify(&b.scene, (struct scene_blob_reader){refuse_blob, NULL}, &report, &err),
-        STATUS_ERR_NOT_FOUND);
+    assert_int_equal(scene_simplify(&b.scene, (struct scene_blob_reader){refuse_blob, NULL}, &report, &err),
+                     STATUS_ERR_NOT_FOUND);
     builder_release(&b);
+}
+
+/* Images are decoded side by side; the fault that is told is that of the first slot. */
+static void test_first_damaged_image_is_named(void **state)
+{
+    (void)state;
+    for (int run = 0; run < 50; run++) {
+        struct scene_builder b;
+        struct scene_material *m = start(&b);
+        struct scene_simplify_report report;
+        struct error err = {0};
+
+        for (int i = 0; i < 2; i++) {
+            struct buffer file = even_file(i ? 2 : 3);
+            file.size /= 2;
+            (i ? &m->base_color_texture : &m->emission_texture)->texture = add_texture(&b, add_image(&b, file));
+        }
+        m->emission[0] = 1;
+        b.scene.images[0].name = "of emission";
+        b.scene.images[1].name = "of base color";
+        assert_int_equal(scene_simplify(&b.scene, (struct scene_blob_reader){read_blob, &b}, &report, &err),
+                         STATUS_ERR_INPUT);
+        assert_non_null(strstr(err.text, "of base color"));
+        builder_release(&b);
+    }
 }
 
 static void test_out_of_memory(void **state)
@@ -737,6 +780,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_constants_fold_exactly),
+        cmocka_unit_test(test_least_roughness),
         cmocka_unit_test(test_only_used_channels_count),
         cmocka_unit_test(test_what_must_stay),
         cmocka_unit_test(test_anisotropy_and_thickness),
@@ -748,6 +792,7 @@ int main(void)
         cmocka_unit_test(test_uniform_environment),
         cmocka_unit_test(test_pictures_keep_their_bits),
         cmocka_unit_test(test_damaged_images_are_named),
+        cmocka_unit_test(test_first_damaged_image_is_named),
         cmocka_unit_test(test_out_of_memory),
     };
 

@@ -1,5 +1,5 @@
 /* The function of a verb that only the programs of `make tables` have: its row and its message are in the Makefile. */
-#include "coordinator/farm/steer.h"
+#include "coordinator/steering/steer.h"
 
 status steer_salute(const struct steering *s, struct error *err)
 {

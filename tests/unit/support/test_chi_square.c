@@ -66,10 +66,7 @@ static double pdf_nan(void *user, struct vec3 wi)
     (void)user;
     return wi.z > 0.5f ? NAN : 0.1;
 }
-static double pdf_quarter(void *user, struct vec3 wi)
-{
-    return wi.x > 0 && wi.y > 0 ? 0 : pdf_cosine_power(user, wi);
-}
+static double pdf_quarter(void *user, struct vec3 wi) { return wi.x > 0 && wi.y > 0 ? 0 : pdf_cosine_power(user, wi); }
 
 static double p_value_of(double (*pdf)(void *, struct vec3), const char **reason)
 {

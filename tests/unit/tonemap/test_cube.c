@@ -25,8 +25,7 @@ static struct tonemap_settings lut_settings(const char *input, const char *outpu
     return s;
 }
 
-static void develop(const struct tonemap_settings *s, const char *cube, const float in[3],
-                    float out[3])
+static void develop(const struct tonemap_settings *s, const char *cube, const float in[3], float out[3])
 {
     struct tonemap_context context = {
         .threads = 1, .file_data = (const uint8_t *)cube, .file_size = strlen(cube)};
@@ -42,18 +41,16 @@ static void develop(const struct tonemap_settings *s, const char *cube, const fl
     image_release(&developed);
 }
 
-static void expect(const struct tonemap_settings *s, const char *cube, float r, float g, float b,
-                   float out_r, float out_g, float out_b)
+static void expect(const struct tonemap_settings *s, const char *cube, float r, float g, float b, float out_r,
+                   float out_g, float out_b)
 {
     const float in[3] = {r, g, b};
     float out[3];
 
     develop(s, cube, in, out);
-    if (!(fabsf(out[0] - out_r) < 2e-6f && fabsf(out[1] - out_g) < 2e-6f &&
-          fabsf(out[2] - out_b) < 2e-6f))
-        fail_msg("(%g, %g, %g) became (%g, %g, %g), not (%g, %g, %g)", (double)r, (double)g,
-                 (double)b, (double)out[0], (double)out[1], (double)out[2], (double)out_r,
-                 (double)out_g, (double)out_b);
+    if (!(fabsf(out[0] - out_r) < 2e-6f && fabsf(out[1] - out_g) < 2e-6f && fabsf(out[2] - out_b) < 2e-6f))
+        fail_msg("(%g, %g, %g) became (%g, %g, %g), not (%g, %g, %g)", (double)r, (double)g, (double)b, (double)out[0],
+                 (double)out[1], (double)out[2], (double)out_r, (double)out_g, (double)out_b);
 }
 
 static const char identity[] = "TITLE \"nothing\"\n# a comment\n\nLUT_3D_SIZE 2\n"
@@ -68,10 +65,9 @@ static void test_one_dimension(void **state)
     expect(&s, squares, 0.0f, 0.5f, 0.25f, 0.0f, 0.75f, 0.25f);
     expect(&s, squares, 0.75f, 0.25f, 1.0f, 0.625f, 0.875f, 1.0f);
     expect(&s, squares, 9.0f, 9.0f, 9.0f, 1.0f, 0.0f, 1.0f);
-    expect(&s, "DOMAIN_MAX 4 8 2\nDOMAIN_MIN 0 0 1\nLUT_1D_SIZE 2\n0 0 0\n1 1 1\n", 1.0f, 1.0f,
-           1.0f, 0.25f, 0.125f, 0.0f);
-    expect(&s, "LUT_1D_INPUT_RANGE -1 3\nLUT_1D_SIZE 2\n0 0 0\n1 1 1\n", 1.0f, 2.0f, 0.0f, 0.5f,
-           0.75f, 0.25f);
+    expect(&s, "DOMAIN_MAX 4 8 2\nDOMAIN_MIN 0 0 1\nLUT_1D_SIZE 2\n0 0 0\n1 1 1\n", 1.0f, 1.0f, 1.0f, 0.25f, 0.125f,
+           0.0f);
+    expect(&s, "LUT_1D_INPUT_RANGE -1 3\nLUT_1D_SIZE 2\n0 0 0\n1 1 1\n", 1.0f, 2.0f, 0.0f, 0.5f, 0.75f, 0.25f);
 }
 
 /* Red runs fastest, and every corner comes out as it stands. */
@@ -123,13 +119,11 @@ static void test_large_cube(void **state)
     for (int b = 0; b < SIDE; b++)
         for (int g = 0; g < SIDE; g++)
             for (int r = 0; r < SIDE; r++)
-                length += (size_t)sprintf(cube + length, "%.9f %.9f %.9f\n",
-                                          (0.5 * r + 0.3 * g) / (SIDE - 1),
+                length += (size_t)sprintf(cube + length, "%.9f %.9f %.9f\n", (0.5 * r + 0.3 * g) / (SIDE - 1),
                                           (0.9 * b + 0.1) / (SIDE - 1), 1.0 - 0.9 * g / (SIDE - 1));
     for (float r = 0.0f; r < 2.0f; r += 0.17f)
         for (float g = 0.0f; g < 2.0f; g += 0.31f)
-            expect(&s, cube, r, g, 0.77f, 0.25f * r + 0.15f * g, 0.9f * 0.385f + 0.1f / 16,
-                   1.0f - 0.45f * g);
+            expect(&s, cube, r, g, 0.77f, 0.25f * r + 0.15f * g, 0.9f * 0.385f + 0.1f / 16, 1.0f - 0.45f * g);
     free(cube);
 }
 
@@ -173,8 +167,7 @@ static void refuse_bytes(const void *data, size_t size, const char *where, const
     struct error err = {0};
     void *file;
 
-    assert_int_equal(tonemap_find("lut")->file_load(&file, data, size, "bad.cube", &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(tonemap_find("lut")->file_load(&file, data, size, "bad.cube", &err), STATUS_ERR_INPUT);
     assert_null(file);
     if (!strstr(err.text, "bad.cube") || !strstr(err.text, where) || !strstr(err.text, why))
         fail_msg("\"%s\" does not speak of \"%s\" and \"%s\"", err.text, where, why);

@@ -34,8 +34,8 @@ static void develop(const struct tonemap_settings *s, const float in[3], int lin
     image_release(&developed);
 }
 
-static void check(const char *name, const char *parameter, const char *value, int linear,
-                  const struct probe *probes, size_t count, double tolerance)
+static void check(const char *name, const char *parameter, const char *value, int linear, const struct probe *probes,
+                  size_t count, double tolerance)
 {
     struct tonemap_settings s;
     struct error err = {0};
@@ -49,9 +49,8 @@ static void check(const char *name, const char *parameter, const char *value, in
         develop(&s, probes[i].in, linear, out);
         for (int c = 0; c < 3; c++)
             if (!(fabs((double)out[c] - probes[i].out[c]) <= tolerance))
-                fail_msg("%s of (%g, %g, %g): channel %d is %.7f, not %.7f", name,
-                         (double)probes[i].in[0], (double)probes[i].in[1],
-                         (double)probes[i].in[2], c, (double)out[c], probes[i].out[c]);
+                fail_msg("%s of (%g, %g, %g): channel %d is %.7f, not %.7f", name, (double)probes[i].in[0],
+                         (double)probes[i].in[1], (double)probes[i].in[2], c, (double)out[c], probes[i].out[c]);
     }
 }
 

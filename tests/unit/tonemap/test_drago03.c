@@ -53,8 +53,7 @@ static void test_formula(void **state)
     for (double bias = 0.5; bias <= 1.0; bias += 0.1)
         for (double l = 0.01; l < 300; l *= 4.7) {
             double growth = pow(1.0 + bias - 0.85, 5), max = 300 * growth;
-            double wanted = log1p(l * growth) / log10(max + 1.0) /
-                            log(2.0 + 8.0 * pow(l / 300, log(bias) / log(0.5)));
+            double wanted = log1p(l * growth) / log10(max + 1.0) / log(2.0 + 8.0 * pow(l / 300, log(bias) / log(0.5)));
 
             assert_true(fabs(curve(l, 300, bias, 100) / fmin(wanted, 1.0) - 1.0) < 3e-6);
         }
@@ -160,8 +159,8 @@ static void test_hard_inputs(void **state)
                 struct image in = picture_grey(4, 2, hard[a]), out;
 
                 tonemap_preset_set(&s, "bias", bias);
-                in.pixels[2] = hard[b]; /* pure blue */
-                out = picture_light(&in, &s);   /* checks the range */
+                in.pixels[2] = hard[b];       /* pure blue */
+                out = picture_light(&in, &s); /* checks the range */
                 if (!(hard[a] > 0.0f))
                     assert_true(picture_at(&out, 1, 1) == 0.0f);
                 image_release(&in);

@@ -181,8 +181,7 @@ static void test_round_trip(void **state)
     slope = (log10(luminance_at(&out, last)) - log10(luminance_at(&out, first))) / (high - low);
     assert_true(slope * (high - low) > 2.3 && slope * (high - low) < 2.7);
     for (size_t i = 0; i < 61 * 47; i++) {
-        double wanted = log10(luminance_at(&out, first)) +
-                        slope * (log10(luminance_at(&in, i)) - low);
+        double wanted = log10(luminance_at(&out, first)) + slope * (log10(luminance_at(&in, i)) - low);
 
         assert_true(fabs(log10(luminance_at(&out, i)) - wanted) < 2e-3);
         checked++;
@@ -198,8 +197,7 @@ static void response_nodes(double nodes[200])
     nodes[0] = 0.0;
     nodes[1] = 0.01;
     for (int i = 2; i < 200; i++)
-        nodes[i] = nodes[i - 1] + 0.0928 * pow(nodes[i - 1], 1.08) +
-                   0.0046 * pow(nodes[i - 1], -0.18);
+        nodes[i] = nodes[i - 1] + 0.0928 * pow(nodes[i - 1], 1.08) + 0.0046 * pow(nodes[i - 1], -0.18);
     assert_true(fabs(nodes[106] - 10510.0806) < 1e-3); /* the end of the published table */
 }
 
@@ -281,8 +279,7 @@ static void oracle_pyramid(struct oracle *o)
             for (size_t k = 0; k < widths[l - 1] * heights[l - 1]; k++) {
                 double part = covered(k % widths[l - 1], i % widths[l], widths[l - 1], widths[l]) *
                               covered(k / widths[l - 1], i / widths[l], heights[l - 1], heights[l]) *
-                              (double)(widths[l] * heights[l]) /
-                              (double)(widths[l - 1] * heights[l - 1]);
+                              (double)(widths[l] * heights[l]) / (double)(widths[l - 1] * heights[l - 1]);
 
                 for (size_t p = 0; part > 0.0 && p < ORACLE_PIXELS; p++)
                     o->mean[l][i][p] += part * o->mean[l - 1][k][p];
@@ -346,8 +343,7 @@ static double rank_of(const struct oracle *o, double size)
     return (double)smaller / (double)o->length_count;
 }
 
-static double wanted_for(const struct oracle *o, int level, size_t i, int below, int equalize,
-                         double contrast)
+static double wanted_for(const struct oracle *o, int level, size_t i, int below, int equalize, double contrast)
 {
     double response = response_to(difference(o, level, i, below)), size;
 
@@ -526,14 +522,11 @@ static void test_saturation(void **state)
     assert_true(grey.pixels[0] == grey.pixels[1] && half.pixels[0] == 0.0f);
     for (size_t i = 0; i < 16 * 16; i++)
         for (size_t c = 0; c < 3; c++) {
-            double ratio = luminance_at(&in, i) > 0.0
-                               ? (double)in.pixels[3 * i + c] / luminance_at(&in, i)
-                               : 0.0;
+            double ratio = luminance_at(&in, i) > 0.0 ? (double)in.pixels[3 * i + c] / luminance_at(&in, i) : 0.0;
             double level = (double)grey.pixels[3 * i];
 
             assert_true(fabs((double)full.pixels[3 * i + c] - ratio * level) <= 1e-5 * level);
-            assert_true(fabs((double)half.pixels[3 * i + c] - sqrt(ratio) * level) <=
-                        1e-5 * level);
+            assert_true(fabs((double)half.pixels[3 * i + c] - sqrt(ratio) * level) <= 1e-5 * level);
         }
     image_release(&in);
     image_release(&grey);
@@ -673,8 +666,8 @@ static void test_hard_inputs(void **state)
                     struct image in = picture_grey(sizes[i][0], sizes[i][1], hard[a]), out;
 
                     tonemap_preset_set(&s, "mode", mode);
-                    in.pixels[1] = hard[b]; /* pure green */
-                    out = picture_light(&in, &s);   /* checks the range */
+                    in.pixels[1] = hard[b];       /* pure green */
+                    out = picture_light(&in, &s); /* checks the range */
                     if (!(hard[a] > 0.0f) && in.width * in.height > 1)
                         assert_true(out.pixels[5] == 0.0f);
                     image_release(&in);

@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "common/math/elementary.h"
-#include "common/tonemap/mantiuk08.h"
+#include "common/tonemap/mantiuk08/mantiuk08.h"
 #include "common/tonemap/operators.h"
 #include "common/tonemap/tonemap.h"
 #include "tests/support/tonemap_pictures.h"
@@ -49,8 +49,7 @@ static struct image golden_image(char letter)
             if (letter == 'A')
                 l = -2.0 + 6.0 * x / 255.0 + 0.1 * sin(turn * y / 8.0);
             else if (letter == 'B')
-                l = log10(x < SIDE / 2 ? 0.05 : 500.0) +
-                    0.1 * sin(turn * y / 8.0) * sin(turn * x / 8.0);
+                l = log10(x < SIDE / 2 ? 0.05 : 500.0) + 0.1 * sin(turn * y / 8.0) * sin(turn * x / 8.0);
             else if (letter == 'E')
                 l = -1.5 + 1.5 * x / 255.0 + 0.05 * sin(turn * y / 16.0);
             set_pixel(&image, (size_t)y * SIDE + (size_t)x, pow(10.0, l));
@@ -69,8 +68,7 @@ static struct tonemap_settings settings_of(const char *parameter, const char *te
     return s;
 }
 
-static struct tonemap_state measure(const struct image *image, const struct tonemap_settings *s,
-                                    unsigned threads)
+static struct tonemap_state measure(const struct image *image, const struct tonemap_settings *s, unsigned threads)
 {
     struct tonemap_context context = {.threads = threads};
     struct tonemap_state state;
@@ -102,7 +100,7 @@ struct golden {
     char image;
     const char *parameter, *text;
     int display;
-    double first_x;     /* then in steps of 1 */
+    double first_x; /* then in steps of 1 */
     int count;
     double y[6];
     double tolerance;
@@ -132,10 +130,7 @@ static const struct golden goldens[] = {
     {'F', NULL, NULL, M08_LCD, -1, 3, {2.0507, 2.1761, 2.3014}, 1e-4},
 };
 
-static int node_of(double x)
-{
-    return (int)lrint((x - M08_X_MIN) / M08_STEP);
-}
+static int node_of(double x) { return (int)lrint((x - M08_X_MIN) / M08_STEP); }
 
 static void test_golden(void **state)
 {
@@ -150,9 +145,8 @@ static void test_golden(void **state)
         for (int k = 0; k < g->count; k++) {
             double y = curve.values[node_of(g->first_x + k)];
             if (!(fabs(y - g->y[k]) <= g->tolerance))
-                fail_msg("picture %c, %s %s, x = %g: %.4f instead of %.4f", g->image,
-                         g->parameter ? g->parameter : "", g->text ? g->text : "",
-                         g->first_x + k, y, g->y[k]);
+                fail_msg("picture %c, %s %s, x = %g: %.4f instead of %.4f", g->image, g->parameter ? g->parameter : "",
+                         g->text ? g->text : "", g->first_x + k, y, g->y[k]);
         }
         image_release(&image);
     }
@@ -188,8 +182,8 @@ static void test_golden_steps(void **state)
         for (int k = 0; k < 5; k++) {
             double y = curve.values[steps[i].points[k].node];
             if (!(fabs(y - steps[i].points[k].y) <= 2e-3))
-                fail_msg("step %g, node %d: %.4f instead of %.4f", steps[i].step,
-                         steps[i].points[k].node, y, steps[i].points[k].y);
+                fail_msg("step %g, node %d: %.4f instead of %.4f", steps[i].step, steps[i].points[k].node, y,
+                         steps[i].points[k].y);
         }
         image_release(&image);
     }
@@ -255,8 +249,7 @@ static void test_display_inverts(void **state)
         assert_true(fabs(m08_display_light(&d, 0.0) - range[model][0]) < 1e-5);
         assert_true(fabs(m08_display_light(&d, 1.0) - range[model][1]) < 1e-3);
         for (int i = 0; i <= 100; i++)
-            assert_true(fabs(m08_display_code(&d, m08_display_light(&d, i / 100.0)) - i / 100.0) <
-                        1e-9);
+            assert_true(fabs(m08_display_code(&d, m08_display_light(&d, i / 100.0)) - i / 100.0) < 1e-9);
         assert_true(m08_display_code(&d, 0.0) == 0.0);
         assert_true(m08_display_code(&d, range[model][1] + 0.5) == 1.0);
         assert_true(m08_display_code(&d, 1e300) == 1.0);
@@ -277,15 +270,13 @@ static void test_lut(void **state)
     void *lut;
 
     (void)state;
-    assert_int_equal(load(&lut, "# a television\r\n0,0.5\r\n\r\n 0.5 , 20\n1,1.8e2", &err),
-                     STATUS_OK);
+    assert_int_equal(load(&lut, "# a television\r\n0,0.5\r\n\r\n 0.5 , 20\n1,1.8e2", &err), STATUS_OK);
     m08_display_init(&d, M08_LUT, lut);
     assert_true(fabs(m08_display_light(&d, 0.0) - 0.5) < 1e-9);
     assert_true(fabs(m08_display_light(&d, 0.25) - sqrt(0.5 * 20.0)) < 1e-9);
     assert_true(fabs(m08_display_light(&d, 1.0) - 180.0) < 1e-9);
     for (int i = 0; i <= 100; i++)
-        assert_true(fabs(m08_display_code(&d, m08_display_light(&d, i / 100.0)) - i / 100.0) <
-                    1e-9);
+        assert_true(fabs(m08_display_code(&d, m08_display_light(&d, i / 100.0)) - i / 100.0) < 1e-9);
     assert_true(m08_display_code(&d, 0.0) == 0.0 && m08_display_code(&d, 0.1) == 0.0);
     assert_true(m08_display_code(&d, 1e9) == 1.0);
     m08_lut_free(lut);
@@ -321,8 +312,7 @@ static void test_lut_errors(void **state)
             fail_msg("%s: not %s in %s", bad[i].text, bad[i].line, err.text);
         assert_non_null(strstr(err.text, "code,luminance"));
     }
-    assert_int_equal(m08_lut_load(&lut, (const uint8_t *)"0,1\n1\0,2\n", 9, "tv.csv", &err),
-                     STATUS_ERR_INPUT);
+    assert_int_equal(m08_lut_load(&lut, (const uint8_t *)"0,1\n1\0,2\n", 9, "tv.csv", &err), STATUS_ERR_INPUT);
     assert_non_null(many);
     memset(many, '1', 500);
     many[500] = 0;
@@ -521,8 +511,7 @@ static void test_programme_edges(void **state)
 
 /* ---- pictures ------------------------------------------------------------------------------- */
 
-static struct image apply_with(const struct image *in, const struct tonemap_settings *s,
-                               unsigned threads)
+static struct image apply_with(const struct image *in, const struct tonemap_settings *s, unsigned threads)
 {
     struct tonemap_context context = {.threads = threads};
     struct image out;
@@ -546,8 +535,7 @@ static struct image colourful_image(uint32_t width, uint32_t height)
 
 static int same_pixels(const struct image *a, const struct image *b)
 {
-    return memcmp(a->pixels, b->pixels,
-                  (size_t)a->width * a->height * a->channels * sizeof *a->pixels) == 0;
+    return memcmp(a->pixels, b->pixels, (size_t)a->width * a->height * a->channels * sizeof *a->pixels) == 0;
 }
 
 static void test_threads(void **state)
@@ -616,11 +604,9 @@ static void test_detail_gain_and_halo(void **state)
     b = apply_with(&ripple, &twice, 1);
     for (size_t i = 32 * 128 + 20; i < 32 * 128 + 108; i++) { /* second differences */
         const float *p = a.pixels + 3 * i, *q = b.pixels + 3 * i;
-        plain += fabs(log10(m08_display_light(&d, (double)p[0])) -
-                      0.5 * log10(m08_display_light(&d, (double)p[-3])) -
+        plain += fabs(log10(m08_display_light(&d, (double)p[0])) - 0.5 * log10(m08_display_light(&d, (double)p[-3])) -
                       0.5 * log10(m08_display_light(&d, (double)p[3])));
-        grown += fabs(log10(m08_display_light(&d, (double)q[0])) -
-                      0.5 * log10(m08_display_light(&d, (double)q[-3])) -
+        grown += fabs(log10(m08_display_light(&d, (double)q[0])) - 0.5 * log10(m08_display_light(&d, (double)q[-3])) -
                       0.5 * log10(m08_display_light(&d, (double)q[3])));
     }
     assert_true(grown > 1.5 * plain && grown < 2.1 * plain);

@@ -198,8 +198,8 @@ static void test_hard_inputs(void **state)
                 struct tonemap_settings s = local_settings();
                 struct image in = picture_grey(sizes[i][0], sizes[i][1], hard[a]), out;
 
-                in.pixels[1] = hard[b]; /* pure green */
-                out = picture_light(&in, &s);   /* checks the range */
+                in.pixels[1] = hard[b];       /* pure green */
+                out = picture_light(&in, &s); /* checks the range */
                 if (!(hard[a] > 0.0f) && in.width * in.height > 1)
                     assert_true(out.pixels[5] == 0.0f);
                 image_release(&in);

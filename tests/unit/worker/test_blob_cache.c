@@ -15,22 +15,14 @@
 
 #include <cmocka.h>
 
-#include "common/base/file.h"
-#include "common/base/log.h"
+#include "common/system/file.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
-#include "worker/blob_cache.h"
-#include "worker/cache_writer.h"
+#include "worker/cache/blob_cache.h"
+#include "worker/cache/cache_writer.h"
+#include "tests/support/scratch.h"
 
 #define NO_LIMIT (1ull << 40)
-
-static char folder[64];
-
-static int make_folder(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-cache-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
 
 static int remove_folder(void **state)
 {
@@ -58,8 +50,8 @@ static void fill(uint8_t *bytes, size_t size, uint32_t seed)
     }
 }
 
-static status put(struct blob_cache *cache, const uint8_t *bytes, size_t size, size_t piece,
-                  struct digest *digest, struct cached_blob **out, struct error *err)
+static status put(struct blob_cache *cache, const uint8_t *bytes, size_t size, size_t piece, struct digest *digest,
+                  struct cached_blob **out, struct error *err)
 {
     struct cache_writer *w;
     status s;
@@ -105,7 +97,7 @@ static int has(struct blob_cache *cache, const struct digest *digest)
     return s == STATUS_OK;
 }
 
-static void path_of(const struct digest *digest, char path[256])
+static void blob_path(const struct digest *digest, char path[256])
 {
     char hex[DIGEST_HEX_SIZE];
 
@@ -145,7 +137,7 @@ static void test_store_and_find(void **state)
         assert_int_equal(cached_blob_size(blob), sizes[i]);
         assert_non_null(cached_blob_data(blob));
         assert_memory_equal(cached_blob_data(blob), bytes, sizes[i]);
-        path_of(&digest, path);
+        blob_path(&digest, path);
         assert_int_equal(stat(path, &info), 0);
         assert_int_equal(info.st_size, sizes[i]);
         /* The same bytes, not a second mapping, while it is in use. */
@@ -197,15 +189,9 @@ static void do_damage(const char *path, enum damage how)
         byte ^= 1;
         assert_int_equal(pwrite(fd, &byte, 1, at), 1);
         break;
-    case CUT:
-        assert_int_equal(ftruncate(fd, info.st_size - 1), 0);
-        break;
-    case EMPTY:
-        assert_int_equal(ftruncate(fd, 0), 0);
-        break;
-    case LONGER:
-        assert_int_equal(pwrite(fd, "x", 1, info.st_size), 1);
-        break;
+    case CUT: assert_int_equal(ftruncate(fd, info.st_size - 1), 0); break;
+    case EMPTY: assert_int_equal(ftruncate(fd, 0), 0); break;
+    case LONGER: assert_int_equal(pwrite(fd, "x", 1, info.st_size), 1); break;
     case SYMLINK:
         assert_int_equal(unlink(path), 0);
         assert_int_equal(symlink("/etc/passwd", path), 0);
@@ -214,8 +200,7 @@ static void do_damage(const char *path, enum damage how)
         assert_int_equal(unlink(path), 0);
         assert_int_equal(mkdir(path, 0700), 0);
         break;
-    case DAMAGES:
-        break;
+    case DAMAGES: break;
     }
     close(fd);
 }
@@ -230,7 +215,7 @@ static void test_damaged_files(void **state)
         struct digest digest = put_seed(cache, 5000, 77);
         char path[256];
         blob_cache_close(cache);
-        path_of(&digest, path);
+        blob_path(&digest, path);
         do_damage(path, how);
         cache = cache_open(NO_LIMIT);
         assert_false(has(cache, &digest));
@@ -257,7 +242,7 @@ static void test_wrong_bytes_are_not_stored(void **state)
 
     (void)state;
     assert_int_equal(digest_of(&digest, "right", 5), STATUS_OK);
-    path_of(&digest, path);
+    blob_path(&digest, path);
     assert_int_equal(cache_writer_new(&w, cache, &digest, 5, NULL), STATUS_OK);
     assert_int_equal(cache_writer_add(w, "wrong", 5, NULL), STATUS_OK);
     assert_int_equal(cache_writer_finish(w, &blob, &err), STATUS_ERR_CORRUPT);
@@ -315,7 +300,7 @@ static void set_age(const struct digest *digest, int seconds)
     struct timespec times[2];
     char path[256];
 
-    path_of(digest, path);
+    blob_path(digest, path);
     clock_gettime(CLOCK_REALTIME, &times[0]);
     times[0].tv_sec -= seconds;
     times[1] = times[0];
@@ -340,7 +325,7 @@ static void test_least_recently_used_go_first(void **state)
     digests[10] = put_seed(cache, 1000, 110);
     for (int i = 0; i < 11; i++) {
         char path[256];
-        path_of(&digests[i], path);
+        blob_path(&digests[i], path);
         assert_int_equal(file_exists(path), i != 1 && i != 2);
     }
     /* What is in use stays usable although its file is gone. */
@@ -477,8 +462,7 @@ static void *share(void *argument)
                 cache_writer_finish(w, &blob, NULL) != STATUS_OK)
                 return (void *)2;
         }
-        wrong |= cached_blob_size(blob) != sizeof bytes ||
-                 memcmp(cached_blob_data(blob), bytes, sizeof bytes) != 0;
+        wrong |= cached_blob_size(blob) != sizeof bytes || memcmp(cached_blob_data(blob), bytes, sizeof bytes) != 0;
         cached_blob_release(blob);
     }
     return (void *)wrong;
@@ -523,7 +507,7 @@ static void test_threads_and_processes(void **state)
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, make_folder, remove_folder)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, folder_set_up, remove_folder)
     const struct CMUnitTest tests[] = {
         TEST(test_store_and_find),
         TEST(test_absent),

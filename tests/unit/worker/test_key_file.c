@@ -35,7 +35,7 @@ static int remove_folder(void **state)
 
 static struct farm_key key_of(enum farm_role role, int seed)
 {
-    struct farm_key key = {.is_farm = role == FARM_ROLE_NONE, .role = role};
+    struct farm_key key = {.is_farm = role == FARM_ROLE_NONE, .id = key_identity_shared(role)};
 
     memset(key.secret, seed, sizeof key.secret);
     return key;
@@ -116,7 +116,7 @@ static void test_unusable(void **state)
     assert_int_equal(key_file_refresh(&file), 0);
     assert_int_equal(unlink(path), 0);
     assert_int_equal(key_file_refresh(&file), 0);
-    assert_int_equal(file.key.role, FARM_ROLE_WORKER);
+    assert_int_equal(file.key.id.role, FARM_ROLE_WORKER);
     assert_int_equal(file.key.secret[0], 1);
     put_key(FARM_ROLE_WORKER, 4);
     assert_int_equal(key_file_refresh(&file), 1);

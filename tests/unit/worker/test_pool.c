@@ -84,10 +84,7 @@ static void gate_let_go(void)
     pthread_mutex_unlock(&gate_lock);
 }
 
-static void run_number(struct pool_task *task)
-{
-    ((struct job *)task)->number = atomic_fetch_add(&order, 1);
-}
+static void run_number(struct pool_task *task) { ((struct job *)task)->number = atomic_fetch_add(&order, 1); }
 
 /* Take what is done until `count` tasks were; they are counted once each. */
 static void take(struct pool *pool, struct bell *bell, unsigned count)
@@ -167,6 +164,38 @@ static void test_cancel(void **state)
     assert_int_equal(jobs[3].number, 1);
     assert_int_equal(jobs[4].number, 2);
     assert_int_equal(pool_cancel(pool, &jobs[1].task), 0);
+    pool_free(pool);
+}
+
+/* An owner that looks again by itself is told only of tasks that cannot wait, and of the last. */
+static void test_gathering(void **state)
+{
+    struct bell bell = BELL_INIT;
+    struct pool_task gate = {.run = run_gate, .can_wait = 1};
+    struct job jobs[8];
+    struct pool *pool;
+
+    (void)state;
+    gate_reset();
+    for (int i = 0; i < 8; i++)
+        jobs[i] = (struct job){.task = {.run = run_number, .can_wait = i != 4}};
+    assert_int_equal(pool_new(&pool, 1, ring, &bell, NULL), STATUS_OK);
+    pool_push(pool, &jobs[0].task, 0);
+    take(pool, &bell, 1);
+    assert_int_equal(bell.rings, 1); /* it was the first */
+    pool_push(pool, &gate, 0);
+    gate_await(1);
+    for (int i = 1; i < 7; i++)
+        pool_push(pool, &jobs[i].task, 0);
+    gate_let_go();
+    wait_for_ring(&bell, 1); /* 4 */
+    wait_for_ring(&bell, 2); /* 6: nothing is behind it */
+    take(pool, &bell, 7);
+    assert_int_equal(bell.rings, 3);
+    assert_null(pool_take_done(pool)); /* it does not look again */
+    pool_push(pool, &jobs[7].task, 0);
+    take(pool, &bell, 1);
+    assert_int_equal(bell.rings, 4);
     pool_free(pool);
 }
 
@@ -273,6 +302,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_order_and_urgency),
         cmocka_unit_test(test_cancel),
+        cmocka_unit_test(test_gathering),
         cmocka_unit_test(test_many_tasks_on_many_threads),
         cmocka_unit_test(test_free_while_busy),
         cmocka_unit_test(test_denormals_are_kept),

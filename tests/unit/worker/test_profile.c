@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "common/base/clock.h"
+#include "common/system/clock.h"
 #include "tests/support/scene_builder.h"
 #include "worker/profile.h"
 #include "worker/render/base/profile_scope.h"
@@ -20,7 +20,7 @@ static int start(void **state)
     struct error err = {0};
 
     (void)state;
-    if (profile_start(&err) != STATUS_OK)
+    if (profile_start(NS_PER_MS, &err) != STATUS_OK)
         return -1;
     profile_join();
     return 0;
@@ -196,8 +196,8 @@ static void test_rooms(void **state)
         struct render_scene *scene;
         struct scene_builder b;
         uint64_t found = 0, end, allowed;
-        unsigned stages = STAGE_BIT(CAMERA) | STAGE_BIT(TRACE) | STAGE_BIT(SURFACE) |
-                          STAGE_BIT(SCATTER) | STAGE_BIT(LIGHT) | rooms[k].stages;
+        unsigned stages = STAGE_BIT(CAMERA) | STAGE_BIT(TRACE) | STAGE_BIT(SURFACE) | STAGE_BIT(SCATTER) |
+                          STAGE_BIT(LIGHT) | rooms[k].stages;
 
         builder_room(&b, rooms[k].dress);
         render_force_general(i % 2);
@@ -207,22 +207,19 @@ static void test_rooms(void **state)
         assert_int_equal(rooms[k].found & ~allowed, 0);
         profile_counts(&before);
         end = clock_monotonic_ns() + LIMIT_NS;
-        for (uint32_t unit = 0; (rooms[k].found & ~found || stages & ~stages_since(&before)) &&
-                                clock_monotonic_ns() < end; unit++) {
+        for (uint32_t unit = 0;
+             (rooms[k].found & ~found || stages & ~stages_since(&before)) && clock_monotonic_ns() < end; unit++) {
             uint32_t tiles = tile_count(SIZE, SIZE);
-            render_tile(scene, 0, unit % tiles, 0, unit / tiles % pass_count(SPP, 0), sums, NULL,
-                        &stats);
+            render_tile(scene, 0, unit % tiles, 0, unit / tiles % pass_count(SPP, 0), sums, NULL, &stats);
             found = found_since(&before);
         }
         profile_counts(&after);
         if (rooms[k].found & ~found || found & ~allowed)
-            fail_msg("%s: %llx were charged of %llx that ran, and %llx should have been",
-                     rooms[k].name, (unsigned long long)found, (unsigned long long)allowed,
-                     (unsigned long long)rooms[k].found);
+            fail_msg("%s: %llx were charged of %llx that ran, and %llx should have been", rooms[k].name,
+                     (unsigned long long)found, (unsigned long long)allowed, (unsigned long long)rooms[k].found);
         assert_int_equal(stages & ~stages_since(&before), 0);
         assert_int_equal(sum(after.stages, STAGE_COUNT) - sum(before.stages, STAGE_COUNT),
-                         sum(after.accounts, EFFECT_ACCOUNTS) -
-                             sum(before.accounts, EFFECT_ACCOUNTS));
+                         sum(after.accounts, EFFECT_ACCOUNTS) - sum(before.accounts, EFFECT_ACCOUNTS));
         assert_int_equal(profile_place.stage, 0);
         render_scene_free(scene);
         builder_release(&b);

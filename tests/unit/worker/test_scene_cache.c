@@ -11,11 +11,11 @@
 #include <cmocka.h>
 
 #include "common/base/buffer.h"
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
 #include "tests/support/scene_builder.h"
-#include "worker/cache_writer.h"
+#include "worker/cache/cache_writer.h"
 #include "worker/scene_cache.h"
 
 struct stage {
@@ -47,10 +47,7 @@ static void count_settled(void *user, struct scene_slot *slot)
     s->settled++;
 }
 
-static void ignore(void *user)
-{
-    (void)user;
-}
+static void ignore(void *user) { (void)user; }
 
 static void store(struct stage *s, const void *data, size_t size, struct digest *digest)
 {
@@ -87,8 +84,7 @@ static struct stage *stage_new(int moves)
     b = &s->builder;
     builder_init(b);
     builder_lambert(b, 0.5f);
-    builder_place(b, builder_sphere(b, 8, 1), builder_last_material(b), vec3_splat(1),
-                  vec3_splat(0));
+    builder_place(b, builder_sphere(b, 8, 1), builder_last_material(b), vec3_splat(1), vec3_splat(0));
     builder_camera(b, vec3_make(0, 0, 4), vec3_splat(0), 1);
     scene_node_default(&s->node);
     s->times[1] = s->values[3] = 1;
@@ -130,8 +126,7 @@ static struct scene_slot *acquire(struct stage *s, uint32_t frame)
 {
     struct scene_slot *slot;
 
-    assert_int_equal(scene_cache_acquire(s->cache, &s->digest, &s->settings, frame, &slot, NULL),
-                     STATUS_OK);
+    assert_int_equal(scene_cache_acquire(s->cache, &s->digest, &s->settings, frame, &slot, NULL), STATUS_OK);
     return slot;
 }
 
@@ -394,6 +389,7 @@ static void test_equal_settings(void **state)
     DIFFERS(focus_distance);
     DIFFERS(without);
     DIFFERS(aovs);
+    DIFFERS(exr_names);
     DIFFERS(sampler);
     DIFFERS(light_choice);
     DIFFERS(texture_filter);

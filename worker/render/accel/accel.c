@@ -37,10 +37,7 @@ const char *render_ray_tracer_name(void)
     return name;
 }
 
-const char *render_precision(void)
-{
-    return REAL_NAME;
-}
+const char *render_precision(void) { return REAL_NAME; }
 
 static bool count_memory(void *user, ssize_t bytes, bool post)
 {
@@ -59,8 +56,7 @@ static status embree_failed(RTCDevice device, const char *what, struct error *er
         return error_no_memory(err, what);
     if (code == RTC_ERROR_UNSUPPORTED_CPU)
         return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "%s: Embree does not run on this CPU with the instruction set asked for",
-                         what);
+                         "%s: Embree does not run on this CPU with the instruction set asked for", what);
     return error_set(err, STATUS_ERR_INTERNAL, "%s: Embree error %d", what, (int)code);
 }
 
@@ -71,10 +67,10 @@ static void set_triangles(RTCGeometry geometry, const float32 *const *positions,
     if (steps > 1)
         rtcSetGeometryTimeStepCount(geometry, steps);
     for (uint32_t i = 0; i < steps; i++)
-        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, i, RTC_FORMAT_FLOAT3,
-                                   positions[i], 0, 3 * sizeof(float32), mesh->vertex_count);
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, indices, 0,
-                               3 * sizeof(uint32_t), mesh->triangle_count);
+        rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, i, RTC_FORMAT_FLOAT3, positions[i], 0,
+                                   3 * sizeof(float32), mesh->vertex_count);
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, indices, 0, 3 * sizeof(uint32_t),
+                               mesh->triangle_count);
     if (filtered)
         rtcSetGeometryIntersectFilterFunction(geometry, accel_filter_accepted);
     rtcSetGeometryOccludedFilterFunction(geometry, accel_filter);
@@ -96,19 +92,17 @@ static RTCScene new_scene(RTCDevice device, const struct accel_input *in)
                                                             : in->quality;
 
     if (scene) {
-        rtcSetSceneFlags(scene, (robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE) |
-                                    SCENE_FLAG_QUERY_FILTER);
+        rtcSetSceneFlags(scene, (robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE) | SCENE_FLAG_QUERY_FILTER);
         rtcSetSceneBuildQuality(scene, qualities[quality]);
     }
     return scene;
 }
 
-static status build_shared_mesh(struct accel *accel, const struct accel_input *in, uint32_t mesh,
-                                struct error *err)
+static status build_shared_mesh(struct accel *accel, const struct accel_input *in, uint32_t mesh, struct error *err)
 {
     RTCGeometry geometry;
-    status s = sizes_slender(in->meshes[mesh].positions, &in->meshes[mesh],
-                             &accel->mesh_slender[mesh], &accel->mesh_slenderest[mesh], err);
+    status s = sizes_slender(in->meshes[mesh].positions, &in->meshes[mesh], &accel->mesh_slender[mesh],
+                             &accel->mesh_slenderest[mesh], err);
 
     if (s != STATUS_OK)
         return s;
@@ -119,8 +113,8 @@ static status build_shared_mesh(struct accel *accel, const struct accel_input *i
             rtcReleaseGeometry(geometry);
         return embree_failed(accel->device, "a mesh's geometry", err);
     }
-    set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh],
-                  in->meshes[mesh].indices, accel->mesh_filtered[mesh]);
+    set_triangles(geometry, &in->meshes[mesh].positions, 1, &in->meshes[mesh], in->meshes[mesh].indices,
+                  accel->mesh_filtered[mesh]);
     rtcAttachGeometryByID(accel->mesh_scenes[mesh], geometry, 0);
     rtcReleaseGeometry(geometry);
     rtcCommitScene(accel->mesh_scenes[mesh]);
@@ -161,13 +155,11 @@ static status own(struct accel *accel, void *block, struct error *err)
     return STATUS_OK;
 }
 
-/* The mesh's triangles. Embree gets those of `instance` that are not huge; the others become
- * points. */
+/* The mesh's triangles. Embree gets those of `instance` that are not huge; the others become points. */
 static status choose_indices(struct accel *accel, const struct accel_mesh *mesh, uint32_t instance,
                              const uint32_t **indices, struct error *err)
 {
     uint32_t *chosen = NULL;
-    status s;
 
     *indices = mesh->indices;
     for (; accel->huge_next < accel->sizes.huge_count; accel->huge_next++) {
@@ -177,9 +169,7 @@ static status choose_indices(struct accel *accel, const struct accel_mesh *mesh,
             break;
         if (!chosen) {
             chosen = mem_memdup(mesh->indices, 3 * (size_t)mesh->triangle_count * sizeof *chosen);
-            s = own(accel, chosen, err);
-            if (s != STATUS_OK)
-                return s;
+            TRY(own(accel, chosen, err));
             *indices = chosen;
         }
         chosen[3 * (size_t)huge->triangle + 1] = chosen[3 * (size_t)huge->triangle + 2] =
@@ -219,7 +209,7 @@ static status set_world_triangles(struct accel *accel, const struct accel_input 
     struct accel_geometry *g = &accel->geometries[index];
     const uint32_t *indices;
     uint8_t *slender;
-    status s = sizes_slender(instance->world_positions, mesh, &slender, &g->slenderest, err);
+    status s = sizes_slender(instance->instance_positions, mesh, &slender, &g->slenderest, err);
 
     g->slender = slender;
     if (s == STATUS_OK && slender)
@@ -227,11 +217,8 @@ static status set_world_triangles(struct accel *accel, const struct accel_input 
     if (s == STATUS_OK)
         s = choose_indices(accel, mesh, index, &indices, err);
     if (s == STATUS_OK)
-        set_triangles(geometry,
-                      instance->motion_steps ? instance->motion_positions
-                                             : &instance->world_positions,
-                      instance->motion_steps ? instance->motion_steps : 1, mesh, indices,
-                      g->filtered);
+        set_triangles(geometry, instance->motion_steps ? instance->motion_positions : &instance->instance_positions,
+                      instance->motion_steps ? instance->motion_steps : 1, mesh, indices, g->filtered);
     return s;
 }
 
@@ -245,8 +232,16 @@ static void set_to_object(struct accel_geometry *g, const struct transform *to_w
             memcpy(g->to_object[r], inverse.m[r], sizeof g->to_object[r]);
 }
 
-static status attach_instance(struct accel *accel, const struct accel_input *in, uint32_t index,
-                              struct error *err)
+static int has_few_shapes(const struct accel_input *in)
+{
+    uint32_t count = 0;
+
+    for (uint32_t i = 0; i < in->instance_count; i++)
+        count += in->instances[i].shape != NULL;
+    return count <= ACCEL_FEW_SHAPES;
+}
+
+static status attach_instance(struct accel *accel, const struct accel_input *in, uint32_t index, struct error *err)
 {
     const struct accel_instance *instance = &in->instances[index];
     struct accel_geometry *g = &accel->geometries[index];
@@ -256,20 +251,21 @@ static status attach_instance(struct accel *accel, const struct accel_input *in,
     g->filtered = instance->filtered != 0;
     g->shape = instance->shape;
     g->shape_margin = instance->shape_margin;
-    geometry = g->shape ? accel_shape_geometry(accel->device, g)
-                        : rtcNewGeometry(accel->device, instance->world_positions
-                                                            ? RTC_GEOMETRY_TYPE_TRIANGLE
-                                                            : RTC_GEOMETRY_TYPE_INSTANCE);
-    if (!geometry)
-        return embree_failed(accel->device, "an instance", err);
     g->least_stretch = 1;
     g->motion_steps = instance->motion_steps;
-    g->in_world = instance->world_positions != NULL;
-    if (g->shape) {
-        g->in_world = 1;
-    } else if (g->in_world) {
+    g->in_world = instance->instance_positions || g->shape;
+    if (g->shape && accel->few_shapes.are_few) {
+        accel->few_shapes.geometry[accel->few_shapes.count++] = index;
+        return STATUS_OK;
+    }
+    geometry = g->shape ? accel_shape_geometry(accel->device, g)
+                        : rtcNewGeometry(accel->device, instance->instance_positions ? RTC_GEOMETRY_TYPE_TRIANGLE
+                                                                                     : RTC_GEOMETRY_TYPE_INSTANCE);
+    if (!geometry)
+        return embree_failed(accel->device, "an instance", err);
+    if (g->in_world && !g->shape) {
         s = set_world_triangles(accel, in, index, geometry, err);
-    } else {
+    } else if (!g->shape) {
         g->slender = accel->mesh_slender[instance->mesh];
         g->slenderest = accel->mesh_slenderest[instance->mesh];
         g->least_stretch = least_stretch(instance);
@@ -314,7 +310,7 @@ static void bound_errors(struct accel *accel, const struct accel_input *in)
         struct accel_geometry *g = &accel->geometries[i];
         double condition = 1, origin = ERROR_TRIANGLE;
 
-        if (!instance->world_positions && !instance->shape) {
+        if (!instance->instance_positions && !instance->shape) {
             condition = instance->motion_steps ? 1 : sizes_condition(&instance->to_world);
             for (uint32_t k = 0; k < instance->motion_steps; k++)
                 condition = fmax(condition, sizes_condition(&instance->motion_to_world[k]));
@@ -327,6 +323,11 @@ static void bound_errors(struct accel *accel, const struct accel_input *in)
     }
 }
 
+double accel_error(const struct accel *accel, double reach)
+{
+    return accel->error_origin * reach + accel->error_extent;
+}
+
 status accel_new(struct accel **out, const struct accel_input *in, struct error *err)
 {
     struct accel *accel;
@@ -335,20 +336,20 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
 
     *out = NULL;
     if (!(isa_supported_mask() >> in->isa & 1))
-        return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "this CPU lacks the instruction set %s that the job pins",
+        return error_set(err, STATUS_ERR_UNSUPPORTED, "this CPU lacks the instruction set %s that the job pins",
                          isa_name(in->isa));
     accel = mem_calloc(1, sizeof *accel);
-    if (!accel)
-        return error_no_memory(err, "the ray accelerator");
+    NEED(accel, err, "the ray accelerator");
     accel->accept = in->accept;
     accel->corners = in->corners;
     accel->scene = in->scene;
     accel->digits = in->digits;
     accel->mesh_count = in->mesh_count;
     accel->geometry_count = in->instance_count;
-    snprintf(config, sizeof config, "isa=%s,threads=1,set_affinity=0",
-             in->isa == ISA_AVX512 ? "avx512" : in->isa == ISA_AVX2 ? "avx2" : "sse2");
+    accel->few_shapes.are_few = has_few_shapes(in);
+    snprintf(config, sizeof config, "isa=%s,threads=%u,set_affinity=0",
+             in->isa == ISA_AVX512 ? "avx512" : in->isa == ISA_AVX2 ? "avx2" : "sse2",
+             in->threads ? in->threads : 1);
     accel->device = rtcNewDevice(config);
     if (!accel->device) {
         result = embree_failed(NULL, "Embree's device", err);
@@ -360,8 +361,8 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     accel->mesh_slenderest = mem_calloc(in->mesh_count, sizeof *accel->mesh_slenderest);
     accel->mesh_filtered = mem_calloc(in->mesh_count, 1);
     accel->geometries = mem_calloc(in->instance_count, sizeof *accel->geometries);
-    if (!accel->mesh_scenes || !accel->mesh_slender || !accel->mesh_slenderest ||
-        !accel->mesh_filtered || !accel->geometries) {
+    if (!accel->mesh_scenes || !accel->mesh_slender || !accel->mesh_slenderest || !accel->mesh_filtered ||
+        !accel->geometries) {
         result = error_no_memory(err, "the ray accelerator");
         goto failed;
     }
@@ -378,8 +379,7 @@ status accel_new(struct accel **out, const struct accel_input *in, struct error 
     }
     for (uint32_t i = 0; i < in->instance_count; i++) {
         uint32_t mesh = in->instances[i].mesh;
-        if (!in->instances[i].shape && !in->instances[i].world_positions &&
-            !accel->mesh_scenes[mesh]) {
+        if (!in->instances[i].shape && !in->instances[i].instance_positions && !accel->mesh_scenes[mesh]) {
             result = build_shared_mesh(accel, in, mesh, err);
             if (result != STATUS_OK)
                 goto failed;

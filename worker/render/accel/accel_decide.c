@@ -13,13 +13,11 @@
 /* What rounding may make of a height over a plane through `from`, times the normal's length. */
 static double height_noise(const double normal[3], const double to[3], const double from[3])
 {
-    return 0x1p-49 * (fabs(normal[0]) + fabs(normal[1]) + fabs(normal[2])) *
-           (exact_largest(to) + exact_largest(from));
+    return 0x1p-49 * (fabs(normal[0]) + fabs(normal[1]) + fabs(normal[2])) * (exact_largest(to) + exact_largest(from));
 }
 
 /* The height over the plane of the corner farthest from it, times the normal's length. */
-static double farthest(const double corner[3][3], const double plane[3], const double normal[3],
-                       double sign)
+static double farthest(const double corner[3][3], const double plane[3], const double normal[3], double sign)
 {
     double most = -INFINITY, to_corner[3];
 
@@ -37,7 +35,7 @@ static double farthest(const double corner[3][3], const double plane[3], const d
 /* A face in double, as the row of its kind takes it. */
 struct face {
     const struct shape_row *row;
-    const void *face;    /* the shape, or: */
+    const void *face; /* the shape, or: */
     double corner[3][3];
 };
 
@@ -65,20 +63,17 @@ double accel_ray_end(const struct query_context *q)
 
 /* Is the whole triangle behind the plane of a face that the ray leaves (`sign` 1), or beyond the
  * plane of the face on which it ends (-1)? Then the ray cannot meet it, whatever the rounding. */
-static int is_beyond(const struct query_context *q, const struct hit *face, double sign,
-                     const double corner[3][3])
+static int is_beyond(const struct query_context *q, const struct hit *face, double sign, const double corner[3][3])
 {
     double plane[3], n[3], towards[3];
     struct face touched;
 
     if (!SAFEGUARD(BEHIND_LEFT_PLANE))
         return 0;
-    /* Rounding may tilt a direction along the plane: the ray's record says on which side it
-     * goes. */
+    /* Rounding may tilt a direction along the plane: the ray's record says on which side it goes. */
     exact_vec(sign > 0 ? q->ray->off : q->ray->direction, towards);
     find_face(q, face, &touched);
-    touched.row->plane(touched.face, q->origin, q->direction,
-                       sign > 0 ? 0 : (double)q->ray->t_max, plane, n);
+    touched.row->plane(touched.face, q->origin, q->direction, sign > 0 ? 0 : (double)q->ray->t_max, plane, n);
     if (exact_dot(n, n) == 0)
         return 0;
     if (exact_dot(n, towards) < 0)
@@ -88,8 +83,7 @@ static int is_beyond(const struct query_context *q, const struct hit *face, doub
 
 /* A ray that starts on a triangle's plane, for example on an edge shared with the face it leaves,
  * starts on the side of that face. Does it go to the other side? */
-static int goes_through(const struct query_context *q, const double corner[3][3],
-                        const double normal[3])
+static int goes_through(const struct query_context *q, const double corner[3][3], const double normal[3])
 {
     struct face left;
     double face[3][3], before, behind;
@@ -100,14 +94,13 @@ static int goes_through(const struct query_context *q, const double corner[3][3]
     left.row->corners(left.face, face);
     before = farthest(face, corner[0], normal, 1);
     behind = farthest(face, corner[0], normal, -1);
-    return before > behind ? exact_dot(normal, q->direction) < 0
-                           : exact_dot(normal, q->direction) > 0;
+    return before > behind ? exact_dot(normal, q->direction) < 0 : exact_dot(normal, q->direction) > 0;
 }
 
 /* Does the triangle, widened by `slack` metres, contain the point where the line through the origin meets
  * its plane? Weights of corners 1 and 2. */
-static int covers(const struct query_context *q, const double corner[3][3], const double direction[3],
-                  double slack, double *u, double *v, int *facing)
+static int covers(const struct query_context *q, const double corner[3][3], const double direction[3], double slack,
+                  double *u, double *v, int *facing)
 {
     double e1[3], e2[3], e3[3], n[3], p[3], s[3], m[3], determinant, size;
 
@@ -126,13 +119,11 @@ static int covers(const struct query_context *q, const double corner[3][3], cons
     *v = exact_dot(direction, m) / determinant;
     *facing = determinant > 0;
     slack += 0x1p-22 * fabs(exact_dot(e2, m) / determinant);
-    return *u >= -slack * sqrt(exact_dot(e2, e2)) / size &&
-           *v >= -slack * sqrt(exact_dot(e1, e1)) / size &&
+    return *u >= -slack * sqrt(exact_dot(e2, e2)) / size && *v >= -slack * sqrt(exact_dot(e1, e1)) / size &&
            1 - *u - *v >= -slack * sqrt(exact_dot(e3, e3)) / size;
 }
 
-int accel_covers(const struct query_context *q, const struct hit *face, double *u, double *v,
-                 int *facing)
+int accel_covers(const struct query_context *q, const struct hit *face, double *u, double *v, int *facing)
 {
     double corner[3][3];
 
@@ -142,8 +133,8 @@ int accel_covers(const struct query_context *q, const struct hit *face, double *
 
 /* Would every ray have been stopped where this one passed the face? Not by a veil, and not by the invisible
  * side of a face, unless it may as well lie behind. */
-static int stops_all(const struct query_context *q, const struct hit *face, const double corner[3][3],
-                     double u, double v, int facing, double apart)
+static int stops_all(const struct query_context *q, const struct hit *face, const double corner[3][3], double u,
+                     double v, int facing, double apart)
 {
     const struct accel *accel = q->accel;
     double gap = 0;
@@ -154,8 +145,7 @@ static int stops_all(const struct query_context *q, const struct hit *face, cons
         return 1;
     for (int k = 0; k < 3; k++)
         gap = fmax(gap, accel_gap(&accel->digits, corner[k]));
-    return apart < gap &&
-           accel->accept(accel->scene, NULL, face->instance, face->triangle, (real)u, (real)v, !facing);
+    return apart < gap && accel->accept(accel->scene, NULL, face->instance, face->triangle, (real)u, (real)v, !facing);
 }
 
 /* Has the path passed the triangle on the way to the opaque face that the ray leaves, and nearly parallel
@@ -172,8 +162,7 @@ static int was_passed(const struct query_context *q, const struct hit *face, con
         return 0;
     exact_vec(ray->off, off);
     exact_vec(ray->came, came);
-    if (!(fabs(exact_dot(normal, off)) > PASSED_COSINE * length) ||
-        (height < 0) != (exact_dot(normal, came) > 0))
+    if (!(fabs(exact_dot(normal, off)) > PASSED_COSINE * length) || (height < 0) != (exact_dot(normal, came) > 0))
         return 0;
     return covers(q, corner, came, PASSED_SLACK * fabs(height) / length, &u, &v, &facing) &&
            stops_all(q, face, corner, u, v, facing, fabs(height) / length);
@@ -247,11 +236,9 @@ int accel_keep(struct query_context *q, const struct hit *face, double t, int fa
     return 0;
 }
 
-/* The distance of a line through the origin from the edge between two corners, as seen along the line;
- * positive on one side. 0: the edge is a point. *magnified: by how much Embree's error grows where the
- * edge is seen from its end. */
-static double beside_edge(const double direction[3], const double from[3], const double to[3],
-                          double *magnified)
+/* The distance of a line through the origin from the edge between two corners, as seen along the line; positive on one
+ * side. 0: the edge is a point. *magnified: by how much Embree's error grows where the edge is seen from its end. */
+static double beside_edge(const double direction[3], const double from[3], const double to[3], double *magnified)
 {
     double edge[3], across[3], width;
 
@@ -285,8 +272,7 @@ int accel_may_miss(const struct query_context *q, const struct hit *face)
     return left || right; /* whichever side it turns to the line */
 }
 
-/* Do two faces of one instance lie side by side: with a shared corner and the same winding seen
- * along `axis`? */
+/* Do two faces of one instance lie side by side: with a shared corner and the same winding seen along `axis`? */
 static int one_sheet(const struct query_context *q, const struct hit *a, const struct hit *b)
 {
     double x[3][3], y[3][3], n[3], m[3];
@@ -308,8 +294,7 @@ static int one_sheet(const struct query_context *q, const struct hit *a, const s
 
 void accel_mark_repeats(const struct query_context *q)
 {
-    uint32_t count = q->contact_count < q->contact_capacity ? q->contact_count
-                                                            : q->contact_capacity;
+    uint32_t count = q->contact_count < q->contact_capacity ? q->contact_count : q->contact_capacity;
 
     for (uint32_t i = 0; i < count; i++) {
         struct contact *contact = &q->contacts[i];

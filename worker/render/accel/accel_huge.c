@@ -12,8 +12,7 @@ void accel_huge_bounds(const struct RTCBoundsFunctionArguments *args)
     for (uint32_t i = 0; i < (steps ? steps : 1); i++) {
         double corner[3][3];
 
-        accel->corners(accel->scene, face->instance, face->triangle,
-                       steps ? (real)i / (real)(steps - 1) : 0, corner);
+        accel->corners(accel->scene, face->instance, face->triangle, steps ? (real)i / (real)(steps - 1) : 0, corner);
         for (int k = 0; k < 3; k++)
             for (int a = 0; a < 3; a++) {
                 low[a] = float_min(nextafterf((float32)corner[k][a], -INFINITY), low[a]);
@@ -31,12 +30,10 @@ static int huge_meets(struct query_context *q, const struct hit *face, double *t
     double u, v;
     int facing;
 
-    if (accel_is_excepted(q, face) || !accel_covers(q, face, &u, &v, &facing) ||
-        !accel_decide(q, face, t))
+    if (accel_is_excepted(q, face) || !accel_covers(q, face, &u, &v, &facing) || !accel_decide(q, face, t))
         return 0;
     if (q->accel->geometries[face->instance].filtered &&
-        !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (real)u,
-                          (real)v, facing))
+        !q->accel->accept(q->accel->scene, q->query, face->instance, face->triangle, (real)u, (real)v, facing))
         return 0;
     if (q->kind != QUERY_OCCLUDED)
         accel_keep(q, face, *t, facing);
@@ -49,8 +46,7 @@ void accel_huge_intersect(const struct RTCIntersectFunctionNArguments *args)
     struct RTCRay *ray = &((struct RTCRayHit *)args->rayhit)->ray;
     double t;
 
-    if (args->valid[0] != -1 || !huge_meets(q, &q->accel->sizes.huge[args->primID], &t) ||
-        q->kind == QUERY_COINCIDENT)
+    if (args->valid[0] != -1 || !huge_meets(q, &q->accel->sizes.huge[args->primID], &t) || q->kind == QUERY_COINCIDENT)
         return;
     /* Embree need not search behind it. */
     ray->tfar = float_min((float32)((t + q->back) * (1 + ACCEL_END_SHARE)), ray->tfar);

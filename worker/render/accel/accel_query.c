@@ -8,6 +8,8 @@
 #define BACK_ERRORS 64.0
 /* A ray this many errors away from the edges of the single face that it leaves may start off it. */
 #define INSET_ERRORS 64.0
+/* ... and it is moved at most so many times as far as it should be from the edges. */
+#define INSET_WAYS 4.0
 /* What stands at a face's edges counts as if its edges were at most so many times as long as the face's. Up to
  * INSET_ERRORS times that ratio, Embree's error over a neighbour is still less than what keeps it away. */
 #define NEIGHBOUR_RATIO 16.0
@@ -20,13 +22,11 @@ enum { LEAK_ATTEMPTS = 8 };
 
 /* ---- Embree's proposals ------------------------------------------------------------------- */
 
-/* Is float reliable when it says that the triangle is met? Not if its plane is so near to an end of
- * the ray that the side is uncertain. `t`: metres by Embree. `along`: the direction times the
- * normal. `area2`: the normal's square, in a space in which lengths of the world are scaled by at
- * least `stretch`. */
-static inline int is_certain(const struct query_context *q, const struct accel_geometry *g,
-                             uint32_t triangle, double t, double along, double area2,
-                             double stretch)
+/* Is float reliable when it says that the triangle is met? Not if its plane is so near to an end of the ray that the
+ * side is uncertain. `t`: metres by Embree. `along`: the direction times the normal. `area2`: the normal's square, in a
+ * space in which lengths of the world are scaled by at least `stretch`. */
+static inline int is_certain(const struct query_context *q, const struct accel_geometry *g, uint32_t triangle, double t,
+                             double along, double area2, double stretch)
 {
     double reach = t, height2, error2;
 
@@ -55,8 +55,8 @@ static inline real product(const struct RTCRay *ray, const struct RTCHit *hit)
     return ray->dir_x * hit->Ng_x + ray->dir_y * hit->Ng_y + ray->dir_z * hit->Ng_z;
 }
 
-static inline int accepts(const struct query_context *q, const struct accel_geometry *g,
-                          const struct hit *face, const struct RTCHit *hit, int facing)
+static inline int accepts(const struct query_context *q, const struct accel_geometry *g, const struct hit *face,
+                          const struct RTCHit *hit, int facing)
 {
     real u = hit->u, v = hit->v;
     double weight[2];
@@ -74,8 +74,7 @@ static inline int accepts(const struct query_context *q, const struct accel_geom
 
 static inline struct hit face_of(const struct RTCHit *hit)
 {
-    return (struct hit){hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID,
-                        hit->primID};
+    return (struct hit){hit->instID[0] != RTC_INVALID_GEOMETRY_ID ? hit->instID[0] : hit->geomID, hit->primID};
 }
 
 /* A ray that is traced again beside itself may meet the rim of a hole that the ray passes. Where it starts
@@ -100,13 +99,11 @@ void accel_filter(const struct RTCFilterFunctionNArguments *args)
 
     if (args->valid[0] != -1)
         return;
-    certain = is_certain(q, g, face.triangle, t, exact_dot(d, n), exact_dot(n, n),
-                         (double)g->least_stretch);
+    certain = is_certain(q, g, face.triangle, t, exact_dot(d, n), exact_dot(n, n), (double)g->least_stretch);
     /* Certain is only what the ray beside it meets: it may start on the other side of a face. */
     settled = certain && (q->attempt == 0 || !SAFEGUARD(LEAK_OF_COPY));
     args->valid[0] = 0;
-    if (accel_is_excepted(q, &face) || (!settled && !accel_decide(q, &face, &t)) ||
-        !is_believed(q, &face, certain))
+    if (accel_is_excepted(q, &face) || (!settled && !accel_decide(q, &face, &t)) || !is_believed(q, &face, certain))
         return;
     facing = product(ray, hit) < 0;
     if (accepts(q, g, &face, hit, facing) && (settled || accel_keep(q, &face, t, facing)))
@@ -126,8 +123,8 @@ void accel_filter_accepted(const struct RTCFilterFunctionNArguments *args)
 }
 
 /* The face's normal, of any length, from the one in the instance's space. */
-static void normal_to_world(const struct query_context *q, const struct accel_geometry *g,
-                            const struct hit *face, double n[3])
+static void normal_to_world(const struct query_context *q, const struct accel_geometry *g, const struct hit *face,
+                            double n[3])
 {
     double corner[3][3], local[3] = {n[0], n[1], n[2]};
 
@@ -137,22 +134,20 @@ static void normal_to_world(const struct query_context *q, const struct accel_ge
         return;
     }
     for (int k = 0; k < 3; k++)
-        n[k] = g->to_object[0][k] * local[0] + g->to_object[1][k] * local[1] +
-               g->to_object[2][k] * local[2];
+        n[k] = g->to_object[0][k] * local[0] + g->to_object[1][k] * local[1] + g->to_object[2][k] * local[2];
 }
 
 /* Is Embree's hit without a filter the one it would have found with the filter? Then everything
  * that the filter would have rejected lies behind it. */
-static inline int is_settled(const struct query_context *q, const struct RTCRayHit *shot,
-                             const struct hit *face)
+static inline int is_settled(const struct query_context *q, const struct RTCRayHit *shot, const struct hit *face)
 {
     const struct accel_geometry *g = &q->accel->geometries[face->instance];
     double n[3] = {(double)shot->hit.Ng_x, (double)shot->hit.Ng_y, (double)shot->hit.Ng_z};
 
     if (!g->in_world)
         normal_to_world(q, g, face, n);
-    return is_certain(q, g, face->triangle, (double)shot->ray.tfar - q->back,
-                      exact_dot(n, q->direction), exact_dot(n, n), 1) &&
+    return is_certain(q, g, face->triangle, (double)shot->ray.tfar - q->back, exact_dot(n, q->direction),
+                      exact_dot(n, n), 1) &&
            !accel_is_excepted(q, face);
 }
 
@@ -164,26 +159,49 @@ static inline void go(const double from[3], const double direction[3], double by
         to[k] = from[k] + by * direction[k];
 }
 
-/* Move towards the middle of the face until it is clear of its edges: there a sideways error could
- * take the ray past a neighbour that stands up. */
+/* The vector from a place to the nearest one of a line, and its squared length. */
+static double way_to_line(const double place[3], const double from[3], const double to[3], double way[3])
+{
+    double line[3], start[3], along;
+
+    exact_sub(to, from, line);
+    exact_sub(place, from, start);
+    along = exact_dot(line, line) > 0 ? fmin(fmax(exact_dot(start, line) / exact_dot(line, line), 0), 1) : 0;
+    for (int i = 0; i < 3; i++)
+        way[i] = along * line[i] - start[i];
+    return exact_dot(way, way);
+}
+
+/* Move by the shortest way to where the ray is clear of its face's edges: there a sideways error could take it past a
+ * neighbour that stands up. In a slender corner that is far away, and what is near would be passed: there some way
+ * towards it has to do. */
 static void move_inwards(struct query_context *q)
 {
-    double corner[3][3], e[3], way[3], n[3], longest = 0, middle, wanted, inset, part;
+    double corner[3][3], inner[3][3], n[3], best[3] = {0}, nearest2 = INFINITY, share;
+    const double wanted = 2 * INSET_ERRORS * q->error_left;
 
-    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle,
-                      q->ray->time, corner);
+    q->accel->corners(q->accel->scene, q->ray->left[0].instance, q->ray->left[0].triangle, q->ray->time, corner);
     exact_normal(corner, n);
+    (void)exact_inset(corner, wanted, inner);
     for (int k = 0; k < 3; k++) {
-        way[k] = (corner[0][k] + corner[1][k] + corner[2][k]) / 3 - q->origin[k];
-        exact_sub(corner[(k + 1) % 3], corner[k], e);
-        longest = fmax(longest, exact_dot(e, e));
+        double edge[3], place[3], side[3], way[3], distance2;
+
+        exact_sub(corner[(k + 1) % 3], corner[k], edge);
+        exact_sub(q->origin, corner[k], place);
+        exact_cross(n, edge, side);
+        if (exact_dot(side, place) >= wanted * sqrt(exact_dot(side, side)))
+            continue;
+        distance2 = way_to_line(q->origin, inner[k], inner[(k + 1) % 3], way);
+        if (distance2 < nearest2) {
+            nearest2 = distance2;
+            memcpy(best, way, sizeof best);
+        }
     }
-    middle = longest > 0 ? sqrt(exact_dot(n, n) / longest) / 3 : 0;
-    inset = fmax((double)q->ray->inset, 0);
-    wanted = 2 * INSET_ERRORS * q->error_left;
-    part = middle > wanted ? (wanted - inset) / (middle - inset) : 1;
-    go(q->origin, way, part, q->inside);
-    q->aside = part * sqrt(exact_dot(way, way));
+    if (!(nearest2 < INFINITY))
+        nearest2 = 0;
+    share = nearest2 > INSET_WAYS * INSET_WAYS * wanted * wanted ? INSET_WAYS * wanted / sqrt(nearest2) : 1;
+    go(q->origin, best, share, q->inside);
+    q->aside = share * sqrt(nearest2);
     q->error += q->aside;
 }
 
@@ -264,8 +282,7 @@ static inline void end_on_face(struct query_context *q)
 {
     double cosine = (double)q->ray->end_cosine, t_max = (double)q->ray->t_max;
 
-    if (!q->at_edge && (double)q->ray->end_inset > INSET_ERRORS * q->error &&
-        q->back < 0.5 * t_max * cosine) {
+    if (!q->at_edge && (double)q->ray->end_inset > INSET_ERRORS * q->error && q->back < 0.5 * t_max * cosine) {
         q->t_max -= q->error / cosine + ACCEL_END_SHARE * t_max;
         return;
     }
@@ -275,7 +292,7 @@ static inline void end_on_face(struct query_context *q)
 }
 
 static inline void query_start(struct query_context *q, const struct accel *accel, const struct ray *ray,
-                        const void *query, enum query_kind kind)
+                               const void *query, enum query_kind kind)
 {
 #if AZULEJO_EMBREE >= 4
     rtcInitRayQueryContext(&q->embree);
@@ -318,8 +335,7 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
 {
     struct basis frame = basis_from_normal(q->ray->direction);
     struct vec3 aside = vec3_scale(q->attempt & 1 ? frame.s : frame.t,
-                                   real_ldexp(q->attempt & 2 ? -LEAK_ANGLE : LEAK_ANGLE,
-                                          (int)q->attempt - 1));
+                                   real_ldexp(q->attempt & 2 ? -LEAK_ANGLE : LEAK_ANGLE, (int)q->attempt - 1));
     real reach = (real)q->largest;
 
     out->org_x += (float32)(aside.x * reach);
@@ -332,9 +348,8 @@ static void look_beside(struct RTCRay *out, const struct query_context *q)
 
 typedef float32 four_floats __attribute__((vector_size(16)));
 
-/* Embree's ray starts earlier than the real one and, if that ends on a face, it ends later. Embree
- * reads origin and direction four floats at once; if they were written one by one, the load would
- * stall until they are in the cache. */
+/* Embree's ray starts earlier than the real one and, if that ends on a face, it ends later. Embree reads origin and
+ * direction four floats at once; if they were written one by one, the load would stall until they are in the cache. */
 static inline void ray_init(struct RTCRay *out, const struct query_context *q)
 {
     const four_floats origin = {(float32)q->start[0], (float32)q->start[1],
@@ -342,7 +357,7 @@ static inline void ray_init(struct RTCRay *out, const struct query_context *q)
     const four_floats direction = {(float32)q->aim.x, (float32)q->aim.y, (float32)q->aim.z,
                                    (float32)q->ray->time};
 
-    memcpy(&out->org_x, &origin, sizeof origin); /* and tnear */
+    memcpy(&out->org_x, &origin, sizeof origin);       /* and tnear */
     memcpy(&out->dir_x, &direction, sizeof direction); /* and time */
     out->tfar = (float32)q->t_max;
     out->mask = ~0u;
@@ -358,6 +373,8 @@ static int trace(struct query_context *q, struct RTCRayHit *shot, struct hit *hi
     ray_init(&shot->ray, q);
     shot->hit.geomID = RTC_INVALID_GEOMETRY_ID;
     shot->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    if (q->accel->few_shapes.count)
+        accel_shapes_intersect(q, &shot->ray);
 #if AZULEJO_EMBREE >= 4
     struct RTCIntersectArguments args;
     rtcInitIntersectArguments(&args);
@@ -390,7 +407,7 @@ static int trace_carefully(struct query_context *q, struct hit *hit)
 
 /* The nearest of what float and double decide; 0: none. Float is uncertain for few rays, so the
  * others run without the filter. */
-static int meets(struct query_context *q, struct hit *hit)
+static inline __attribute__((always_inline)) int meets(struct query_context *q, struct hit *hit)
 {
     struct RTCRayHit shot;
     int met = trace(q, &shot, hit);
@@ -424,8 +441,8 @@ double accel_gap(const struct accel_digits *digits, const double place[3])
     return ldexp(ACCEL_COINCIDENT_ULPS, exponent - 24);
 }
 
-int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t,
-                 int in_contact, struct hit *hit)
+int accel_refine(const struct accel *accel, const struct ray *ray, const void *query, double t, int in_contact,
+                 struct hit *hit)
 {
     struct ray last = {.direction = ray->direction, .time = ray->time};
     struct hit found = *hit;
@@ -452,8 +469,8 @@ int accel_refine(const struct accel *accel, const struct ray *ray, const void *q
     /* Coincident faces have no order: the caller crosses them together (accel_coincident). */
     accel->corners(accel->scene, hit->instance, hit->triangle, ray->time, corner);
     exact_normal(corner, n);
-    gap = (exact_crossing(corner, n, q.origin, q.direction) - q.nearest_t) *
-          fabs(exact_dot(n, q.direction)) / sqrt(exact_dot(n, n));
+    gap = (exact_crossing(corner, n, q.origin, q.direction) - q.nearest_t) * fabs(exact_dot(n, q.direction)) /
+          sqrt(exact_dot(n, n));
     go(place, direction, reach, place);
     if (gap < accel_gap(&accel->digits, place) * (1 - 1e-6)) /* 8 ulp up to rounding count as apart */
         return 0;
@@ -465,6 +482,8 @@ static int is_blocked(struct query_context *q)
 {
     struct RTCRay shot;
 
+    if (q->accel->few_shapes.count && accel_shapes_occlude(q))
+        return 1;
     ray_init(&shot, q);
 #if AZULEJO_EMBREE >= 4
     struct RTCOccludedArguments args;
@@ -492,8 +511,7 @@ static __attribute__((noinline)) int meets_from_inside(struct query_context *q, 
     return q->kind == QUERY_OCCLUDED ? is_blocked(q) : meets(q, hit);
 }
 
-int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query,
-                    struct hit *hit)
+int accel_intersect(const struct accel *accel, const struct ray *ray, const void *query, struct hit *hit)
 {
     struct query_context q;
 
@@ -510,8 +528,8 @@ int accel_occluded(const struct accel *accel, const struct ray *ray, const void 
 }
 
 /* Start on the ray itself, not one error off the face: then a hole is narrowed by that much less. */
-static void start_again(struct query_context *q, struct ray *copy, const struct accel *accel,
-                        const struct ray *ray, const void *query, enum query_kind kind)
+static void start_again(struct query_context *q, struct ray *copy, const struct accel *accel, const struct ray *ray,
+                        const void *query, enum query_kind kind)
 {
     *copy = *ray;
     copy->contacts = 1;
@@ -519,8 +537,7 @@ static void start_again(struct query_context *q, struct ray *copy, const struct 
     q->careful = 1;
 }
 
-int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query,
-                             struct hit *hit)
+int accel_intersect_enclosed(const struct accel *accel, const struct ray *ray, const void *query, struct hit *hit)
 {
     struct query_context q;
     struct ray copy;
@@ -545,8 +562,7 @@ int accel_occluded_enclosed(const struct accel *accel, const struct ray *ray, co
 }
 
 uint32_t accel_coincident(const struct accel *accel, const struct ray *ray, const struct hit *hit,
-                          const double place[3], const void *query, struct contact *out,
-                          uint32_t capacity)
+                          const double place[3], const void *query, struct contact *out, uint32_t capacity)
 {
     struct ray line = {.t_max = INFINITY, .time = ray->time};
     double corner[3][3], n[3], along[3], length;

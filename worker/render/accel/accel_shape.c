@@ -29,8 +29,7 @@ static int is_left(const struct query_context *q, const struct shape *shape)
 }
 
 /* Does the crossing count? A shape on which the ray ends does not: its end was computed alike. */
-static int counts(struct query_context *q, const struct accel_geometry *g,
-                  const struct shape_crossing *at)
+static int counts(struct query_context *q, const struct accel_geometry *g, const struct shape_crossing *at)
 {
     const struct hit face = {(uint32_t)(g - q->accel->geometries), at->side};
     const int facing = at->side == g->shape->winding;
@@ -53,8 +52,8 @@ static int meets(struct query_context *q, const struct accel_geometry *g, double
     if (q->kind == QUERY_COINCIDENT)
         return 0;
     exact_vec(q->ray->off, off);
-    count = shape_rows[g->shape->kind].crossings(g->shape, q->origin, q->direction,
-                                                 is_left(q, g->shape) ? off : NULL, at);
+    count =
+        shape_rows[g->shape->kind].crossings(g->shape, q->origin, q->direction, is_left(q, g->shape) ? off : NULL, at);
     for (int i = 0; i < count; i++) {
         *t = at[i].t;
         if (counts(q, g, &at[i]))
@@ -63,24 +62,44 @@ static int meets(struct query_context *q, const struct accel_geometry *g, double
     return 0;
 }
 
-static void shape_intersect(const struct RTCIntersectFunctionNArguments *args)
+/* What lies behind need not be looked at. */
+static void intersect(struct query_context *q, const struct accel_geometry *g, struct RTCRay *ray)
 {
-    struct query_context *q = (struct query_context *)args->context;
-    struct RTCRay *ray = &((struct RTCRayHit *)args->rayhit)->ray;
     double t;
 
-    /* What lies behind need not be looked at. */
-    if (args->valid[0] == -1 && meets(q, args->geometryUserPtr, &t))
+    if (meets(q, g, &t))
         ray->tfar = float_min((float32)((t + q->back) * (1 + ACCEL_END_SHARE) + 2 * q->error), ray->tfar);
+}
+
+static void shape_intersect(const struct RTCIntersectFunctionNArguments *args)
+{
+    if (args->valid[0] == -1)
+        intersect((struct query_context *)args->context, args->geometryUserPtr,
+                  &((struct RTCRayHit *)args->rayhit)->ray);
 }
 
 static void shape_occluded(const struct RTCOccludedFunctionNArguments *args)
 {
     double t;
 
-    if (args->valid[0] == -1 &&
-        meets((struct query_context *)args->context, args->geometryUserPtr, &t))
+    if (args->valid[0] == -1 && meets((struct query_context *)args->context, args->geometryUserPtr, &t))
         ((struct RTCRay *)args->ray)->tfar = -INFINITY;
+}
+
+void accel_shapes_intersect(struct query_context *q, struct RTCRay *ray)
+{
+    for (uint32_t i = 0; i < q->accel->few_shapes.count; i++)
+        intersect(q, &q->accel->geometries[q->accel->few_shapes.geometry[i]], ray);
+}
+
+int accel_shapes_occlude(struct query_context *q)
+{
+    double t;
+
+    for (uint32_t i = 0; i < q->accel->few_shapes.count; i++)
+        if (meets(q, &q->accel->geometries[q->accel->few_shapes.geometry[i]], &t))
+            return 1;
+    return 0;
 }
 
 RTCGeometry accel_shape_geometry(RTCDevice device, struct accel_geometry *g)

@@ -17,8 +17,8 @@ enum { SLENDER_ORDINARY = 2 };
 enum { EXPONENT_MIN = -160, EXPONENTS = 320 };
 
 struct tally {
-    uint64_t count[EXPONENTS];   /* triangles whose longest edge has the exponent */
-    uint64_t world[EXPONENTS];   /* those of them that lie in the top BVH */
+    uint64_t count[EXPONENTS]; /* triangles whose longest edge has the exponent */
+    uint64_t world[EXPONENTS]; /* those of them that lie in the top BVH */
     uint64_t total;
 };
 
@@ -52,13 +52,12 @@ static double longest_edge(const float32 *positions, const uint32_t *vertex, dou
 }
 
 /* If the vertices move: the step in which the triangle is largest. */
-static double largest_in_motion(const struct accel_instance *instance, const uint32_t *vertex,
-                                double *area2)
+static double largest_in_motion(const struct accel_instance *instance, const uint32_t *vertex, double *area2)
 {
     double longest, unused;
 
     if (!instance->motion_steps)
-        return longest_edge(instance->world_positions, vertex, area2);
+        return longest_edge(instance->instance_positions, vertex, area2);
     longest = longest_edge(instance->motion_positions[0], vertex, area2);
     for (uint32_t k = 1; k < instance->motion_steps; k++)
         longest = fmax(longest, longest_edge(instance->motion_positions[k], vertex, &unused));
@@ -82,8 +81,7 @@ static double norm(const struct accel_instance *instance)
     double most = 0;
 
     for (uint32_t i = 0; i < (instance->motion_steps ? instance->motion_steps : 1); i++) {
-        const struct transform *m = instance->motion_steps ? &instance->motion_to_world[i]
-                                                           : &instance->to_world;
+        const struct transform *m = instance->motion_steps ? &instance->motion_to_world[i] : &instance->to_world;
         double sum = 0;
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++)
@@ -94,18 +92,16 @@ static double norm(const struct accel_instance *instance)
 }
 
 /* Meshes with their own BVH: use the smallest scale of their instances. */
-static status tally_shared(struct tally *tally, struct sizes *sizes, const struct accel_input *in,
-                           struct error *err)
+static status tally_shared(struct tally *tally, struct sizes *sizes, const struct accel_input *in, struct error *err)
 {
     double *least = mem_calloc(in->mesh_count, sizeof *least);
 
-    if (!least)
-        return error_no_memory(err, "the sizes of the triangles");
+    NEED(least, err, "the sizes of the triangles");
     for (uint32_t i = 0; i < in->instance_count; i++) {
         const struct accel_instance *instance = &in->instances[i];
         double *of_mesh = &least[instance->mesh];
 
-        if (instance->world_positions)
+        if (instance->instance_positions)
             continue;
         sizes->longest[i] = SAFEGUARD(ERROR_OF_INSTANCE) ? norm(instance) : 1;
         *of_mesh = *of_mesh > 0 ? fmin(*of_mesh, sizes->longest[i]) : sizes->longest[i];
@@ -114,23 +110,21 @@ static status tally_shared(struct tally *tally, struct sizes *sizes, const struc
         double most = 0;
 
         for (uint32_t k = 0; least[m] > 0 && k < in->meshes[m].triangle_count; k++) {
-            double area2, longest = sqrt(longest_edge(in->meshes[m].positions,
-                                                      in->meshes[m].indices + 3 * (size_t)k,
-                                                      &area2));
+            double area2,
+                longest = sqrt(longest_edge(in->meshes[m].positions, in->meshes[m].indices + 3 * (size_t)k, &area2));
             count_one(tally, least[m] / sqrt(3.0) * longest, area2, 0);
             most = fmax(most, longest);
         }
         least[m] = most;
     }
     for (uint32_t i = 0; i < in->instance_count; i++)
-        if (!in->instances[i].world_positions)
+        if (!in->instances[i].instance_positions)
             sizes->longest[i] *= least[in->instances[i].mesh];
     mem_free(least);
     return STATUS_OK;
 }
 
-static void tally_world(struct tally *tally, const struct accel_input *in,
-                        const struct accel_instance *instance)
+static void tally_world(struct tally *tally, const struct accel_input *in, const struct accel_instance *instance)
 {
     const struct accel_mesh *mesh = &in->meshes[instance->mesh];
 
@@ -150,29 +144,25 @@ static int huge_exponent(const struct tally *tally)
         return huge;
     while (small < EXPONENTS && (below += tally->count[small]) <= tally->total / SMALL_SHARE)
         small++;
-    while (huge > small + HUGE_RATIO_BITS && huge > 0 &&
-           (above += tally->world[huge - 1]) <= SIZES_HUGE_MAX)
+    while (huge > small + HUGE_RATIO_BITS && huge > 0 && (above += tally->world[huge - 1]) <= SIZES_HUGE_MAX)
         huge--;
     return huge;
 }
 
 /* Split the triangles of the top BVH: list the huge ones, find the longest of the others. */
-static status list_huge(struct sizes *sizes, const struct accel_input *in, int least, uint64_t count,
-                        struct error *err)
+static status list_huge(struct sizes *sizes, const struct accel_input *in, int least, uint64_t count, struct error *err)
 {
     sizes->huge = mem_alloc_array(count, sizeof *sizes->huge);
-    if (!sizes->huge)
-        return error_no_memory(err, "the list of huge triangles");
+    NEED(sizes->huge, err, "the list of huge triangles");
     for (uint32_t i = 0; i < in->instance_count; i++) {
         const struct accel_instance *instance = &in->instances[i];
         const struct accel_mesh *mesh = &in->meshes[instance->mesh];
         double most = 0;
 
-        if (!instance->world_positions)
+        if (!instance->instance_positions)
             continue;
         for (uint32_t k = 0; k < mesh->triangle_count; k++) {
-            double area2, longest = largest_in_motion(instance, mesh->indices + 3 * (size_t)k,
-                                                      &area2);
+            double area2, longest = largest_in_motion(instance, mesh->indices + 3 * (size_t)k, &area2);
             if (!(area2 > 0))
                 continue;
             if (exponent_of(sqrt(longest)) < least)
@@ -232,7 +222,7 @@ status sizes_init(struct sizes *sizes, const struct accel_input *in, struct erro
     if (s != STATUS_OK)
         goto done;
     for (uint32_t i = 0; i < in->instance_count; i++)
-        if (in->instances[i].world_positions)
+        if (in->instances[i].instance_positions)
             tally_world(tally, in, &in->instances[i]);
     least = huge_exponent(tally);
     for (int e = least; e < EXPONENTS; e++)
@@ -250,15 +240,14 @@ void sizes_release(struct sizes *sizes)
     memset(sizes, 0, sizeof *sizes);
 }
 
-status sizes_slender(const float32 *positions, const struct accel_mesh *mesh, uint8_t **out,
-                     double *worst_squared, struct error *err)
+status sizes_slender(const float32 *positions, const struct accel_mesh *mesh, uint8_t **out, double *worst_squared,
+                     struct error *err)
 {
     uint8_t *slender = mem_alloc_array(mesh->triangle_count, 1), worst = 0;
 
     *out = NULL;
     *worst_squared = 1;
-    if (!slender)
-        return error_no_memory(err, "the shapes of the triangles");
+    NEED(slender, err, "the shapes of the triangles");
     for (uint32_t i = 0; i < mesh->triangle_count; i++) {
         double area2, longest = longest_edge(positions, mesh->indices + 3 * (size_t)i, &area2);
         double ratio = longest / sqrt(area2);

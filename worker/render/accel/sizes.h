@@ -6,18 +6,17 @@
  * few triangles beside which the rest is tiny (a ground of 1,000 km under a box of 2 cm) would blur
  * everything near them. They are called huge, and are intersected in double.
  */
-#ifndef AZULEJO_RENDER_SIZES_H
-#define AZULEJO_RENDER_SIZES_H
+#pragma once
 
 #include "worker/render/accel/accel.h"
 
 enum { SIZES_HUGE_MAX = 1024 };  /* triangles */
 
 struct sizes {
-    double *longest;      /* [instances] metres in world space: upper bound of the longest edge
+    double *longest; /* [instances] metres in world space: upper bound of the longest edge
                              of the triangles that are not huge */
     uint32_t huge_count;
-    struct hit *huge;     /* [huge_count] by instance, then by triangle */
+    struct hit *huge; /* [huge_count] by instance, then by triangle */
 };
 
 /* Reads every triangle once. ERR_NO_MEMORY. */
@@ -29,11 +28,8 @@ void sizes_release(struct sizes *sizes);
 double sizes_condition(const struct transform *m);
 double sizes_least_stretch(const struct transform *m);
 
-/* Binary logarithm of longest edge / height of each triangle, rounded up and at most
- * SIZES_SLENDER_MAX; *out is NULL if all are small. *worst_squared is the square of the largest
- * ratio, rounded in the same way; 1 if all are small. */
+/* Binary logarithm of longest edge / height of each triangle, rounded up and at most SIZES_SLENDER_MAX; *out is NULL if
+ * all are small. *worst_squared is the square of the largest ratio, rounded in the same way; 1 if all are small. */
 enum { SIZES_SLENDER_MAX = 30 };
-status sizes_slender(const float32 *positions, const struct accel_mesh *mesh, uint8_t **out,
-                     double *worst_squared, struct error *err) MUST_CHECK;
-
-#endif
+status sizes_slender(const float32 *positions, const struct accel_mesh *mesh, uint8_t **out, double *worst_squared,
+                     struct error *err) MUST_CHECK;

@@ -3,8 +3,7 @@
  * A path tracer lets environment rays go to infinity. The sphere gives directional lights and the
  * environment a finite power, from which the odds of choosing them follow.
  */
-#ifndef AZULEJO_RENDER_BOUNDS_H
-#define AZULEJO_RENDER_BOUNDS_H
+#pragma once
 
 #include <stddef.h>
 
@@ -19,5 +18,3 @@ struct sphere {
  * include points outside; at most about 20 % larger than the smallest. Contains every point,
  * rounding included. No points: radius 0 at the origin. */
 struct sphere sphere_around(const struct vec3 *points, size_t count);
-
-#endif

@@ -3,8 +3,7 @@
  * Positions are float[3] converted to double, so the difference of two of them is exact or nearly
  * so. The results are accurate to about 2^-50 of the largest input length.
  */
-#ifndef AZULEJO_RENDER_EXACT_H
-#define AZULEJO_RENDER_EXACT_H
+#pragma once
 
 #include <math.h>
 
@@ -17,10 +16,7 @@ static inline void exact_cross(const double a[3], const double b[3], double out[
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static inline double exact_dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+static inline double exact_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 static inline void exact_sub(const double a[3], const double b[3], double out[3])
 {
@@ -75,8 +71,8 @@ static inline void exact_normal(const double corner[3][3], double out[3])
 
 /* Where the line meets the triangle's plane, in lengths of `direction`; NaN or infinite if it is
  * parallel to the plane. */
-static inline double exact_crossing(const double corner[3][3], const double normal[3],
-                                    const double origin[3], const double direction[3])
+static inline double exact_crossing(const double corner[3][3], const double normal[3], const double origin[3],
+                                    const double direction[3])
 {
     double to_corner[3];
 
@@ -84,4 +80,24 @@ static inline double exact_crossing(const double corner[3][3], const double norm
     return exact_dot(normal, to_corner) / exact_dot(normal, direction);
 }
 
-#endif
+/* The part of a triangle that is `inset` metres from its edges. 0: there is none; `out` is its incentre then. */
+static inline int exact_inset(const double corner[3][3], double inset, double out[3][3])
+{
+    double length[3], n[3], e[3], perimeter, incentre, left;
+
+    for (int k = 0; k < 3; k++) {
+        exact_sub(corner[(k + 2) % 3], corner[(k + 1) % 3], e); /* opposite the corner */
+        length[k] = sqrt(exact_dot(e, e));
+    }
+    perimeter = length[0] + length[1] + length[2];
+    exact_normal(corner, n);
+    left = 1 - inset * perimeter / sqrt(exact_dot(n, n));
+    if (!(left > 0))
+        left = 0;
+    for (int a = 0; a < 3; a++) {
+        incentre = (length[0] * corner[0][a] + length[1] * corner[1][a] + length[2] * corner[2][a]) / perimeter;
+        for (int k = 0; k < 3; k++)
+            out[k][a] = incentre + (corner[k][a] - incentre) * left;
+    }
+    return left > 0;
+}

@@ -5,8 +5,7 @@
  * The environment's AZULEJO_FAULT is a number: that of the only fault that strikes, counted from 1 in the
  * order of FAULT_MAP. It strikes one sample in FAULT_EVERY, a function of pixel and sample alone.
  */
-#ifndef AZULEJO_RENDER_FAULT_H
-#define AZULEJO_RENDER_FAULT_H
+#pragma once
 
 /* The places that can go wrong, each in the same order as the kind that it must move. */
 #define FAULT_MAP(X)   \
@@ -42,8 +41,8 @@ static inline void fault_begin(uint32_t x, uint32_t y, uint32_t sample)
 {
     const char *number = getenv("AZULEJO_FAULT");
 
-    fault_now = number && (x + 3 * y + 5 * sample) % FAULT_EVERY == 4
-                    ? (enum fault)strtoul(number, NULL, 10) : FAULT_NONE;
+    fault_now =
+        number && (x + 3 * y + 5 * sample) % FAULT_EVERY == 4 ? (enum fault)strtoul(number, NULL, 10) : FAULT_NONE;
 }
 
 #define FAULT_BEGIN(x, y, sample) fault_begin(x, y, sample)
@@ -54,5 +53,4 @@ static inline void fault_begin(uint32_t x, uint32_t y, uint32_t sample)
 #define FAULT_BEGIN(x, y, sample) ((void)(x), (void)(y), (void)(sample))
 #define FAULT(NAME) 0
 
-#endif
 #endif

@@ -1,16 +1,14 @@
 /* health_scope: where a rendering thread counts what went wrong (common/film/health.h).
  *
- * A guard that gives something up because it is not a usable number calls the function of its kind
- * below, in the branch that gives up: `if (!(pdf > 0)) return health_density(pdf);`. Most of what guards
- * refuse is sound (a density of 0, a direction below the horizon) and is not counted. What is usable
- * pays nothing.
+ * A guard that gives something up because it is not a usable number calls the function of its kind below, in the branch
+ * that gives up: `if (!(pdf > 0)) return health_density(pdf);`. Most of what guards refuse is sound (a density of 0, a
+ * direction below the horizon) and is not counted. What is usable pays nothing.
  *
- * The counters are the thread's own, as the profiler's place is: a lobe or a light does not know which
- * sample it works for. The pixel loop (tile.c) sets them up, and asks after each sample which kinds it
- * noted. Outside of it nothing is counted.
+ * The counters are the thread's own, as the profiler's place is: a lobe or a light does not know which sample it works
+ * for. The pixel loop (tile.c) sets them up, and asks after each sample which kinds it noted. Outside of it nothing is
+ * counted.
  */
-#ifndef AZULEJO_RENDER_HEALTH_SCOPE_H
-#define AZULEJO_RENDER_HEALTH_SCOPE_H
+#pragma once
 
 #include <math.h>
 
@@ -18,8 +16,8 @@
 #include "common/math/vec.h"
 
 struct health_scope {
-    uint64_t *count;  /* [HEALTH_KINDS]; NULL: nothing is counted */
-    uint32_t noted;   /* a bit per kind, since it was last cleared */
+    uint64_t *count; /* [HEALTH_KINDS]; NULL: nothing is counted */
+    uint32_t noted;  /* a bit per kind, since it was last cleared */
 };
 extern _Thread_local struct health_scope health_scope __attribute__((tls_model("local-exec")));
 
@@ -83,5 +81,3 @@ static inline int health_basis(const struct basis *basis)
         health_note(HEALTH_BAD_BASES);
     return 0;
 }
-
-#endif

@@ -1,20 +1,18 @@
-/* profile_scope: what a rendering thread is doing, for the sampling profiler that reads it from
- * another thread (worker/profile.h).
+/* profile_scope: what a rendering thread is doing, for the sampling profiler that reads it from another thread
+ * (worker/profile.h).
  *
  *     PROFILE_STAGE(TRACE);      the thread traces, until the next stage
  *     PROFILE_EFFECT(TEXTURE);   it works for this effect, until the end of the block
  *
- * Stages are those of common/scene/stages.h. A new stage begins without an effect. The marks are at
- * the borders of the renderer's parts: tracing, surfaces, media, camera, a row of the table of
- * lobes or of lights. The integrator does not know which effect a ray belongs to.
+ * Stages are those of common/scene/stages.h. A new stage begins without an effect. The marks are at the borders of the
+ * renderer's parts: tracing, surfaces, media, camera, a row of the table of lobes or of lights. The integrator does not
+ * know which effect a ray belongs to.
  *
- * A mark stores one or two bytes that belong to the thread; it changes no result. The bytes are
- * volatile, not atomic: compilers treat an atomic access as a barrier to all memory and reload
- * registers, which made frames 1 % slower. Every processor stores a byte in one piece; the thread
- * sanitizer cannot know that, so it gets the atomic.
+ * A mark stores one or two bytes that belong to the thread; it changes no result. The bytes are volatile, not atomic:
+ * compilers treat an atomic access as a barrier to all memory and reload registers, which made frames 1 % slower. Every
+ * processor stores a byte in one piece; the thread sanitizer cannot know that, so it gets the atomic.
  */
-#ifndef AZULEJO_RENDER_PROFILE_SCOPE_H
-#define AZULEJO_RENDER_PROFILE_SCOPE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -64,21 +62,12 @@ static inline uint8_t profile_enter(uint8_t account)
     return before;
 }
 
-static inline void profile_exit(const uint8_t *before)
-{
-    WATCHED_SET(profile_place.account, *before);
-}
+static inline void profile_exit(const uint8_t *before) { WATCHED_SET(profile_place.account, *before); }
 
 /* For a row of a table: until the end of the enclosing scope, or the next stage. */
-static inline void profile_account(uint8_t account)
-{
-    WATCHED_SET(profile_place.account, account);
-}
+static inline void profile_account(uint8_t account) { WATCHED_SET(profile_place.account, account); }
 
-static inline uint8_t profile_account_now(void)
-{
-    return WATCHED_GET(profile_place.account);
-}
+static inline uint8_t profile_account_now(void) { return WATCHED_GET(profile_place.account); }
 
 #define PROFILE_STAGE(name) profile_stage((uint8_t)(STAGE_##name + 1))
 #define PROFILE_IDLE() profile_stage(0)
@@ -93,5 +82,3 @@ static inline uint8_t profile_account_now(void)
 #define PROFILE_EFFECT_NAMED(account, line) \
     __attribute__((cleanup(profile_exit), unused)) const uint8_t profile_before_##line = \
         profile_enter(account)
-
-#endif

@@ -1,17 +1,15 @@
 /* sampler: random numbers as a pure function of (seed, frame, pixel, sample, dimension).
  *
- * Owen-scrambled Sobol' (0,2)-sequences, padded: every pair of dimensions is its own
- * two-dimensional sequence with its own index shuffle and scrambles (Burley 2020, JCGT
- * 9(4); the hash is Vegdahl's). Sample i of group g belongs to replicate 2g + i mod 2 and is point
- * i / 2 of that replicate's own, independently scrambled sequence (refs: Owen 2501.00150).
- * The path asks for dimensions by name, so one decision's numbers never depend on how many numbers
- * another decision used.
+ * Owen-scrambled Sobol' (0,2)-sequences, padded: every pair of dimensions is its own two-dimensional sequence with its
+ * own index shuffle and scrambles (Burley 2020, JCGT 9(4); the hash is Vegdahl's). Sample i of a group is point i of
+ * the group's own, independently scrambled sequence: one long sequence has less error than the mean of several short
+ * ones. The path asks for dimensions by name, so one decision's numbers never depend on how many numbers another
+ * decision used.
  *
- * Invariant: the bits are pinned (tests/unit/render/test_sampler.c). Changing them changes every
- * picture that the farm renders.
+ * Invariant: the bits are pinned (tests/unit/render/test_sampler.c). Changing them changes every picture that the farm
+ * renders.
  */
-#ifndef AZULEJO_RENDER_SAMPLER_H
-#define AZULEJO_RENDER_SAMPLER_H
+#pragma once
 
 #include <stdint.h>
 
@@ -23,9 +21,22 @@ struct sample2 {
 };
 
 struct sampler {
-    uint64_t seed;           /* hash of job seed, frame, pixel and replicate */
-    uint32_t index;          /* the point's number in the replicate's sequence */
-    uint32_t index_reversed; /* its bits, most significant first: what the shuffle hashes */
+    uint64_t seed;               /* hash of job seed, frame, pixel and group */
+    uint32_t index;              /* the point's number in the group's sequence */
+    uint32_t index_reversed;     /* its bits, most significant first: what the shuffle hashes */
+    uint32_t lane;               /* its place in */
+    struct sampler_batch *batch; /* NULL: it makes its numbers alone */
+};
+
+enum { SAMPLER_LANES = 8, SAMPLER_BATCH_PAIRS = 32 };
+
+/* Consecutive samples of one seed. Their numbers differ only by the index, so a pair's are made for all of them when
+ * the first one asks, by vector instructions: the same bits. */
+struct sampler_batch {
+    uint64_t seed;
+    uint32_t index_reversed[SAMPLER_LANES];
+    uint32_t made; /* a bit for each pair */
+    float32 u[SAMPLER_BATCH_PAIRS][SAMPLER_LANES], v[SAMPLER_BATCH_PAIRS][SAMPLER_LANES];
 };
 
 /* Dimension pairs: what a pair of numbers is for. A path vertex of depth d uses
@@ -42,8 +53,13 @@ enum dimension {
     DIMENSIONS_PER_VERTEX = 4,
 };
 
-void sampler_start(struct sampler *s, uint64_t job_seed, uint32_t frame, uint32_t pixel_x,
-                   uint32_t pixel_y, uint32_t group, uint32_t sample);
+void sampler_start(struct sampler *s, uint64_t job_seed, uint32_t frame, uint32_t pixel_x, uint32_t pixel_y,
+                   uint32_t group, uint32_t sample);
+
+/* Start `count` samples from `first` on, at most SAMPLER_LANES, of the seed that samplers[0] was started with. They share
+ * `batch`, which must outlive them; one thread's. NULL: each makes its numbers alone, with the same bits. */
+int sampler_batch_pays(void); /* on this processor */
+void sampler_start_batch(struct sampler *samplers, uint32_t first, uint32_t count, struct sampler_batch *batch);
 
 /* Make the sample independent of all others: from now on its pairs are points of sequences that no
  * other sample shares. Each such pair is one point with its own scrambles, hence uniform. */
@@ -56,6 +72,10 @@ static inline struct sample2 sampler_get(const struct sampler *s, uint32_t pair)
  * happen any number of times (stochastic alpha). `key` tells them apart. */
 real sampler_hash(const struct sampler *s, uint32_t key_a, uint32_t key_b);
 
+/* The same number in two steps: what the sample and key_a settle, once for any number of key_b. */
+uint32_t sampler_hash_first(const struct sampler *s, uint32_t key_a);
+static inline real sampler_hash_second(uint32_t first, uint32_t key_b);
+
 /* ---- the parts, for the tests ---- */
 /* Nested uniform (Owen) scramble of a 32-bit fraction, most significant digit first. */
 uint32_t owen_scramble(uint32_t x, uint32_t seed);
@@ -63,10 +83,18 @@ uint32_t owen_scramble(uint32_t x, uint32_t seed);
 void sobol_2d(uint32_t index, uint32_t out[2]);
 /* Shuffled and scrambled point of the padded pair with this seed. */
 struct sample2 sobol_owen_2d(uint32_t index, uint64_t seed);
-uint32_t hash_u32(uint32_t x);
+static inline uint32_t hash_u32(uint32_t x);
 uint32_t hash_combine(uint32_t seed, uint32_t value);
 
 /* ---- what runs about twenty times per path, inline ---- */
+
+/* Wellons' "lowbias32": a bijection whose every output bit depends on every input bit. */
+static inline uint32_t hash_u32(uint32_t x)
+{
+    x = (x ^ (x >> 16)) * 0x7feb352du;
+    x = (x ^ (x >> 15)) * 0x846ca68bu;
+    return x ^ (x >> 16);
+}
 
 /* Stafford's mix 13 of the 64-bit finaliser (as in SplitMix64): a bijection. */
 static inline uint64_t hash_u64(uint64_t x)
@@ -76,21 +104,12 @@ static inline uint64_t hash_u64(uint64_t x)
     return x ^ (x >> 31);
 }
 
-/* Reverse the bits of both halves, and swap the halves. */
-static inline uint64_t bits_reverse_64(uint64_t x)
-{
-    x = __builtin_bswap64(x);
-    x = (x >> 4 & 0x0f0f0f0f0f0f0f0full) | (x & 0x0f0f0f0f0f0f0f0full) << 4;
-    x = (x >> 2 & 0x3333333333333333ull) | (x & 0x3333333333333333ull) << 2;
-    return (x >> 1 & 0x5555555555555555ull) | (x & 0x5555555555555555ull) << 1;
-}
-
 static inline uint32_t bits_reverse_32(uint32_t x)
 {
     x = __builtin_bswap32(x);
     x = (x >> 4 & 0x0f0f0f0fu) | (x & 0x0f0f0f0fu) << 4;
-    x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;
-    return (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
+    x = (x >> 2 & 0x33333333u) + 4 * (x & 0x33333333u);
+    return (x >> 1 & 0x55555555u) + 2 * (x & 0x55555555u);
 }
 
 /* Owen's scramble of a word whose digits run from the least significant bit up: a hash of the bits
@@ -106,18 +125,6 @@ static inline uint32_t owen_hash_reversed(uint32_t x, uint32_t seed)
     return x;
 }
 
-/* Sobol' dimension 1 of point `index`, its digits from the least significant bit up. The
- * generator matrix is Pascal's triangle modulo 2, that is: read the index as a polynomial
- * p over GF(2), the digits are p(x + 1); and (x + 1)^(2^k) = x^(2^k) + 1 makes a butterfly. */
-static inline uint32_t sobol_pascal_reversed(uint32_t index)
-{
-    index ^= index >> 16;
-    index ^= index >> 8 & 0x00ff00ffu;
-    index ^= index >> 4 & 0x0f0f0f0fu;
-    index ^= index >> 2 & 0x33333333u;
-    return index ^ (index >> 1 & 0x55555555u);
-}
-
 /* A 32-bit fraction as a float in [0, 1), rounded down. Rounding up would reach 1, and would move
  * one point in 2^15 across the edge of a 1/1024 cell, which must hold exactly one point of the net.
  * In a word longer than a float's 24 bits, the top bit of `x >> 24` is at the first bit to be
@@ -127,26 +134,19 @@ static inline float32 unit_float(uint32_t x)
     return (float32)(SAFEGUARD(UNIT_BELOW_1) ? x & ~(x >> 24) : x) * 0x1p-32f;
 }
 
-/* The index shuffle is owen_scramble(index): reverse, hash, reverse. Dimension 0 (van der Corput)
- * is the reversed index, so its scramble hashes the shuffled index directly; dimension 1's scramble
- * likewise hashes its digits. One 64-bit reversal then serves both. */
-static inline struct sample2 sobol_owen_2d_reversed(uint32_t index_reversed, uint64_t seed)
-{
-    uint64_t scrambles = hash_u64(seed + 0x9e3779b97f4a7c15ull);
-    uint32_t shuffle = (uint32_t)(hash_u64(seed ^ 0xd1b54a32d192ed03ull) >> 32);
-    uint32_t index = bits_reverse_32(owen_hash_reversed(index_reversed, shuffle));
-    uint32_t x = owen_hash_reversed(index, (uint32_t)scrambles);
-    uint32_t y = owen_hash_reversed(sobol_pascal_reversed(index), (uint32_t)(scrambles >> 32));
-    uint64_t both = bits_reverse_64((uint64_t)x << 32 | y);
+static inline real sampler_hash_second(uint32_t first, uint32_t key_b) { return unit_float(hash_u32(first ^ key_b)); }
 
-    return (struct sample2){unit_float((uint32_t)both), unit_float((uint32_t)(both >> 32))};
-}
+/* Make the pair's numbers, of all samples of the batch, or of one sample alone. */
+void sampler_batch_make(struct sampler_batch *batch, uint32_t pair);
+struct sample2 sampler_get_alone(const struct sampler *s, uint32_t pair);
 
 static inline struct sample2 sampler_get(const struct sampler *s, uint32_t pair)
 {
-    uint64_t own = SAFEGUARD(INDEPENDENT_PAIRS) ? pair * 0xda942042e4dd58b5ull : 0;
+    struct sampler_batch *batch = s->batch;
 
-    return sobol_owen_2d_reversed(s->index_reversed, s->seed + own);
+    if (!batch || pair >= SAMPLER_BATCH_PAIRS)
+        return sampler_get_alone(s, pair);
+    if (!(batch->made >> pair & 1))
+        sampler_batch_make(batch, pair);
+    return (struct sample2){batch->u[pair][s->lane], batch->v[pair][s->lane]};
 }
-
-#endif

@@ -1,18 +1,16 @@
 /* albedo: how much of a rough dielectric's light its reflection takes, on average.
  *
- * For a GGX surface with Schlick's Fresnel term the mean reflectance of the microfacets seen along
- * mu = cos theta is f0 + (f90 - f0) * blend(mu, alpha), where blend is the mean of (1 - v.h)^5
- * weighted by masking and shadowing. The layer below gets the rest: its BRDF is scaled by
- * (1 - mean(mu_o)) (1 - mean(mu_i)) / (1 - mean_average), after Kelemen and Szirmay-Kalos 2001.
- * This is reciprocal, and a white layer sends out exactly 1 - mean(mu_o).
+ * For a GGX surface with Schlick's Fresnel term the mean reflectance of the microfacets seen along mu = cos theta is f0
+ * + (f90 - f0) * blend(mu, alpha), where blend is the mean of (1 - v.h)^5 weighted by masking and shadowing. The layer
+ * below gets the rest: its BRDF is scaled by (1 - mean(mu_o)) (1 - mean(mu_i)) / (1 - mean_average), after Kelemen and
+ * Szirmay-Kalos 2001. This is reciprocal, and a white layer sends out exactly 1 - mean(mu_o).
  *
- * `blend` is tabulated (tests/numerics/test_albedo_table.c recomputes the table, checks it and
- * prints it with --print). Columns are equally spaced in sqrt(mu) from 0 to 1, rows in sqrt(alpha)
- * from sqrt(BSDF_ALPHA_MIN) to 1. The entries are raised by ALBEDO_MARGIN, so that interpolation
- * never lets layer and reflection together send out more than came in.
+ * `blend` is tabulated (tests/numerics/test_albedo_table.c recomputes the table, checks it and prints it with --print).
+ * Columns are equally spaced in sqrt(mu) from 0 to 1, rows in sqrt(alpha) from sqrt(BSDF_ALPHA_MIN) to 1. The entries
+ * are raised by ALBEDO_MARGIN, so that interpolation never lets layer and reflection together send out more than came
+ * in.
  */
-#ifndef AZULEJO_RENDER_ALBEDO_H
-#define AZULEJO_RENDER_ALBEDO_H
+#pragma once
 
 #include <math.h>
 
@@ -29,24 +27,22 @@ extern const float32 albedo_blend_average[ALBEDO_ROWS];
 
 /* The position of an alpha between two rows. */
 struct albedo_row {
-    const float32 *low;  /* the row below; the one above follows it */
-    real average;     /* hemispherical mean of blend */
+    const float32 *low; /* the row below; the one above follows it */
+    real average;       /* hemispherical mean of blend */
     real t;
 };
 
 /* alpha in BSDF_ALPHA_MIN..1. */
 static inline struct albedo_row albedo_row_find(real alpha)
 {
-    real x = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) *
-              ((real)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real x = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) * ((real)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
     int row = x > 0.0f ? (int)x : 0;
     struct albedo_row r;
 
     row = row < ALBEDO_ROWS - 2 ? row : ALBEDO_ROWS - 2;
     r.low = albedo_blend[row];
     r.t = x > 0.0f ? x - (real)row : 0.0f;
-    r.average = albedo_blend_average[row] +
-                (albedo_blend_average[row + 1] - albedo_blend_average[row]) * r.t;
+    r.average = albedo_blend_average[row] + (albedo_blend_average[row + 1] - albedo_blend_average[row]) * r.t;
     return r;
 }
 
@@ -80,16 +76,15 @@ enum { ALBEDO_EXACT_ROWS = 12, ALBEDO_EXACT_INDICES = 9, ALBEDO_EXACT_COLUMNS = 
 #define ALBEDO_EXACT_ROOT_FIRST REAL(0.30151134) /* sqrt(r) of these */
 #define ALBEDO_EXACT_ROOT_LAST REAL(0.70710678)
 #define ALBEDO_EXACT_MARGIN REAL(1e-3)
-extern const float32
-    albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS];
+extern const float32 albedo_exact[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES * ALBEDO_EXACT_COLUMNS];
 extern const float32 albedo_exact_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
 extern const float32 albedo_exact_kept_mean[ALBEDO_EXACT_ROWS * ALBEDO_EXACT_INDICES];
 
 struct albedo_exact {
     const float32 *low;
-    real row, index;      /* how far between the neighbours */
+    real row, index; /* how far between the neighbours */
     real mean, kept_mean;
-    real smooth_mean;     /* for no roughness: never above the true value, since it has no table */
+    real smooth_mean; /* for no roughness: never above the true value, since it has no table */
 };
 
 /* mu in 0..1. */
@@ -146,8 +141,7 @@ static inline int albedo_cell(real *x, int count)
 /* alpha in BSDF_ALPHA_MIN..1. */
 static inline struct albedo_loss_row albedo_loss_row_find(real alpha)
 {
-    real x = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) *
-              ((real)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real x = (real_sqrt(alpha) - ALBEDO_ROW_FIRST) * ((real)(ALBEDO_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
     real y = x * (real)ALBEDO_MEAN_STEPS;
     struct albedo_loss_row r;
     int mean = albedo_cell(&y, ALBEDO_MEAN_ROWS);
@@ -157,8 +151,7 @@ static inline struct albedo_loss_row albedo_loss_row_find(real alpha)
     r.alpha = alpha;
     r.mean = albedo_loss_mean[mean] + (albedo_loss_mean[mean + 1] - albedo_loss_mean[mean]) * y;
     r.mean *= alpha * alpha;
-    r.schlick_mean = albedo_schlick_mean[mean] +
-                     (albedo_schlick_mean[mean + 1] - albedo_schlick_mean[mean]) * y;
+    r.schlick_mean = albedo_schlick_mean[mean] + (albedo_schlick_mean[mean + 1] - albedo_schlick_mean[mean]) * y;
     return r;
 }
 
@@ -195,10 +188,9 @@ static inline real albedo_exact_between(const float32 *p, real row, real index)
 static inline struct albedo_exact albedo_exact_find(real alpha, real n)
 {
     real row = (real_sqrt(real_sqrt(alpha)) - ALBEDO_EXACT_ROW_FIRST) *
-                ((real)(ALBEDO_EXACT_ROWS - 1) / (1.0f - ALBEDO_EXACT_ROW_FIRST));
+               ((real)(ALBEDO_EXACT_ROWS - 1) / (1.0f - ALBEDO_EXACT_ROW_FIRST));
     real index = (real_sqrt((n - 1.0f) / (n + 1.0f)) - ALBEDO_EXACT_ROOT_FIRST) *
-                  ((real)(ALBEDO_EXACT_INDICES - 1) /
-                   (ALBEDO_EXACT_ROOT_LAST - ALBEDO_EXACT_ROOT_FIRST));
+                 ((real)(ALBEDO_EXACT_INDICES - 1) / (ALBEDO_EXACT_ROOT_LAST - ALBEDO_EXACT_ROOT_FIRST));
     int i = albedo_cell(&row, ALBEDO_EXACT_ROWS), k = albedo_cell(&index, ALBEDO_EXACT_INDICES);
     struct albedo_exact t;
 
@@ -226,13 +218,13 @@ enum {
     ALBEDO_STRETCHED_MEAN_ROWS = ALBEDO_MEAN_STEPS * (ALBEDO_STRETCHED_ROWS - 1) + 1,
     ALBEDO_STRETCHED_MEAN_RATIOS = 2 * (ALBEDO_STRETCHED_RATIOS - 1) + 1,
 };
-extern const float32 albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS *
-                                         ALBEDO_STRETCHED_AZIMUTHS * ALBEDO_STRETCHED_COLUMNS];
+extern const float32 albedo_stretched_loss[ALBEDO_STRETCHED_ROWS * ALBEDO_STRETCHED_RATIOS * ALBEDO_STRETCHED_AZIMUTHS *
+                                           ALBEDO_STRETCHED_COLUMNS];
 extern const float32 albedo_stretched_mean[ALBEDO_STRETCHED_MEAN_ROWS * ALBEDO_STRETCHED_MEAN_RATIOS];
 
 struct albedo_stretched {
     const float32 *low;
-    real row, ratio;      /* how far between the neighbours */
+    real row, ratio; /* how far between the neighbours */
     real x, y, inverse_range;
     real mean;
 };
@@ -240,18 +232,18 @@ struct albedo_stretched {
 /* 1 >= alpha_x >= alpha_y >= BSDF_ALPHA_MIN. */
 static inline struct albedo_stretched albedo_stretched_find(real alpha_x, real alpha_y)
 {
-    real row = (real_sqrt(alpha_x) - ALBEDO_ROW_FIRST) *
-                ((real)(ALBEDO_STRETCHED_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
+    real row =
+        (real_sqrt(alpha_x) - ALBEDO_ROW_FIRST) * ((real)(ALBEDO_STRETCHED_ROWS - 1) / (1.0f - ALBEDO_ROW_FIRST));
     real ratio = alpha_y / alpha_x * (real)(ALBEDO_STRETCHED_RATIOS - 1), a, b;
     real mean_row = row * (real)ALBEDO_MEAN_STEPS, mean_ratio = ratio * 2.0f;
     int i = albedo_cell(&row, ALBEDO_STRETCHED_ROWS);
     int k = albedo_cell(&ratio, ALBEDO_STRETCHED_RATIOS);
-    const float32 *mean = albedo_stretched_mean + albedo_cell(&mean_row, ALBEDO_STRETCHED_MEAN_ROWS) *
-                                                    ALBEDO_STRETCHED_MEAN_RATIOS;
+    const float32 *mean =
+        albedo_stretched_mean + albedo_cell(&mean_row, ALBEDO_STRETCHED_MEAN_ROWS) * ALBEDO_STRETCHED_MEAN_RATIOS;
     struct albedo_stretched s;
 
-    s.low = albedo_stretched_loss + (i * ALBEDO_STRETCHED_RATIOS + k) * ALBEDO_STRETCHED_AZIMUTHS *
-                                        ALBEDO_STRETCHED_COLUMNS;
+    s.low = albedo_stretched_loss +
+            (i * ALBEDO_STRETCHED_RATIOS + k) * ALBEDO_STRETCHED_AZIMUTHS * ALBEDO_STRETCHED_COLUMNS;
     s.row = row;
     s.ratio = ratio;
     s.x = alpha_x;
@@ -266,8 +258,7 @@ static inline struct albedo_stretched albedo_stretched_find(real alpha_x, real a
 }
 
 /* Loss along a unit direction; mu = |z|. */
-static inline real albedo_stretched_loss_at(const struct albedo_stretched *s, real x, real y,
-                                             real mu)
+static inline real albedo_stretched_loss_at(const struct albedo_stretched *s, real x, real y, real mu)
 {
     enum {
         RATIO = ALBEDO_STRETCHED_AZIMUTHS * ALBEDO_STRETCHED_COLUMNS,
@@ -276,11 +267,9 @@ static inline real albedo_stretched_loss_at(const struct albedo_stretched *s, re
     real side2 = x * x + y * y, across, q, column, scale, v[2];
     const float32 *low;
 
-    across = side2 > REAL(1e-12)
-                 ? real_sqrt((s->x * s->x * (x * x) + s->y * s->y * (y * y)) / side2)
-                 : 0.5f * (s->x + s->y);
-    q = real_sqrt(real_max(0.0f, (across - s->y) * s->inverse_range)) *
-        (real)(ALBEDO_STRETCHED_AZIMUTHS - 1);
+    across =
+        side2 > REAL(1e-12) ? real_sqrt((s->x * s->x * (x * x) + s->y * s->y * (y * y)) / side2) : 0.5f * (s->x + s->y);
+    q = real_sqrt(real_max(0.0f, (across - s->y) * s->inverse_range)) * (real)(ALBEDO_STRETCHED_AZIMUTHS - 1);
     column = albedo_loss_column(across, mu, &scale) * (real)(ALBEDO_STRETCHED_COLUMNS - 1);
     q = real_min(q, (real)(ALBEDO_STRETCHED_AZIMUTHS - 1));
     low = s->low + albedo_cell(&q, ALBEDO_STRETCHED_AZIMUTHS) * ALBEDO_STRETCHED_COLUMNS;
@@ -297,11 +286,10 @@ static inline real albedo_stretched_loss_at(const struct albedo_stretched *s, re
     return (v[0] + (v[1] - v[0]) * s->row) * (scale - across * across + s->x * s->x);
 }
 
-/* The alpha whose `blend` is, in every azimuth, at least the mean Schlick weight of a stretched
- * distribution. It is smaller than the narrow alpha: to a viewer across the stretch the visible
- * microfacets lean sideways, which lowers v.h. Found by quadrature (docs/NUMERICS.md), according to
- * which the weight exceeds the blend by at most 0.004. 1 >= alpha_x >= alpha_y >=
- * BSDF_ALPHA_MIN. */
+/* The alpha whose `blend` is, in every azimuth, at least the mean Schlick weight of a stretched distribution. It is
+ * smaller than the narrow alpha: to a viewer across the stretch the visible microfacets lean sideways, which lowers
+ * v.h. Found by quadrature (docs/NUMERICS.md), according to which the weight exceeds the blend by at most 0.004. 1 >=
+ * alpha_x >= alpha_y >= BSDF_ALPHA_MIN. */
 static inline real albedo_stretched_layer(real alpha_x, real alpha_y)
 {
     real alpha = alpha_y * real_sqrt(alpha_y / alpha_x);
@@ -330,16 +318,13 @@ enum {
 #define ALBEDO_INTERFACE_FIRST 0.25f /* the first index's fourth root of r */
 #define ALBEDO_INTERFACE_ALPHA_FIRST REAL(0.02)
 #define ALBEDO_INTERFACE_ROW_FIRST REAL(0.14142136) /* its root */
-extern const float32 albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES *
-                                         ALBEDO_INTERFACE_COLUMNS];
-/* Hemispherical means: of the loss as it is interpolated, over alpha^2 (linear between the indices,
- * as the loss itself is), and of the loss in truth, over alpha. Their quotient corrects the
- * interpolated loss, so that light inside a body, which meets its surface many times before it
- * leaves, is right on average. */
 extern const float32
-    albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_INDICES];
-extern const float32
-    albedo_interface_lost[2 * ALBEDO_INTERFACE_LOST_ROWS * ALBEDO_INTERFACE_LOST_INDICES];
+    albedo_interface_loss[2 * ALBEDO_INTERFACE_ROWS * ALBEDO_INTERFACE_INDICES * ALBEDO_INTERFACE_COLUMNS];
+/* Hemispherical means: of the loss as it is interpolated, over alpha^2 (linear between the indices, as the loss itself
+ * is), and of the loss in truth, over alpha. Their quotient corrects the interpolated loss, so that light inside a
+ * body, which meets its surface many times before it leaves, is right on average. */
+extern const float32 albedo_interface_mean[2 * ALBEDO_INTERFACE_MEAN_ROWS * ALBEDO_INTERFACE_INDICES];
+extern const float32 albedo_interface_lost[2 * ALBEDO_INTERFACE_LOST_ROWS * ALBEDO_INTERFACE_LOST_INDICES];
 
 struct albedo_interface {
     const float32 *low;
@@ -359,16 +344,15 @@ static inline real albedo_mean_between(const float32 *t, int width, real row, re
 static inline struct albedo_interface albedo_interface_find(real alpha, real r, int side)
 {
     real row = (real_sqrt(alpha) - ALBEDO_INTERFACE_ROW_FIRST) *
-                ((real)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_INTERFACE_ROW_FIRST));
+               ((real)(ALBEDO_INTERFACE_ROWS - 1) / (1.0f - ALBEDO_INTERFACE_ROW_FIRST));
     real index = (real_sqrt(real_sqrt(r)) - ALBEDO_INTERFACE_FIRST) *
-                  ((real)(ALBEDO_INTERFACE_INDICES - 1) / (1.0f - ALBEDO_INTERFACE_FIRST));
+                 ((real)(ALBEDO_INTERFACE_INDICES - 1) / (1.0f - ALBEDO_INTERFACE_FIRST));
     real mean_row = row * (real)ALBEDO_MEAN_STEPS, lost_row = row * 2.0f, lost_index = index * 2.0f;
     int i = albedo_cell(&row, ALBEDO_INTERFACE_ROWS) + side * ALBEDO_INTERFACE_ROWS;
     int k = albedo_cell(&index, ALBEDO_INTERFACE_INDICES);
     struct albedo_interface t;
 
-    t.low = albedo_interface_loss +
-            (i * ALBEDO_INTERFACE_INDICES + k) * ALBEDO_INTERFACE_COLUMNS;
+    t.low = albedo_interface_loss + (i * ALBEDO_INTERFACE_INDICES + k) * ALBEDO_INTERFACE_COLUMNS;
     t.row = row;
     t.index = index;
     i = albedo_cell(&mean_row, ALBEDO_INTERFACE_MEAN_ROWS) + side * ALBEDO_INTERFACE_MEAN_ROWS;
@@ -381,8 +365,7 @@ static inline struct albedo_interface albedo_interface_find(real alpha, real r, 
     return t;
 }
 
-static inline real albedo_interface_loss_at(const struct albedo_interface *t, real alpha,
-                                             real mu)
+static inline real albedo_interface_loss_at(const struct albedo_interface *t, real alpha, real mu)
 {
     real c = real_min(mu * (1.0f + alpha) / (mu + alpha), 1.0f), v[2];
     real column = c * (1.0f + c) * (0.5f * (real)(ALBEDO_INTERFACE_COLUMNS - 1)), rest = 1.0f - c;
@@ -415,5 +398,3 @@ static inline real albedo_sheen_at(real alpha, real mu)
     b = low[ALBEDO_COLUMNS] + (low[ALBEDO_COLUMNS + 1] - low[ALBEDO_COLUMNS]) * x;
     return a + (b - a) * y;
 }
-
-#endif

@@ -4,7 +4,6 @@
 #include "worker/render/bsdf/layering.h"
 #include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
-#include "worker/render/path/record_hooks.h"
 
 /* Expansions of a row of the table. */
 #define ACCOUNT(condition, then, otherwise) \
@@ -12,11 +11,11 @@
 #define LOBE_BIT(name) (1u << BSDF_LOBE_##name)
 #define LOBE_IS_BASE(name) (BSDF_LOBE_##name <= BSDF_LOBE_THIN_WALL)
 #define LOBE_BIT_ON(name, prefix, side, effects, account) \
-    | (LOBE_ENABLED(effects) && LOBE_SIDE_##side == wanted ? LOBE_BIT(name) : 0)
+    | (calls_for(EFFECTS_ALL, effects) && LOBE_SIDE_##side == wanted ? LOBE_BIT(name) : 0)
 
 /* Can this kernel variant render more than Lambertian surfaces? */
 #define EFFECT_OR(name, condition) | EFFECT_##name
-#define HAS_LOBES LOBE_ENABLED(EFFECT_MIRROR BSDF_CALL_MAP(EFFECT_OR))
+#define HAS_LOBES calls_for(EFFECTS_ALL, EFFECT_MIRROR BSDF_CALL_MAP(EFFECT_OR))
 
 real fresnel_dielectric(real cos_i, real eta) { return fresnel_exact(cos_i, eta); }
 
@@ -33,7 +32,7 @@ static inline uint8_t base_account(const struct bsdf *b)
     const uint32_t base = b->lobes & (2 * LOBE_BIT(THIN_WALL) - 1);
 
 #define LOBE_ACCOUNT(name, prefix, side, effects, account)                            \
-    if (LOBE_ENABLED(effects) && LOBE_IS_BASE(name) && base >> BSDF_LOBE_##name == 1) \
+    if (calls_for(EFFECTS_ALL, effects) && LOBE_IS_BASE(name) && base >> BSDF_LOBE_##name == 1) \
         return account;
     BSDF_LOBE_MAP(LOBE_ACCOUNT)
 #undef LOBE_ACCOUNT
@@ -41,8 +40,7 @@ static inline uint8_t base_account(const struct bsdf *b)
 }
 
 /* Not inlined: otherwise every Lambertian surface would save the registers that these need. */
-static __attribute__((noinline)) void init_lobes(struct bsdf *b, const struct bsdf_params *params,
-                                                 struct vec3 wo)
+static __attribute__((noinline)) void init_lobes(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
     layering_init(b, params, wo);
     b->account = base_account(b);
@@ -50,9 +48,7 @@ static __attribute__((noinline)) void init_lobes(struct bsdf *b, const struct bs
 
 /* The same of glTF's core material. The compiler knows here that no effect acts on it, and leaves
  * out what any would change. */
-static __attribute__((noinline)) void init_core_lobes(struct bsdf *b,
-                                                      const struct bsdf_params *params,
-                                                      struct vec3 wo)
+static __attribute__((noinline)) void init_core_lobes(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 {
     b->effects = 0;
     layering_init(b, params, wo);
@@ -64,6 +60,7 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
     const struct bsdf_material *m = &b->material;
     real length2 = vec3_length_squared(wo);
 
+    PROFILE_STAGE(SCATTER);
     material_init(&b->material, params);
     b->effects = effects_called_for(params);
     b->kind = BSDF_KIND_BLACK;
@@ -97,13 +94,9 @@ void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo)
 /* ---- values and densities ------------------------------------------------------------------------ */
 
 /* The rows that scatter to this side. */
-static inline uint32_t lobes_of_side(enum lobe_side wanted)
-{
-    return 0 BSDF_LOBE_MAP(LOBE_BIT_ON);
-}
+static inline uint32_t lobes_of_side(enum lobe_side wanted) { return 0 BSDF_LOBE_MAP(LOBE_BIT_ON); }
 
-static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                         real *pdf)
+static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi, real *pdf)
 {
     uint32_t lobes = b->smooth_lobes;
     struct vec3 f = LOBE_BLACK;
@@ -117,7 +110,7 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
     lobes &= wi.z > 0.0f ? lobes_of_side(LOBE_SIDE_ABOVE) : lobes_of_side(LOBE_SIDE_BELOW);
     cover = cover_between(b, wi);
 #define LOBE_EVALUATE(name, prefix, side, effects, account)              \
-    if (LOBE_ENABLED(effects) && lobes & LOBE_BIT(name)) {               \
+    if (calls_for(EFFECTS_ALL, effects) && lobes & LOBE_BIT(name)) {     \
         if (!LOBE_IS_BASE(name))                                         \
             profile_account(account);                                         \
         f = vec3_add(f, prefix##_evaluate(b, wo, wi, &cover, &density)); \
@@ -135,6 +128,7 @@ static inline struct vec3 lobes_evaluate(const struct bsdf *b, struct vec3 wo, s
 
 struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, real *pdf)
 {
+    PROFILE_STAGE(SCATTER);
     *pdf = 0;
     if (!b->has_smooth)
         return LOBE_BLACK;
@@ -166,27 +160,27 @@ real bsdf_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi)
 
 static inline int is_usable(struct vec3 weight)
 {
-    return !SAFEGUARD(USABLE_SAMPLE) ||
-           (is_finite_sum(weight, 0) && vec3_max(weight) > 0.0f) || health_throughput(weight);
+    return !SAFEGUARD(USABLE_SAMPLE) || (is_finite_sum(weight, 0) && vec3_max(weight) > 0.0f) ||
+           health_throughput(weight);
 }
 
 /* Can a sample be weighed by its density? Where floats cannot resolve a microfacet it has none. */
 static inline int has_density(real pdf) { return !SAFEGUARD(USABLE_SAMPLE) || pdf > 0.0f; }
 
 /* The lobe that u_lobe selects samples; the rest of the number is as good as a new one. */
-static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo, real u_lobe,
-                                            real u, real v, struct bsdf_sample *out)
+static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v,
+                                            struct bsdf_sample *out)
 {
     real before = 0, after = 0;
 
 #define LOBE_SAMPLE(name, prefix, side, effects, account)                                    \
-    if (LOBE_ENABLED(effects) && b->lobes & LOBE_BIT(name)) {                                \
+    if (calls_for(EFFECTS_ALL, effects) && b->lobes & LOBE_BIT(name)) {                      \
         before = after;                                                                      \
         after += b->lobe_pdf[BSDF_LOBE_##name];                                              \
         if (u_lobe < after || b->lobes < 2 * LOBE_BIT(name)) { /* or it is the last */       \
             real w = (u_lobe - before) / b->lobe_pdf[BSDF_LOBE_##name];                     \
             enum lobe_result result;                                                         \
-            RECORD(recorded->lobe = #name);                                                  \
+            out->lobe = BSDF_LOBE_##name;                                                    \
             profile_account(account);                                                             \
             result = prefix##_sample(b, wo, clamp_to(w, 0, REAL_BELOW_ONE), u, v, out);   \
             /* Nothing lies above a coat's own mirror.  */                                  \
@@ -201,12 +195,11 @@ static inline enum lobe_result lobes_sample(const struct bsdf *b, struct vec3 wo
 }
 
 /* Rough metal without compensation: the density cancels. */
-static inline int metal_sample(const struct bsdf *b, struct vec3 wo, real u, real v,
-                               struct bsdf_sample *out)
+static inline int metal_sample(const struct bsdf *b, struct vec3 wo, real u, real v, struct bsdf_sample *out)
 {
     real cos_h, shadowing;
 
-    RECORD(recorded->lobe = "REFLECTION");
+    out->lobe = BSDF_LOBE_REFLECTION;
     out->wi = reflect_about(wo, ggx_sample_visible(wo, b->base.shape.y, b->base.shape.y, u, v));
     if (!(out->wi.z > 0.0f))
         return health_direction(out->wi);
@@ -222,16 +215,12 @@ static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, real u_lo
 {
     struct vec3 f;
 
-    if (b->kind == BSDF_KIND_METAL && !CALLS_FOR(b, MULTIPLE_SCATTERING))
+    if (b->kind == BSDF_KIND_METAL && !calls_for(b->effects, EFFECT_MULTIPLE_SCATTERING))
         return metal_sample(b, wo, u, v, out);
     switch (lobes_sample(b, wo, u_lobe, u, v, out)) {
-    case LOBE_NOTHING:
-        return 0;
-    case LOBE_DELTA:
-        out->flags |= BSDF_DELTA;
-        return is_usable(out->weight);
-    case LOBE_SMOOTH:
-        break;
+    case LOBE_NOTHING: return 0;
+    case LOBE_DELTA: out->flags |= BSDF_DELTA; return is_usable(out->weight);
+    case LOBE_SMOOTH: break;
     }
     /* Evaluate this wi exactly as next-event estimation would, bit for bit, so that the weights of
      * multiple importance sampling add up to 1. */
@@ -242,16 +231,17 @@ static inline int sample_mixture(const struct bsdf *b, struct vec3 wo, real u_lo
     return is_usable(out->weight);
 }
 
-int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v,
-                struct bsdf_sample *out)
+int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v, struct bsdf_sample *out)
 {
     out->wi = out->weight = LOBE_BLACK;
     out->pdf = 0;
     out->flags = 0;
+    out->lobe = BSDF_LOBES;
     out->eta_scale = 1.0f;
+    PROFILE_STAGE(SCATTER);
     profile_account(b->account);
     if (b->kind == BSDF_KIND_LAMBERT) {
-        RECORD(recorded->lobe = "DIFFUSE");
+        out->lobe = BSDF_LOBE_DIFFUSE;
         out->wi = cosine_hemisphere(u, v);
         out->pdf = out->wi.z * REAL_INV_PI;
         out->weight = b->material.base_color;

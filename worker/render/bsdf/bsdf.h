@@ -1,9 +1,8 @@
 /* bsdf: how a surface scatters light, at one point, for one outgoing direction.
  *
- * Directions are unit vectors in the local shading frame, z along the normal on the side
- * of wo: wo.z > 0 always (the caller flips the frame for a hit from behind). wi.z > 0 is
- * reflection, wi.z < 0 transmission. Values are radiance throughput (camera paths): f
- * includes 1/eta^2 for refraction. All functions are pure and use only deterministic
+ * Directions are unit vectors in the local shading frame, z along the normal on the side of wo: wo.z > 0 always (the
+ * caller flips the frame for a hit from behind). wi.z > 0 is reflection, wi.z < 0 transmission. Values are radiance
+ * throughput (camera paths): f includes 1/eta^2 for refraction. All functions are pure and use only deterministic
  * arithmetic; no result is ever NaN, infinite or negative.
  *
  * A surface is a sum of lobes. Each lobe is a row of BSDF_LOBE_MAP below and one file, lobe_*.h,
@@ -13,12 +12,11 @@
  * (fresnel.h, thin_film.h), multiple scattering between them (compensation.h), and what a layer
  * leaves for what lies below it (layer.h).
  *
- * Special cases: alpha < BSDF_ALPHA_MIN is smooth (delta lobes); ior 0 means Fresnel 1 at F0
- * (no bending). A refraction that spreads by less than BSDF_SPREAD_MIN is a delta lobe, so light
- * passes straight through ior 1, or an ior equal to ior_outside, for any alpha.
+ * Special cases: alpha < BSDF_ALPHA_MIN is smooth (delta lobes); ior 0 means Fresnel 1 at F0 (no bending). A refraction
+ * that spreads by less than BSDF_SPREAD_MIN is a delta lobe, so light passes straight through ior 1, or an ior equal to
+ * ior_outside, for any alpha.
  */
-#ifndef AZULEJO_RENDER_BSDF_H
-#define AZULEJO_RENDER_BSDF_H
+#pragma once
 
 #include <stdint.h>
 
@@ -52,16 +50,16 @@
 /* The material's values at the hit point, textures applied. */
 struct bsdf_params {
     struct vec3 base_color;     /* 0..1 */
-    real metallic;             /* 0..1 */
-    real alpha;                /* GGX alpha = roughness^2, 0..1 */
-    real ior;                  /* > 0, below 1 if it is relative to the surroundings (ice in
+    real metallic;              /* 0..1 */
+    real alpha;                 /* GGX alpha = roughness^2, 0..1 */
+    real ior;                   /* > 0, below 1 if it is relative to the surroundings (ice in
                                    water), or 0: Fresnel is exactly 1; else clamped */
-    real specular;             /* weight of the dielectric reflection, 0..1 */
+    real specular;              /* weight of the dielectric reflection, 0..1 */
     struct vec3 specular_color; /* scales F0 of the dielectric, >= 0 */
-    real transmission;         /* 0..1 */
+    real transmission;          /* 0..1 */
     int refractive;             /* transmission refracts; otherwise a thin wall */
     int inside;                 /* refractive: wo is inside the object (hit from behind) */
-    real ior_outside;          /* of the object's surroundings, >= 1; 0 counts as 1. Every
+    real ior_outside;           /* of the object's surroundings, >= 1; 0 counts as 1. Every
                                    index here is absolute: a larger one outside is fine */
 
     /* Everything below is absent when 0 (memset), whatever the fields above say. */
@@ -70,27 +68,27 @@ struct bsdf_params {
     BSDF_FACTOR_MAP(BSDF_FACTOR_MEMBER, BSDF_FACTOR_FLOAT)
 #undef BSDF_FACTOR_MEMBER
 #undef BSDF_FACTOR_FLOAT
-    real alpha_stretched;      /* anisotropy: GGX alpha along the frame's x, >= alpha, which is
+    real alpha_stretched; /* anisotropy: GGX alpha along the frame's x, >= alpha, which is
                                    then the alpha along y; 0: isotropic */
-    int conductor;              /* Fresnel of a metal with eta, k at R, G, B (relative to vacuum),
+    int conductor;        /* Fresnel of a metal with eta, k at R, G, B (relative to vacuum),
                                    times base_color; metallic, specular, transmission, ... unused */
     struct vec3 eta, k;
     real clearcoat_alpha, clearcoat_ior;
     struct vec3 clearcoat_normal; /* unit, in the shading frame (z = 1: the same normal) */
-    struct vec3 sheen_color;    /* 0..1 */
-    real sheen_alpha;          /* Charlie's alpha: roughness^2 */
+    struct vec3 sheen_color;      /* 0..1 */
+    real sheen_alpha;             /* Charlie's alpha: roughness^2 */
     real iridescence_ior, iridescence_thickness_nm;
     struct vec3 diffuse_transmission_color;
     real base_interreflection; /* 0..<1 (scene.h): plastic is pbrt's coat, with Fresnel's exact term
                                    for an ior of 1.2 to 3; a conductor's clearcoat likewise */
-    int thin_slab;              /* thin wall: R' = 2 R / (1 + R) */
-    int single_scattering;      /* no multiple-scattering compensation
+    int thin_slab;             /* thin wall: R' = 2 R / (1 + R) */
+    int single_scattering;     /* no multiple-scattering compensation
                                    (--without multiple-scattering) */
 };
 
 /* Which of the fields above act on a surface, and the effect that they need: X(effect, condition on
  * params p). A surface with none of them is glTF's core material, for which there are shortcuts.
- * CALLS_FOR(b, effect) (lobe.h) tests for it. */
+ * calls_for(b->effects, effect) (gate.h) tests for it. */
 #define BSDF_CALL_MAP(X)                                                                          \
     BSDF_FACTOR_MAP(X, BSDF_FACTOR_IS_SET)                                                        \
     X(ANISOTROPY, p->alpha_stretched > 0.0f)                                                      \
@@ -179,52 +177,52 @@ struct bsdf_weights {
 
 /* Fresnel term of plastic and glass, `specular` included. */
 struct bsdf_dielectric {
-    int exact;                         /* ior is not 0: Fresnel's equations are known */
+    int exact; /* ior is not 0: Fresnel's equations are known */
     struct vec3 f0;
     real f90;
-    real normal_f0, inverse_rest_f0;  /* the plain term at normal incidence, 1 / (1 - it) */
+    real normal_f0, inverse_rest_f0; /* the plain term at normal incidence, 1 / (1 - it) */
 };
 
 /* lobe_reflection.h */
 struct bsdf_reflection {
-    struct vec3 f0;              /* Schlick's ends, with all weights */
+    struct vec3 f0; /* Schlick's ends, with all weights */
     real f90;
-    int schlick;                 /* only Schlick's formula between them */
-    struct vec3 eta, k;          /* of a conductor, relative to what surrounds it */
-    real interreflection;       /* of a conductor */
+    int schlick;          /* only Schlick's formula between them */
+    struct vec3 eta, k;   /* of a conductor, relative to what surrounds it */
+    real interreflection; /* of a conductor */
 };
 
 /* lobe_interface.h */
 struct bsdf_interface {
-    struct vec3 tint;            /* base colour of transmitted light, with all weights */
-    int only;                    /* its weight is 1: there is no other reflection and no base */
-    int transmit_delta;          /* refraction is a delta lobe */
+    struct vec3 tint;   /* base colour of transmitted light, with all weights */
+    int only;           /* its weight is 1: there is no other reflection and no base */
+    int transmit_delta; /* refraction is a delta lobe */
 };
 
 /* lobe_thin_wall.h */
 struct bsdf_thin_wall {
-    struct vec3 tint;            /* as the interface's */
+    struct vec3 tint; /* as the interface's */
     struct microfacets spread;
 };
 
 /* lobe_diffuse.h, lobe_diffuse_transmission.h */
 struct bsdf_lambert {
-    struct vec3 color;           /* over pi, with all weights and wo's share */
+    struct vec3 color; /* over pi, with all weights and wo's share */
 };
 
 /* lobe_diffuse.h: of a rough base; set where `diffuse` is not black */
 struct bsdf_rough_diffuse {
-    real a, b;                  /* coefficients of single scattering */
-    struct vec3 multiple;        /* colour of multiple scattering over pi, with wo's share */
-    real wide;                  /* share of the lobe's samples that are uniform over directions */
+    real a, b;            /* coefficients of single scattering */
+    struct vec3 multiple; /* colour of multiple scattering over pi, with wo's share */
+    real wide;            /* share of the lobe's samples that are uniform over directions */
 };
 
 /* layer.h: what plastic's reflection leaves for what lies below it */
 struct bsdf_layer {
-    real f0, f90;               /* ends of the mean reflectance */
-    real returned;              /* share of the microfacets' loss that is returned */
-    real reflected_o, rest_o;   /* what it reflects, and leaves, along wo */
-    int exact;                   /* the Fresnel term is the exact one, not Schlick's */
+    real f0, f90;             /* ends of the mean reflectance */
+    real returned;            /* share of the microfacets' loss that is returned */
+    real reflected_o, rest_o; /* what it reflects, and leaves, along wo */
+    int exact;                /* the Fresnel term is the exact one, not Schlick's */
     struct albedo_row row;
     struct albedo_exact exact_row;
 };
@@ -233,23 +231,23 @@ struct bsdf_layer {
 struct bsdf_compensation {
     struct albedo_loss_row loss;
     struct albedo_stretched stretched_loss;
-    struct vec3 color;           /* colour (1 - E(wo)) / (pi mean loss), with all weights */
-    real graze, graze_log;      /* share of the diffuse lobe that is sampled towards the horizon,
+    struct vec3 color;     /* colour (1 - E(wo)) / (pi mean loss), with all weights */
+    real graze, graze_log; /* share of the diffuse lobe that is sampled towards the horizon,
                                     log((1 + alpha) / alpha) */
 };
 struct bsdf_interface_compensation {
     int on;
     struct albedo_interface loss_near, loss_far;
-    real near;                  /* as `color` above: to wo's side */
-    struct vec3 far;             /* and to the other, with 1 / eta^2 */
+    real near;       /* as `color` above: to wo's side */
+    struct vec3 far; /* and to the other, with 1 / eta^2 */
 };
 
 /* lobe_coat.h */
 struct bsdf_coat {
-    real weight;                /* 0: none */
+    real weight; /* 0: none */
     struct vec3 normal;
-    int exact;                   /* Fresnel's equations for `ior`, also for the metal below */
-    real ior;                   /* relative */
+    int exact; /* Fresnel's equations for `ior`, also for the metal below */
+    real ior;  /* relative */
     real f0, f90;
     struct microfacets micro;
     real cos_o, rest_o;
@@ -260,8 +258,8 @@ struct bsdf_coat {
 
 /* lobe_sheen.h */
 struct bsdf_sheen {
-    struct vec3 color;           /* black: none */
-    real most, alpha;           /* its largest component; Charlie's alpha */
+    struct vec3 color; /* black: none */
+    real most, alpha;  /* its largest component; Charlie's alpha */
     real fit[5], fit_half;
     real lambda_o, limit_o, rest_o;
 };
@@ -269,20 +267,20 @@ struct bsdf_sheen {
 /* Fields below `material` are set only as far as the kind and the effects need them. */
 struct bsdf {
     enum bsdf_kind kind;
-    int has_delta, has_smooth;   /* any delta lobe; any lobe with a density */
-    uint8_t account;             /* the account charged for the base's time (profile_scope.h) */
+    int has_delta, has_smooth; /* any delta lobe; any lobe with a density */
+    uint8_t account;           /* the account charged for the base's time (profile_scope.h) */
     real cos_o;
-    real eta;                   /* n on the far side / n on wo's side */
+    real eta; /* n on the far side / n on wo's side */
     struct bsdf_lambert diffuse;
     struct bsdf_material material;
 
-    uint64_t effects;            /* that act here: those of BSDF_CALL_MAP, and compensation's */
-    uint32_t lobes;              /* bit BSDF_LOBE_x: the lobe is sampled */
-    uint32_t smooth_lobes;       /* ... the lobe is evaluated: it has a density */
-    real lobe_pdf[BSDF_LOBES];  /* selection probabilities, 0 for absent lobes */
+    uint64_t effects;          /* that act here: those of BSDF_CALL_MAP, and compensation's */
+    uint32_t lobes;            /* bit BSDF_LOBE_x: the lobe is sampled */
+    uint32_t smooth_lobes;     /* ... the lobe is evaluated: it has a density */
+    real lobe_pdf[BSDF_LOBES]; /* selection probabilities, 0 for absent lobes */
 
     struct bsdf_weights weights;
-    struct microfacets base;     /* what metal, plastic and glass share */
+    struct microfacets base; /* what metal, plastic and glass share */
     struct bsdf_dielectric dielectric;
     struct bsdf_rough_diffuse rough_diffuse;
     struct bsdf_reflection reflection;
@@ -305,14 +303,15 @@ enum bsdf_flags {
 
 struct bsdf_sample {
     struct vec3 wi;
-    struct vec3 weight;    /* f * |cos wi| / pdf */
-    real pdf;             /* solid angle; 0 for a delta lobe */
+    struct vec3 weight; /* f * |cos wi| / pdf */
+    real pdf;           /* solid angle; 0 for a delta lobe */
     int flags;
-    real eta_scale;       /* squared relative ior for Russian roulette: product of eta^2 */
+    enum bsdf_lobe lobe; /* that chose wi; BSDF_LOBES: none */
+    real eta_scale;      /* squared relative ior for Russian roulette: product of eta^2 */
 };
 
-/* Prepare for one wo (unit, wo.z > 0). Clamps params to their ranges. Charges the base's lobe
- * (profile_scope.h), or leaves the account as it is. */
+/* Prepare for one wo (unit, wo.z > 0). Clamps params to their ranges. This and what
+ * follows begin the stage of scattering (profile_scope.h). */
 void bsdf_init(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo);
 
 /* f(wo, wi) * |wi.z| of all lobes that have a density; black for a delta-only surface. */
@@ -326,8 +325,7 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
 
 /* Sample wi. u_lobe, u, v in [0,1). Returns 0 for "no sample" (absorbed). For smooth lobes
  * weight is the sum over all lobes' f over the mixture pdf. Charges the lobe (profile_scope.h). */
-int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v,
-                struct bsdf_sample *out);
+int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v, struct bsdf_sample *out);
 
 /* Exact unpolarised Fresnel reflectance; cos_i >= 0, eta = n_t / n_i > 0. 1 at total
  * internal reflection, 0 for eta = 1. */
@@ -338,5 +336,3 @@ static inline real bsdf_f90_of(real f0)
 {
     return f0 < BSDF_FADE_F0 && SAFEGUARD(F90_FADE) ? f0 * (1.0f / BSDF_FADE_F0) : 1.0f;
 }
-
-#endif

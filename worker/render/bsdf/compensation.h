@@ -1,18 +1,16 @@
 /* compensation: multiple scattering between microfacets.
  *
- * Single scattering drops the light that meets a second microfacet: 1 - E(mu) of it (albedo.h). It
- * is added back as a wide lobe after Kulla and Conty 2017 ("Revisiting Physically Based Shading at
- * Imageworks"):
+ * Single scattering drops the light that meets a second microfacet: 1 - E(mu) of it (albedo.h). It is added back as a
+ * wide lobe after Kulla and Conty 2017 ("Revisiting Physically Based Shading at Imageworks"):
  *
  *   f = color (1 - E(mu_o)) (1 - E(mu_i)) / (pi (1 - E_average))
  *   color = F^2 K / (1 - F (1 - K)), F the mean Fresnel term, K = E_average
  *
- * This is reciprocal, and white stays white. In plastic, the part that does not leave at once goes
- * to the base (layer.h). A rough interface sends it to both sides, split so that it stays
- * reciprocal. The cosine lobes of lobe_diffuse.h sample all of it.
+ * This is reciprocal, and white stays white. In plastic, the part that does not leave at once goes to the base
+ * (layer.h). A rough interface sends it to both sides, split so that it stays reciprocal. The cosine lobes of
+ * lobe_diffuse.h sample all of it.
  */
-#ifndef AZULEJO_RENDER_COMPENSATION_H
-#define AZULEJO_RENDER_COMPENSATION_H
+#pragma once
 
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/lobe.h"
@@ -22,12 +20,11 @@
 /* The error of the table of stretched distributions' losses is below this share of the loss if the
  * two alphas differ; see tests/statistics/test_bsdf_energy.c. */
 #define STRETCHED_DOUBT REAL(0.12)
-/* An interface returns slightly less than the table says, to allow for its errors. From an index of
- * 9.8 (INTERFACE_MOST) on it is less by a hundredth: the table has only a mirror's entry after that,
- * which is too far to interpolate, and light stays inside for so many reflections that the smallest
- * gain would add up. It returns nothing below the first (n - 1) / (n + 1), which is the table's
- * first, and all from the second on; nothing below the first alpha (the loss is at grazing angles
- * only), and all from the second on. */
+/* An interface returns slightly less than the table says, to allow for its errors. From an index of 9.8
+ * (INTERFACE_MOST) on it is less by a hundredth: the table has only a mirror's entry after that, which is too far to
+ * interpolate, and light stays inside for so many reflections that the smallest gain would add up. It returns nothing
+ * below the first (n - 1) / (n + 1), which is the table's first, and all from the second on; nothing below the first
+ * alpha (the loss is at grazing angles only), and all from the second on. */
 #define INTERFACE_DOUBT REAL(1e-4)
 #define INTERFACE_DOUBT_BEYOND REAL(0.01)
 #define INTERFACE_MOST REAL(0.8145)
@@ -44,13 +41,13 @@
 
 static inline int is_compensated(const struct bsdf_params *params)
 {
-    return HAS(MULTIPLE_SCATTERING) && !params->single_scattering;
+    return calls_for(EFFECTS_ALL, EFFECT_MULTIPLE_SCATTERING) && !params->single_scattering;
 }
 
 /* 1 - E along w, of the base's microfacets; 0 if nothing is compensated. */
 static inline real compensation_loss(const struct bsdf *b, struct vec3 w)
 {
-    if (!CALLS_FOR(b, MULTIPLE_SCATTERING))
+    if (!calls_for(b->effects, EFFECT_MULTIPLE_SCATTERING))
         return 0;
     if (ggx_is_stretched(&b->base.shape))
         return albedo_stretched_loss_at(&b->compensation.stretched_loss, w.x, w.y, real_abs(w.z));
@@ -59,10 +56,7 @@ static inline real compensation_loss(const struct bsdf *b, struct vec3 w)
 
 /* The light that leaves after microfacets of mean reflectance f reflect it among themselves, if
  * `kept` of it leaves at every bounce: f^2 kept + f^3 kept (1 - kept) + ... */
-static inline real series(real f, real kept)
-{
-    return f * f * kept / (1.0f - f * (1.0f - kept));
-}
+static inline real series(real f, real kept) { return f * f * kept / (1.0f - f * (1.0f - kept)); }
 static inline struct vec3 series_color(struct vec3 f, real kept)
 {
     /* Four lanes, all of them set: gcc divides two at a time and leaves in the others whatever was
@@ -77,8 +71,7 @@ static inline struct vec3 series_color(struct vec3 f, real kept)
 /* Hemispherical mean of the loss. */
 static inline real compensation_mean(const struct bsdf *b)
 {
-    return ggx_is_stretched(&b->base.shape) ? b->compensation.stretched_loss.mean
-                                            : b->compensation.loss.mean;
+    return ggx_is_stretched(&b->base.shape) ? b->compensation.stretched_loss.mean : b->compensation.loss.mean;
 }
 
 /* Prepare the compensation of a loss of `loss_o` along wo, if microfacets return `color`:
@@ -103,8 +96,7 @@ static inline real compensation_init(struct bsdf *b, struct vec3 color, real los
 /* What the table may be wrong by, as a share of the loss. */
 static inline real interface_doubt(real n)
 {
-    return INTERFACE_DOUBT +
-           INTERFACE_DOUBT_BEYOND * clamp_to(n * (1.0f / INTERFACE_IOR_MOST) - 1.0f, 0, 1);
+    return INTERFACE_DOUBT + INTERFACE_DOUBT_BEYOND * clamp_to(n * (1.0f / INTERFACE_IOR_MOST) - 1.0f, 0, 1);
 }
 
 /* How much of the table's loss is returned: less if the Fresnel term is not the plain one, and
@@ -122,11 +114,10 @@ static inline real interface_kept(const struct bsdf *b, real n, real r)
         kept = real_min(kept, (1.0f - vec3_max(d->f0)) * d->inverse_rest_f0);
     if (SAFEGUARD(INTERFACE_DOUBT))
         kept *= (1.0f - interface_doubt(n)) * fade;
-    kept *= clamp_to((alpha - INTERFACE_ALPHA_NONE) *
-                     (1.0f / (INTERFACE_ALPHA_ALL - INTERFACE_ALPHA_NONE)), 0, 1);
+    kept *= clamp_to((alpha - INTERFACE_ALPHA_NONE) * (1.0f / (INTERFACE_ALPHA_ALL - INTERFACE_ALPHA_NONE)), 0, 1);
     if (ggx_is_stretched(&b->base.shape))
         kept *= alpha / b->base.shape.x;
-    if (CALLS_FOR(b, IRIDESCENCE))
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE))
         kept *= 1.0f - b->thin_film.weight;
     return kept;
 }
@@ -134,18 +125,15 @@ static inline real interface_kept(const struct bsdf *b, real n, real r)
 /* How far the loss's mean is moved from the interpolated one to the true one. */
 static inline real interface_correction(real alpha)
 {
-    return clamp_to((alpha - INTERFACE_ALPHA_ALL) *
-                    (1.0f / (INTERFACE_ALPHA_MEAN - INTERFACE_ALPHA_ALL)), 0, 1);
+    return clamp_to((alpha - INTERFACE_ALPHA_ALL) * (1.0f / (INTERFACE_ALPHA_MEAN - INTERFACE_ALPHA_ALL)), 0, 1);
 }
 
-/* The reflected and transmitted shares on each side are such that the same light (times n^2) passes
- * both ways: with losses k L scaled from the mean M to the corrected k M, and the smaller one of
- * both sides' k M in `pass`, f = k_o L_o k_i L_i pass / (pi k_i M_i eta^2). *above and *below: how
- * often to sample each; below 0: no such lobe. Returns the share that is not lost: sampled as often
- * as it is bright, single scattering makes the square of a sample's weight 1.26 on average, not
- * 1.46, inside a body of index 3 and alpha 1, where these squares multiply from wall to wall. */
-static inline real interface_compensation_init(struct bsdf *b, real base, real *above,
-                                               real *below)
+/* The reflected and transmitted shares on each side are such that the same light (times n^2) passes both ways: with
+ * losses k L scaled from the mean M to the corrected k M, and the smaller one of both sides' k M in `pass`, f = k_o L_o
+ * k_i L_i pass / (pi k_i M_i eta^2). *above and *below: how often to sample each; below 0: no such lobe. Returns the
+ * share that is not lost: sampled as often as it is bright, single scattering makes the square of a sample's weight
+ * 1.26 on average, not 1.46, inside a body of index 3 and alpha 1, where these squares multiply from wall to wall. */
+static inline real interface_compensation_init(struct bsdf *b, real base, real *above, real *below)
 {
     struct bsdf_interface_compensation *c = &b->interface_compensation;
     const real alpha = b->base.shape.y, weight = b->weights.glass;
@@ -178,8 +166,7 @@ static inline real interface_compensation_init(struct bsdf *b, real base, real *
     inverse = 1.0f / c->loss_near.mean;
     loss_o *= near * inverse * albedo_interface_loss_at(&c->loss_near, alpha, b->cos_o);
     c->near = weight * loss_o * (1.0f - pass) * (REAL_INV_PI * inverse);
-    c->far = vec3_scale(b->interface.tint,
-                        loss_o * pass * REAL_INV_PI / (c->loss_far.mean * b->eta * b->eta));
+    c->far = vec3_scale(b->interface.tint, loss_o * pass * REAL_INV_PI / (c->loss_far.mean * b->eta * b->eta));
     *above = weight * loss_o * (1.0f - pass);
     *below = pass > 0.0f ? weight * loss_o * pass * base : -1.0f;
     return real_max(1.0f - loss_o, INTERFACE_SHARE_MIN);
@@ -196,5 +183,3 @@ static inline struct vec3 interface_compensation_far(const struct bsdf *b, real 
     const struct bsdf_interface_compensation *c = &b->interface_compensation;
     return vec3_scale(c->far, mu * albedo_interface_loss_at(&c->loss_far, b->base.shape.y, mu));
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* fresnel: reflectance of an interface: Schlick 1994 (Computer Graphics Forum 13(3)), Cook and
  * Torrance 1982 (ACM TOG 1(1)) for dielectrics, Born and Wolf 1999 for conductors. */
-#ifndef AZULEJO_RENDER_FRESNEL_H
-#define AZULEJO_RENDER_FRESNEL_H
+#pragma once
 
 #include "common/base/safeguard.h"
 #include "common/math/vec.h"
@@ -9,7 +8,7 @@
 /* (1 - cos)^5, Schlick's weight; cos is clamped to 0..1. */
 static inline real schlick_weight(real cosine)
 {
-    real m = 1.0f - (cosine < 1.0f ? (cosine > 0.0f ? cosine : 0.0f) : 1.0f), m2 = m * m;
+    real m = 1.0f - real_max(real_min(cosine, 1), 0), m2 = m * m;
     return m2 * m2 * m;
 }
 
@@ -19,16 +18,14 @@ static inline real schlick_weight(real cosine)
 
 static inline struct vec3 schlick_mix(struct vec3 f0, real f90, real weight)
 {
-    return (struct vec3){f0.x + (f90 - f0.x) * weight, f0.y + (f90 - f0.y) * weight,
-                         f0.z + (f90 - f0.z) * weight};
+    return (struct vec3){f0.x + (f90 - f0.x) * weight, f0.y + (f90 - f0.y) * weight, f0.z + (f90 - f0.z) * weight};
 }
 
-/* fresnel_dielectric() of bsdf.h, inline: Cook and Torrance's form with the squared relative index.
- * g - c is computed as (eta^2 - 1) / (g + c), so an eta near 1 neither cancels nor divides by 0;
- * eta = 1 gives exactly 0. */
+/* fresnel_dielectric() of bsdf.h, inline: Cook and Torrance's form with the squared relative index. g - c is computed
+ * as (eta^2 - 1) / (g + c), so an eta near 1 neither cancels nor divides by 0; eta = 1 gives exactly 0. */
 static inline real fresnel_exact(real cos_i, real eta)
 {
-    real c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
+    real c = real_max(real_min(cos_i, 1), 0);
     real e = (eta - 1.0f) * (eta + 1.0f), g2 = e + c * c, g, sum, difference, a, b, r;
 
     if (e == 0.0f)
@@ -49,7 +46,7 @@ static inline real fresnel_exact(real cos_i, real eta)
  * normal component, is computed without cancellation. */
 static inline real fresnel_conductor(real cos_i, real eta, real k)
 {
-    real c = cos_i < 1.0f ? (cos_i > 0.0f ? cos_i : 0.0f) : 1.0f;
+    real c = real_max(real_min(cos_i, 1), 0);
     real c2 = c * c, s2 = 1.0f - c2, ek = 2.0f * eta * k;
     real t0 = (eta - k) * (eta + k) - s2, length = real_sqrt(t0 * t0 + ek * ek), a, sum, cross, rs, rp;
 
@@ -69,8 +66,7 @@ static inline real fresnel_conductor(real cos_i, real eta, real k)
 }
 
 /* Refract wo about h (wo.h = cos_i > 0), eta = n_far / n_near; 0 at total reflection. */
-static inline int refract_about(struct vec3 wo, struct vec3 h, real cos_i, real eta,
-                                struct vec3 *wi)
+static inline int refract_about(struct vec3 wo, struct vec3 h, real cos_i, real eta, struct vec3 *wi)
 {
     real inverse = 1.0f / eta, sin2_t;
     /* From the tangent, because 1 - cos^2 has few digits near normal incidence. */
@@ -82,5 +78,3 @@ static inline int refract_about(struct vec3 wo, struct vec3 h, real cos_i, real 
     *wi = vec3_mad(vec3_scale(tangent, inverse), h, -real_sqrt(1.0f - sin2_t));
     return 1;
 }
-
-#endif

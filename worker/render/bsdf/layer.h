@@ -9,14 +9,13 @@
  *
  * A slab reflects at both faces: R' = 2 R / (1 + R).
  */
-#ifndef AZULEJO_RENDER_LAYER_H
-#define AZULEJO_RENDER_LAYER_H
+#pragma once
 
 #include "worker/render/bsdf/lobe.h"
 
 static inline real slab_reflectance(real r) { return 2.0f * r / (1.0f + r); }
 
-static inline int is_slab(const struct bsdf *b) { return CALLS_FOR(b, THIN_TRANSMISSION); }
+static inline int is_slab(const struct bsdf *b) { return calls_for(b->effects, EFFECT_THIN_TRANSMISSION); }
 
 /* The alpha whose tables give the base's mean reflectance. */
 static inline real layer_alpha(const struct bsdf *b)
@@ -28,8 +27,7 @@ static inline real layer_alpha(const struct bsdf *b)
 /* Replaces Schlick's weight if plastic has the exact Fresnel term. */
 static inline real exact_weight(const struct bsdf *b, real cosine)
 {
-    return (fresnel_exact(cosine, b->material.ior) - b->dielectric.normal_f0) *
-           b->dielectric.inverse_rest_f0;
+    return (fresnel_exact(cosine, b->material.ior) - b->dielectric.normal_f0) * b->dielectric.inverse_rest_f0;
 }
 
 /* The share of light left if Schlick's mean weight is `blend` and microfacets lose `loss`. */
@@ -38,7 +36,7 @@ static inline real layer_rest_of(const struct bsdf *b, real blend, real loss)
     const struct bsdf_layer *l = &b->layer;
     real r = l->f0 + (l->f90 - l->f0) * blend;
 
-    if (CALLS_FOR(b, MULTIPLE_SCATTERING)) {
+    if (calls_for(b->effects, EFFECT_MULTIPLE_SCATTERING)) {
         /* The loss of a stretched distribution is known less precisely: only its F0 counts it. */
         r = ggx_is_stretched(&b->base.shape) ? r - loss * l->f0 : r - loss * r;
         r += loss * l->returned;
@@ -56,8 +54,7 @@ static inline real layer_rest(const struct bsdf *b, real mu, real loss)
     if (b->layer.f90 == 0.0f)
         return 1.0f;
     if (b->base.smooth) {
-        blend = b->layer.exact || (is_slab(b) && b->dielectric.exact) ? exact_weight(b, mu)
-                                                                      : schlick_weight(mu);
+        blend = b->layer.exact || (is_slab(b) && b->dielectric.exact) ? exact_weight(b, mu) : schlick_weight(mu);
     } else {
         blend = albedo_blend_at(&b->layer.row, mu);
         if (b->layer.exact)
@@ -78,16 +75,15 @@ static inline real layer_rest_average(const struct bsdf *b)
     }
     if (b->base.smooth)
         return 1.0f - (l->f0 + range * (SCHLICK_MEAN + more));
-    if (!CALLS_FOR(b, MULTIPLE_SCATTERING))
+    if (!calls_for(b->effects, EFFECT_MULTIPLE_SCATTERING))
         return 1.0f - (l->f0 + range * (l->row.average + more));
     if (ggx_is_stretched(&b->base.shape)) {
         loss = b->compensation.stretched_loss.mean;
-        return 1.0f - (l->f0 * (1.0f - loss) + range * (l->row.average + more) +
-                       loss * l->returned);
+        return 1.0f - (l->f0 * (1.0f - loss) + range * (l->row.average + more) + loss * l->returned);
     }
     loss = b->compensation.loss.mean;
-    return 1.0f - (l->f0 * (1.0f - loss) + range * (b->compensation.loss.schlick_mean + more_kept) +
-                   loss * l->returned);
+    return 1.0f -
+           (l->f0 * (1.0f - loss) + range * (b->compensation.loss.schlick_mean + more_kept) + loss * l->returned);
 }
 
 /* Under a film the base sends out no more than with Schlick's term between these ends. */
@@ -100,5 +96,3 @@ static inline void layer_raise_ends(struct bsdf *b)
     l->f90 = l->f90 + (specular - l->f90) * b->thin_film.weight;
     l->f90 = real_max(l->f90, l->f0);
 }
-
-#endif

@@ -9,8 +9,7 @@
  * coat leaves along wo and wi, and the Lambertian base by the product of both over its mean. This
  * is reciprocal and never gains energy.
  */
-#ifndef AZULEJO_RENDER_LAYERING_H
-#define AZULEJO_RENDER_LAYERING_H
+#pragma once
 
 #include <string.h>
 
@@ -40,9 +39,9 @@ static inline struct cover cover_find(const struct bsdf *b, struct vec3 wi)
 
     if (!near && !far)
         return cover;
-#define LAYER_COVERS(name, prefix, side, effects, account) \
+#define LAYER_COVERS(name, prefix, side, bringing, account) \
     cover.prefix = cover.lobe;                             \
-    if (CALLS_FOR_ANY(b, effects))                         \
+    if (calls_for(b->effects, bringing)) \
         prefix##_cover(b, wi, near, far, &cover);
     BSDF_LAYER_MAP(LAYER_COVERS)
 #undef LAYER_COVERS
@@ -51,7 +50,7 @@ static inline struct cover cover_find(const struct bsdf *b, struct vec3 wi)
 
 static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
 {
-    if (CALLS_FOR_ANY(b, LAYER_EFFECTS))
+    if (calls_for(b->effects, LAYER_EFFECTS))
         return cover_find(b, wi);
     return COVER_NONE;
 }
@@ -60,8 +59,8 @@ static inline struct cover cover_between(const struct bsdf *b, struct vec3 wi)
 
 /* About what each lobe reflects along wo, at any scale. */
 struct lobe_shares {
-    real share[BSDF_LOBES];    /* 0 for absent lobes */
-    uint32_t lobes;             /* bit BSDF_LOBE_x: it is there */
+    real share[BSDF_LOBES]; /* 0 for absent lobes */
+    uint32_t lobes;         /* bit BSDF_LOBE_x: it is there */
 };
 
 /* Add to a lobe, which may still be absent; a share below 0 adds nothing. */
@@ -84,18 +83,18 @@ LOBE_OFTEN void choose_by_share(struct bsdf *b, const struct lobe_shares *s)
     real total = 0, sum = 0, least;
 
 #define LOBE_ENABLED_BIT(name, prefix, side, effects, account) \
-    | (LOBE_ENABLED(effects) ? 1u << BSDF_LOBE_##name : 0)
+    | (calls_for(EFFECTS_ALL, effects) ? 1u << BSDF_LOBE_##name : 0)
     b->lobes = s->lobes & (0 BSDF_LOBE_MAP(LOBE_ENABLED_BIT));
 #undef LOBE_ENABLED_BIT
     memset(b->lobe_pdf, 0, sizeof b->lobe_pdf);
     EACH_LOBE(i, b->lobes)
-        total += s->share[i];
+    total += s->share[i];
     least = LOBE_SHARE_MIN * (total > REAL(1e-10) ? total : REAL(1e-10));
     EACH_LOBE(i, b->lobes)
-        sum += b->lobe_pdf[i] = real_max(s->share[i], least);
+    sum += b->lobe_pdf[i] = real_max(s->share[i], least);
     sum = 1.0f / sum;
     EACH_LOBE(i, b->lobes)
-        b->lobe_pdf[i] *= sum;
+    b->lobe_pdf[i] *= sum;
 }
 
 /* Which lobes have a density, and whether any is a delta lobe. */
@@ -114,8 +113,7 @@ static inline void find_delta_lobes(struct bsdf *b)
         delta |= 1u << BSDF_LOBE_COAT;
     b->smooth_lobes = smooth & ~delta;
     b->has_smooth = b->smooth_lobes != 0;
-    b->has_delta = (b->lobes & delta) != 0 ||
-                   ((b->lobes & interface) && b->interface.transmit_delta);
+    b->has_delta = (b->lobes & delta) != 0 || ((b->lobes & interface) && b->interface.transmit_delta);
 }
 
 /* ---- preparing for wo ---------------------------------------------------------------------------- */
@@ -157,7 +155,7 @@ static inline uint64_t effects_called_for(const struct bsdf_params *p)
     uint64_t set = 0;
 
 #define CALL(name, condition)                           \
-    if (__builtin_expect(HAS(name) && (condition), 0)) \
+    if (__builtin_expect(calls_for(EFFECTS_ALL, EFFECT_##name) && (condition), 0)) \
         set |= EFFECT_##name;
     BSDF_CALL_MAP(CALL)
 #undef CALL
@@ -222,11 +220,11 @@ LOBE_OFTEN void fresnel_init(struct bsdf *b)
     d->f0 = vec3_scale(b->thin_film.f0, m->specular);
     b->layer.f0 = vec3_max(d->f0);
     d->f90 = b->layer.f90 = real_max(m->specular * bsdf_f90_of(d->normal_f0), b->layer.f0);
-    if (CALLS_FOR(b, IRIDESCENCE))
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE))
         layer_raise_ends(b);
     r->f0 = vec3_mad(vec3_scale(d->f0, b->weights.plastic), m->base_color, m->metallic);
     r->f90 = d->f90 * b->weights.plastic + m->metallic;
-    if (CALLS_FOR(b, CONDUCTOR))
+    if (calls_for(b->effects, EFFECT_CONDUCTOR))
         r->f0 = vec3_mul(m->base_color, (struct vec3){fresnel_conductor(1, r->eta.x, r->k.x),
                                                       fresnel_conductor(1, r->eta.y, r->k.y),
                                                       fresnel_conductor(1, r->eta.z, r->k.z)});
@@ -234,8 +232,8 @@ LOBE_OFTEN void fresnel_init(struct bsdf *b)
 
 /* What plastic and metal reflect along wo, what plastic leaves for the base, and the shares of the
  * reflection and of its compensation. */
-LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
-                                real *reflection, real *compensation)
+LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo, real *reflection,
+                                real *compensation)
 {
     real blend = 0, loss_o = 0;
 
@@ -258,22 +256,19 @@ LOBE_OFTEN void init_reflection(struct bsdf *b, const struct bsdf_params *params
 }
 
 /* The Lambertian base, on both sides. */
-LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params,
-                             struct lobe_shares *shares)
+LOBE_OFTEN void init_lambert(struct bsdf *b, const struct bsdf_params *params, struct lobe_shares *shares)
 {
     real rest = layer_rest_average(b);
 
     if (!(rest > REAL(1e-4) && b->layer.rest_o > 0.0f))
         return;
     shares_add(shares, BSDF_LOBE_DIFFUSE, diffuse_init(b, params, rest));
-    if (CALLS_FOR(b, DIFFUSE_TRANSMISSION))
-        shares_add(shares, BSDF_LOBE_DIFFUSE_TRANSMISSION,
-                   diffuse_transmission_init(b, params, rest));
+    if (calls_for(b->effects, EFFECT_DIFFUSE_TRANSMISSION))
+        shares_add(shares, BSDF_LOBE_DIFFUSE_TRANSMISSION, diffuse_transmission_init(b, params, rest));
 }
 
 /* Metal, plastic, glass, thin walls and everything between. */
-LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo,
-                          struct lobe_shares *shares)
+LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, struct vec3 wo, struct lobe_shares *shares)
 {
     real base = vec3_average(b->material.base_color), reflection, compensation, above, below;
 
@@ -291,7 +286,7 @@ LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, stru
         shares_add(shares, BSDF_LOBE_DIFFUSE, compensation);
     }
     shares_add(shares, BSDF_LOBE_REFLECTION, reflection);
-    if (LOBE_ENABLED(EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC) && b->weights.glass > 0.0f) {
+    if (calls_for(EFFECTS_ALL, EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC) && b->weights.glass > 0.0f) {
         real interface = interface_init(b, base);
         if (!b->base.smooth && is_compensated(params)) {
             interface *= interface_compensation_init(b, base, &above, &below);
@@ -300,7 +295,7 @@ LOBE_OFTEN void init_base(struct bsdf *b, const struct bsdf_params *params, stru
         }
         shares_add(shares, BSDF_LOBE_INTERFACE, interface);
     }
-    if (LOBE_ENABLED(EFFECT_THIN_TRANSMISSION) && b->weights.wall > 0.0f && base > 0.0f)
+    if (calls_for(EFFECTS_ALL, EFFECT_THIN_TRANSMISSION) && b->weights.wall > 0.0f && base > 0.0f)
         shares_add(shares, BSDF_LOBE_THIN_WALL, thin_wall_init(b, wo, base));
 }
 
@@ -310,19 +305,19 @@ LOBE_OFTEN void init_layers(struct bsdf *b, const struct bsdf_params *params, st
     const real n = b->material.ior;
 
     b->base.shape = ggx_make(b->material.alpha, b->material.alpha, 0);
-    if (CALLS_FOR(b, ANISOTROPY))
+    if (calls_for(b->effects, EFFECT_ANISOTROPY))
         stretched_init(b, params);
     b->base.smooth = !ggx_is_stretched(&b->base.shape) && alpha_is_smooth(b->material.alpha);
-    b->layer.exact = CALLS_FOR(b, GLOSSY) && !CALLS_FOR(b, CONDUCTOR) &&
+    b->layer.exact = calls_for(b->effects, EFFECT_GLOSSY) && !calls_for(b->effects, EFFECT_CONDUCTOR) &&
                      n >= ALBEDO_EXACT_IOR_FIRST && n <= ALBEDO_EXACT_IOR_LAST;
     if (b->layer.exact)
         b->layer.exact_row = albedo_exact_find(layer_alpha(b), n);
-    if (CALLS_FOR(b, CONDUCTOR))
+    if (calls_for(b->effects, EFFECT_CONDUCTOR))
         conductor_init(b, params);
-    if (CALLS_FOR(b, IRIDESCENCE))
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE))
         thin_film_init(b, params);
-#define LAYER_INIT(name, prefix, side, effects, account) \
-    if (CALLS_FOR_ANY(b, effects))                       \
+#define LAYER_INIT(name, prefix, side, bringing, account) \
+    if (calls_for(b->effects, bringing)) \
         prefix##_init(b, params, wo);
     BSDF_LAYER_MAP(LAYER_INIT)
 #undef LAYER_INIT
@@ -340,8 +335,8 @@ LOBE_OFTEN void layering_init(struct bsdf *b, const struct bsdf_params *params, 
     init_base(b, params, wo, &shares);
     if (is_covered_near(b)) {
         real rest = 1.0f;
-#define LAYER_SHARE(name, prefix, side, effects, account) \
-    if (CALLS_FOR_ANY(b, effects))                        \
+#define LAYER_SHARE(name, prefix, side, bringing, account) \
+    if (calls_for(b->effects, bringing)) \
         shares_add(&shares, BSDF_LOBE_##name, prefix##_share(b, &rest));
         BSDF_LAYER_MAP(LAYER_SHARE)
 #undef LAYER_SHARE
@@ -383,5 +378,3 @@ static inline void metal_init(struct bsdf *b, const struct bsdf_params *params, 
     b->lobe_pdf[BSDF_LOBE_REFLECTION] = 1.0f - b->lobe_pdf[BSDF_LOBE_DIFFUSE];
     b->lobes = b->smooth_lobes |= 1u << BSDF_LOBE_DIFFUSE;
 }
-
-#endif

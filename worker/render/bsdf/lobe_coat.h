@@ -1,13 +1,11 @@
-/* lobe_coat: a clear coat above everything else: GGX (microfacet.h) with Schlick's Fresnel term and
- * its own normal (KHR_materials_clearcoat).
+/* lobe_coat: a clear coat above everything else: GGX (microfacet.h) with Schlick's Fresnel term and its own normal
+ * (KHR_materials_clearcoat).
  *
  *   f = weight F(wo.h) D G2 / (4 (n.wo) (n.wi))
  *
- * Exact: pbrt's coat over a conductor (coatedconductor) uses Fresnel's equations instead of
- * Schlick's formula. The coat leaves 1 - weight E of the light along a direction to what lies
- * below, where E is its mean reflectance (albedo.h). */
-#ifndef AZULEJO_RENDER_LOBE_COAT_H
-#define AZULEJO_RENDER_LOBE_COAT_H
+ * Exact: pbrt's coat over a conductor (coatedconductor) uses Fresnel's equations instead of Schlick's formula. The coat
+ * leaves 1 - weight E of the light along a direction to what lies below, where E is its mean reflectance (albedo.h). */
+#pragma once
 
 #include "worker/render/bsdf/lobe.h"
 
@@ -51,7 +49,7 @@ static inline real coat_rest_average(const struct bsdf_coat *c)
 static inline void coat_init(struct bsdf *b, const struct bsdf_params *p, struct vec3 wo)
 {
     struct bsdf_coat *c = &b->coat;
-    int exact = CALLS_FOR(b, CONDUCTOR) && b->reflection.interreflection > 0.0f;
+    int exact = calls_for(b->effects, EFFECT_CONDUCTOR) && b->reflection.interreflection > 0.0f;
     real n = relative_index(clamp_to(p->clearcoat_ior, 1, BSDF_IOR_MAX), p);
     real r = (n - 1.0f) / (n + 1.0f), alpha = clamp_to(p->clearcoat_alpha, 0, 1);
 
@@ -86,8 +84,7 @@ static inline real coat_share(const struct bsdf *b, real *rest)
     return 1.0f - c->rest_o;
 }
 
-static inline void coat_cover(const struct bsdf *b, struct vec3 wi, int near, int far,
-                              struct cover *cover)
+static inline void coat_cover(const struct bsdf *b, struct vec3 wi, int near, int far, struct cover *cover)
 {
     real rest_o = near ? b->coat.rest_o : 1.0f;
     real rest_i = far ? coat_rest(&b->coat, vec3_dot(b->coat.normal, wi)) : 1.0f;
@@ -102,8 +99,8 @@ static inline real coat_sine2(struct vec3 n, struct vec3 h, real length2, real c
     return SAFEGUARD(COAT_DENSITY) ? vec3_length_squared(vec3_cross(n, h)) : length2 - cosine * cosine;
 }
 
-static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                        const struct cover *cover, real *pdf)
+static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi, const struct cover *cover,
+                                        real *pdf)
 {
     const struct bsdf_coat *c = &b->coat;
     const real alpha2 = c->micro.shape.y2, mu_o = c->cos_o, root_o = c->micro.root_o;
@@ -122,12 +119,11 @@ static inline struct vec3 coat_evaluate(const struct bsdf *b, struct vec3 wo, st
     density = alpha2 * REAL_INV_PI * (f * f) * 0.5f / (mu_o + root_o);
     *pdf = b->lobe_pdf[BSDF_LOBE_COAT] * density;
     f = coat_fresnel(c, 0.5f * real_sqrt(length2));
-    return vec3_splat(c->weight * f * density * mu_i * (mu_o + root_o) /
-                      (mu_i * root_o + mu_o * root_i));
+    return vec3_splat(c->weight * f * density * mu_i * (mu_o + root_o) / (mu_i * root_o + mu_o * root_i));
 }
 
-static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo, real w, real u,
-                                           real v, struct bsdf_sample *out)
+static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo, real w, real u, real v,
+                                           struct bsdf_sample *out)
 {
     const struct bsdf_coat *c = &b->coat;
     struct basis frame = basis_from_normal(c->normal);
@@ -135,19 +131,15 @@ static inline enum lobe_result coat_sample(const struct bsdf *b, struct vec3 wo,
     (void)w;
     if (c->micro.smooth) {
         out->wi = reflect_about(wo, c->normal);
-        out->weight =
-            vec3_splat(c->weight * coat_fresnel(c, c->cos_o) / b->lobe_pdf[BSDF_LOBE_COAT]);
+        out->weight = vec3_splat(c->weight * coat_fresnel(c, c->cos_o) / b->lobe_pdf[BSDF_LOBE_COAT]);
         return out->wi.z > 0.0f ? LOBE_DELTA : LOBE_NOTHING;
     }
     wo = basis_to_local(&frame, wo);
     if (!(wo.z > 0.0f))
         return LOBE_NOTHING;
-    out->wi = reflect_about(
-        wo, ggx_sample_visible(wo, c->micro.shape.y, c->micro.shape.y, u, v));
+    out->wi = reflect_about(wo, ggx_sample_visible(wo, c->micro.shape.y, c->micro.shape.y, u, v));
     if (!(out->wi.z > 0.0f))
         return LOBE_NOTHING;
     out->wi = basis_to_world(&frame, out->wi);
     return out->wi.z > 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
 }
-
-#endif

@@ -1,12 +1,12 @@
-/* lobe_diffuse: the diffuse base, scaled by what the layers above it leave on the way in and on the
- * way out (layer.h). A smooth base is Lambertian (1760):
+/* lobe_diffuse: the diffuse base, scaled by what the layers above it leave on the way in and on the way out (layer.h).
+ * A smooth base is Lambertian (1760):
  *
  *   f = color rest(mu_o) rest(mu_i) / (pi mean(rest))
  *
- * A rough base has the EON BRDF in place of color / pi (Portsmouth, Kutz and Hill 2025, "EON: A
- * Practical Energy-Preserving Rough Diffuse BRDF", Journal of Computer Graphics Techniques 14(1)):
- * Fujii's form of the Oren-Nayar model, with multiple scattering that returns what it loses. With
- * roughness r, A = 1 / (1 + c1 r), B = r A, c1 = 1/2 - 2/(3 pi), c2 = 2/3 - 28/(15 pi):
+ * A rough base has the EON BRDF in place of color / pi (Portsmouth, Kutz and Hill 2025, "EON: A Practical
+ * Energy-Preserving Rough Diffuse BRDF", Journal of Computer Graphics Techniques 14(1)): Fujii's form of the Oren-Nayar
+ * model, with multiple scattering that returns what it loses. With roughness r, A = 1 / (1 + c1 r), B = r A, c1 = 1/2 -
+ * 2/(3 pi), c2 = 2/3 - 28/(15 pi):
  *
  *   f_ss = color / pi (A + B s/t),  s = wo.wi - mu_o mu_i,  t = s > 0 ? max(mu_o, mu_i) : 1
  *   f_ms = color_ms / pi (1 - E(mu_o)) (1 - E(mu_i)) / (1 - E_mean)
@@ -16,13 +16,11 @@
  *
  * E is the exact directional albedo of f_ss for white, so a white base reflects exactly 1.
  *
- * It also samples multiple-scattering compensation (compensation.h). At a small alpha the
- * compensation is a function of mu / alpha that falls off as its square. Cosine sampling would
- * rarely find it, and then with weights in the thousands, so a share of the samples has the density
- * 1 / (mu + alpha) in mu.
+ * It also samples multiple-scattering compensation (compensation.h). At a small alpha the compensation is a function of
+ * mu / alpha that falls off as its square. Cosine sampling would rarely find it, and then with weights in the
+ * thousands, so a share of the samples has the density 1 / (mu + alpha) in mu.
  */
-#ifndef AZULEJO_RENDER_LOBE_DIFFUSE_H
-#define AZULEJO_RENDER_LOBE_DIFFUSE_H
+#pragma once
 
 #include "worker/render/bsdf/compensation.h"
 #include "worker/render/bsdf/layer.h"
@@ -40,13 +38,12 @@
  * samples of a base of roughness 1 is therefore uniform. For white, at mu 0.003, 0.05, 0.4 and 1,
  * it lowers the variance from 1.78, 0.93, 0.29 and 0.005 to 0.52, 0.48, 0.28 and 0.005. */
 #define EON_WIDE REAL(0.35)
-/* Largest mean of Schlick's weight over a hemisphere, minus the mean over the light of a base of B
- * = 1. */
+/* Largest mean of Schlick's weight over a hemisphere, minus the mean over the light of a base of B = 1. */
 #define EON_SPREAD REAL(0.0083)
 
 static inline int is_rough_diffuse(const struct bsdf *b)
 {
-    return CALLS_FOR(b, ROUGH_DIFFUSE) && !vec3_is_black(b->diffuse.color);
+    return calls_for(b->effects, EFFECT_ROUGH_DIFFUSE) && !vec3_is_black(b->diffuse.color);
 }
 
 /* (1 - E(mu)) / B. */
@@ -60,10 +57,7 @@ static inline real eon_loss(real mu)
     return real_max(EON_C1 - g * REAL_INV_PI, 0.0f);
 }
 
-static inline real eon_multiple(real color, real mean)
-{
-    return color * mean / (1.0f - color * (1.0f - mean));
-}
+static inline real eon_multiple(real color, real mean) { return color * mean / (1.0f - color * (1.0f - mean)); }
 
 /* b->diffuse.color is the Lambertian colour. */
 LOBE_RARE void eon_init(struct bsdf *b, real roughness)
@@ -108,7 +102,7 @@ static inline void graze_init(struct bsdf *b, real compensation, real diffuse)
 
 static inline int is_grazing(const struct bsdf *b)
 {
-    return CALLS_FOR(b, MULTIPLE_SCATTERING) && b->compensation.graze > 0.0f;
+    return calls_for(b->effects, EFFECT_MULTIPLE_SCATTERING) && b->compensation.graze > 0.0f;
 }
 
 /* Without the part that a rough base adds. */
@@ -117,8 +111,7 @@ static inline real narrow_density(const struct bsdf *b, real mu)
     const struct bsdf_compensation *c = &b->compensation;
 
     if (is_grazing(b))
-        return mu * REAL_INV_PI * (1.0f - c->graze) +
-               c->graze * REAL_INV_2PI / ((mu + b->base.shape.y) * c->graze_log);
+        return mu * REAL_INV_PI * (1.0f - c->graze) + c->graze * REAL_INV_2PI / ((mu + b->base.shape.y) * c->graze_log);
     return mu * REAL_INV_PI;
 }
 
@@ -165,11 +158,10 @@ static inline real lambert_scale(const struct bsdf *b, real rest, int coated)
 {
     const struct bsdf_coat *c = &b->coat;
 
-    if (CALLS_FOR(b, CLEARCOAT) && coated)
+    if (calls_for(b->effects, EFFECT_CLEARCOAT) && coated)
         /* The mean of the product of what both layers leave: at least the product of the means, and
          * above it by at most this. */
-        rest = rest * coat_rest_average(c) +
-               SCHLICK_VARIANCE * b->layer.f90 * (c->weight * c->f90);
+        rest = rest * coat_rest_average(c) + SCHLICK_VARIANCE * b->layer.f90 * (c->weight * c->f90);
     return b->weights.diffuse * b->layer.rest_o / rest;
 }
 
@@ -180,7 +172,7 @@ static inline real eon_rest_spread(const struct bsdf *b, real roughness)
 {
     real r = clamp_to(roughness, 0, 1), spread = EON_SPREAD * b->layer.f90;
 
-    if (CALLS_FOR(b, CLEARCOAT))
+    if (calls_for(b->effects, EFFECT_CLEARCOAT))
         spread += EON_SPREAD * b->coat.weight * b->coat.f90;
     return spread * r / (1.0f + EON_C1 * r);
 }
@@ -188,7 +180,7 @@ static inline real eon_rest_spread(const struct bsdf *b, real roughness)
 /* The share of the base that diffuse transmission takes. */
 static inline real transmitted_share(const struct bsdf *b, const struct bsdf_params *params)
 {
-    return CALLS_FOR(b, DIFFUSE_TRANSMISSION) ? clamp_to(params->diffuse_transmission, 0, 1) : 0;
+    return calls_for(b->effects, EFFECT_DIFFUSE_TRANSMISSION) ? clamp_to(params->diffuse_transmission, 0, 1) : 0;
 }
 
 /* Returns how often to sample it. `rest` as above. */
@@ -196,13 +188,13 @@ static inline real diffuse_init(struct bsdf *b, const struct bsdf_params *params
 {
     real scale, rough = params->diffuse_roughness;
 
-    if (CALLS_FOR(b, ROUGH_DIFFUSE))
+    if (calls_for(b->effects, EFFECT_ROUGH_DIFFUSE))
         rest += eon_rest_spread(b, rough);
     scale = lambert_scale(b, rest, is_covered_near(b)) * (1.0f - transmitted_share(b, params));
     b->diffuse.color = vec3_scale(b->material.base_color, scale * REAL_INV_PI);
     if (vec3_is_black(b->diffuse.color))
         return -1.0f;
-    if (CALLS_FOR(b, ROUGH_DIFFUSE))
+    if (calls_for(b->effects, EFFECT_ROUGH_DIFFUSE))
         eon_init(b, rough);
     return vec3_average(b->diffuse.color) * REAL_PI * rest;
 }
@@ -217,20 +209,18 @@ static inline struct vec3 diffuse_evaluate(const struct bsdf *b, struct vec3 wo,
         f = vec3_scale(eon_value(b, wo, wi), layer_rest(b, wi.z, loss) * cover->diffuse);
     else if (b->weights.diffuse > 0.0f)
         f = vec3_scale(b->diffuse.color, layer_rest(b, wi.z, loss) * wi.z * cover->diffuse);
-    if (CALLS_FOR(b, MULTIPLE_SCATTERING))
+    if (calls_for(b->effects, EFFECT_MULTIPLE_SCATTERING))
         f = vec3_mad(f, b->compensation.color, loss * wi.z * cover->lobe);
-    if (LOBE_ENABLED(EFFECT_ROUGH_DIELECTRIC) && b->interface_compensation.on)
+    if (calls_for(EFFECTS_ALL, EFFECT_ROUGH_DIELECTRIC) && b->interface_compensation.on)
         f = vec3_add(f, vec3_splat(interface_compensation_near(b, wi.z) * cover->lobe));
     *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE] * wide_density(b, wi.z);
     return f;
 }
 
-static inline enum lobe_result diffuse_sample(const struct bsdf *b, struct vec3 wo, real w,
-                                              real u, real v, struct bsdf_sample *out)
+static inline enum lobe_result diffuse_sample(const struct bsdf *b, struct vec3 wo, real w, real u, real v,
+                                              struct bsdf_sample *out)
 {
     (void)wo, (void)w;
     out->wi = wide_sample(b, u, v);
     return LOBE_SMOOTH;
 }
-
-#endif

@@ -5,18 +5,15 @@
  *
  * Sampled by the cosine, like the compensation that a rough interface sends there (compensation.h).
  */
-#ifndef AZULEJO_RENDER_LOBE_DIFFUSE_TRANSMISSION_H
-#define AZULEJO_RENDER_LOBE_DIFFUSE_TRANSMISSION_H
+#pragma once
 
 #include "worker/render/bsdf/lobe_diffuse.h"
 
 /* Returns how often to sample it; arguments as diffuse_init's. */
-static inline real diffuse_transmission_init(struct bsdf *b, const struct bsdf_params *params,
-                                              real rest)
+static inline real diffuse_transmission_init(struct bsdf *b, const struct bsdf_params *params, real rest)
 {
     struct vec3 color = clamp_color(params->diffuse_transmission_color, 1);
-    real scale = lambert_scale(b, rest, is_covered_near(b) && is_covered_far(b)) *
-                  transmitted_share(b, params);
+    real scale = lambert_scale(b, rest, is_covered_near(b) && is_covered_far(b)) * transmitted_share(b, params);
 
     b->diffuse_transmission.color = vec3_scale(color, scale * REAL_INV_PI);
     if (vec3_is_black(b->diffuse_transmission.color))
@@ -24,9 +21,8 @@ static inline real diffuse_transmission_init(struct bsdf *b, const struct bsdf_p
     return vec3_average(b->diffuse_transmission.color) * REAL_PI * rest;
 }
 
-static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, struct vec3 wo,
-                                                        struct vec3 wi, const struct cover *cover,
-                                                        real *pdf)
+static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
+                                                        const struct cover *cover, real *pdf)
 {
     real mu = -wi.z;
 
@@ -34,12 +30,10 @@ static inline struct vec3 diffuse_transmission_evaluate(const struct bsdf *b, st
     *pdf = b->lobe_pdf[BSDF_LOBE_DIFFUSE_TRANSMISSION] * (mu * REAL_INV_PI);
     if (!(b->weights.diffuse > 0.0f)) /* only the interface's compensation */
         return LOBE_BLACK;
-    return vec3_scale(b->diffuse_transmission.color,
-                      layer_rest(b, mu, compensation_loss(b, wi)) * mu * cover->diffuse);
+    return vec3_scale(b->diffuse_transmission.color, layer_rest(b, mu, compensation_loss(b, wi)) * mu * cover->diffuse);
 }
 
-static inline enum lobe_result diffuse_transmission_sample(const struct bsdf *b, struct vec3 wo,
-                                                           real w, real u, real v,
+static inline enum lobe_result diffuse_transmission_sample(const struct bsdf *b, struct vec3 wo, real w, real u, real v,
                                                            struct bsdf_sample *out)
 {
     (void)wo, (void)w;
@@ -50,5 +44,3 @@ static inline enum lobe_result diffuse_transmission_sample(const struct bsdf *b,
         out->eta_scale = b->eta * b->eta;
     return LOBE_SMOOTH;
 }
-
-#endif

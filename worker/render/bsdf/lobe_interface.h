@@ -1,14 +1,12 @@
-/* lobe_interface: a dielectric interface, smooth or rough, that reflects and refracts: Walter et
- * al. 2007 ("Microfacet Models for Refraction through Rough Surfaces"), equations 16 (half vector),
- * 17 (half vector's density) and 21 (f), but with fully correlated masking and shadowing in
- * transmission (microfacet.h). The Fresnel term is the exact one, remapped to begin at F0 and end
- * at F90; total internal reflection is always 1. Transmitted light is base_color * (1 - max
- * component of F). The choice between reflection and refraction depends on the sampled microfacet.
+/* lobe_interface: a dielectric interface, smooth or rough, that reflects and refracts: Walter et al. 2007 ("Microfacet
+ * Models for Refraction through Rough Surfaces"), equations 16 (half vector), 17 (half vector's density) and 21 (f),
+ * but with fully correlated masking and shadowing in transmission (microfacet.h). The Fresnel term is the exact one,
+ * remapped to begin at F0 and end at F90; total internal reflection is always 1. Transmitted light is base_color * (1 -
+ * max component of F). The choice between reflection and refraction depends on the sampled microfacet.
  *
  * Its reflection is evaluated together with the rest of the base's: lobe_reflection.h.
  */
-#ifndef AZULEJO_RENDER_LOBE_INTERFACE_H
-#define AZULEJO_RENDER_LOBE_INTERFACE_H
+#pragma once
 
 #include "worker/render/bsdf/compensation.h"
 #include "worker/render/bsdf/lobe.h"
@@ -29,7 +27,7 @@ static inline struct vec3 interface_fresnel(const struct bsdf *b, real cos_i)
         weight = schlick_weight(cos_i);
     }
     f = schlick_mix(d->f0, b->material.specular, weight);
-    if (CALLS_FOR(b, IRIDESCENCE)) {
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE)) {
         real cos_1 = cos_i;
         if (b->material.inside && d->exact) /* the film sees the angle outside */
             cos_1 = real_sqrt(real_max(0.0f, 1.0f - (1.0f - cos_i * cos_i) / (b->eta * b->eta)));
@@ -83,8 +81,7 @@ static inline real interface_init(struct bsdf *b, real base)
 
 /* Equations 17 and 21, with h = -(wo + eta wi) normalised and on wo's side. Its squared length
  * before normalisation is their squared denominator. */
-static inline struct vec3 interface_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                               real *pdf)
+static inline struct vec3 interface_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 wi, real *pdf)
 {
     struct vec3 h = vec3_mad(wo, wi, b->eta), f;
     real length2 = vec3_length_squared(h), scale, cos_o, cos_i, density, shadowing, keep;
@@ -102,12 +99,10 @@ static inline struct vec3 interface_refraction(const struct bsdf *b, struct vec3
     keep = 1.0f - vec3_max(f);
     if (!(keep > 0.0f))
         return LOBE_BLACK;
-    density = ggx_density_of(&b->base.shape, h, length2) * 2.0f / (b->cos_o + b->base.root_o) *
-              (cos_o * cos_i / length2);
-    shadowing = transmission_shadowing(b->cos_o, b->base.root_o, -wi.z,
-                                       ggx_root_of(&b->base.shape, wi));
-    *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, f).transmit * density *
-           (b->eta * b->eta);
+    density =
+        ggx_density_of(&b->base.shape, h, length2) * 2.0f / (b->cos_o + b->base.root_o) * (cos_o * cos_i / length2);
+    shadowing = transmission_shadowing(b->cos_o, b->base.root_o, -wi.z, ggx_root_of(&b->base.shape, wi));
+    *pdf = b->lobe_pdf[BSDF_LOBE_INTERFACE] * interface_choose(b, f).transmit * density * (b->eta * b->eta);
     return vec3_scale(b->interface.tint, keep * shadowing * density);
 }
 
@@ -124,29 +119,25 @@ static inline struct vec3 interface_evaluate(const struct bsdf *b, struct vec3 w
     return vec3_scale(f, cover->lobe);
 }
 
-/* Light bends at the surface's own normal. If the reflection is rough, its share is averaged over
- * the microfacets, so both ways still add up to at most 1. f: reflectance; it chooses with
- * `transmit`. */
-static inline enum lobe_result interface_sample_delta(const struct bsdf *b, struct vec3 wo,
-                                                      struct vec3 f, real transmit,
-                                                      struct bsdf_sample *out)
+/* Light bends at the surface's own normal. If the reflection is rough, its share is averaged over the microfacets, so
+ * both ways still add up to at most 1. f: reflectance; it chooses with `transmit`. */
+static inline enum lobe_result interface_sample_delta(const struct bsdf *b, struct vec3 wo, struct vec3 f,
+                                                      real transmit, struct bsdf_sample *out)
 {
     if (b->eta == 1.0f)
         out->wi = vec3_neg(wo);
     else if (!refract_about(wo, (struct vec3){0, 0, 1}, b->cos_o, b->eta, &out->wi))
         return LOBE_NOTHING;
     out->weight = vec3_scale(b->interface.tint,
-                             (1.0f - vec3_max(f)) / (b->lobe_pdf[BSDF_LOBE_INTERFACE] * transmit *
-                                                     out->eta_scale));
+                             (1.0f - vec3_max(f)) / (b->lobe_pdf[BSDF_LOBE_INTERFACE] * transmit * out->eta_scale));
     return out->wi.z < 0.0f ? LOBE_DELTA : LOBE_NOTHING;
 }
 
-static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo,
-                                                        struct bsdf_sample *out);
+static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo, struct bsdf_sample *out);
 
 /* Reflect or refract at one microfacet, chosen with w. */
-static inline enum lobe_result interface_sample(const struct bsdf *b, struct vec3 wo, real w,
-                                                real u, real v, struct bsdf_sample *out)
+static inline enum lobe_result interface_sample(const struct bsdf *b, struct vec3 wo, real w, real u, real v,
+                                                struct bsdf_sample *out)
 {
     struct vec3 h = {0, 0, 1}, f;
     struct interface_choice choice;
@@ -170,8 +161,5 @@ static inline enum lobe_result interface_sample(const struct bsdf *b, struct vec
     out->eta_scale = b->eta * b->eta;
     if (b->interface.transmit_delta)
         return interface_sample_delta(b, wo, f, choice.transmit, out);
-    return refract_about(wo, h, cos_h, b->eta, &out->wi) && out->wi.z < 0.0f ? LOBE_SMOOTH
-                                                                             : LOBE_NOTHING;
+    return refract_about(wo, h, cos_h, b->eta, &out->wi) && out->wi.z < 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
 }
-
-#endif

@@ -12,8 +12,7 @@
  *            what the layer below it does not receive.
  * A refractive interface reflects at the same microfacets: its reflection is added here.
  */
-#ifndef AZULEJO_RENDER_LOBE_REFLECTION_H
-#define AZULEJO_RENDER_LOBE_REFLECTION_H
+#pragma once
 
 #include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/compensation.h"
@@ -30,7 +29,7 @@ static inline struct vec3 conductor_fresnel(const struct bsdf *b, real cos_h)
     real back = r->interreflection;
     struct vec3 f;
 
-    if (CALLS_FOR(b, CLEARCOAT) && b->coat.exact) {
+    if (calls_for(b->effects, EFFECT_CLEARCOAT) && b->coat.exact) {
         /* Light reaches a metal under a coat more steeply, and is reflected back and forth. */
         back = b->coat.weight * coat_fresnel(&b->coat, cos_h);
         cos_h = real_sqrt(1.0f - (1.0f - cos_h * cos_h) / (b->coat.ior * b->coat.ior));
@@ -39,7 +38,7 @@ static inline struct vec3 conductor_fresnel(const struct bsdf *b, real cos_h)
                       fresnel_conductor(cos_h, r->eta.y, r->k.y),
                       fresnel_conductor(cos_h, r->eta.z, r->k.z)};
     f = vec3_mul(f, b->material.base_color);
-    if (CALLS_FOR(b, IRIDESCENCE))
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE))
         f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, cos_h, r->f0), b->thin_film.weight), 1);
     f.x = interreflected(f.x, back);
     f.y = interreflected(f.y, back);
@@ -52,10 +51,10 @@ LOBE_RARE struct vec3 metal_fresnel(const struct bsdf *b, real cos_h)
     const struct vec3 f0 = b->material.base_color;
     struct vec3 f;
 
-    if (CALLS_FOR(b, CONDUCTOR))
+    if (calls_for(b->effects, EFFECT_CONDUCTOR))
         return conductor_fresnel(b, cos_h);
     f = schlick_mix(f0, 1.0f, schlick_weight(cos_h));
-    if (CALLS_FOR(b, IRIDESCENCE))
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE))
         f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, cos_h, f0), b->thin_film.weight), 1);
     return f;
 }
@@ -77,7 +76,7 @@ LOBE_RARE struct vec3 plastic_fresnel(const struct bsdf *b, real cos_h)
     struct vec3 f;
 
     f = schlick_mix(d->f0, d->f90, exact ? exact_weight(b, cos_h) : schlick_weight(cos_h));
-    if (CALLS_FOR(b, IRIDESCENCE)) {
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE)) {
         f = vec3_mad(f, thin_film_difference(&b->thin_film, cos_h, b->thin_film.f0),
                      b->thin_film.weight * b->material.specular);
         f = clamp_color(f, film_limit(b, exact ? exact_weight(b, cos_h) : schlick_weight(cos_h)));
@@ -116,10 +115,10 @@ static inline struct vec3 metal_average(const struct bsdf *b)
 {
     const struct vec3 f0 = b->material.base_color;
 
-    if (CALLS_FOR(b, CONDUCTOR)) /* Gauss's rule for the weight 2 mu */
+    if (calls_for(b->effects, EFFECT_CONDUCTOR)) /* Gauss's rule for the weight 2 mu */
         return vec3_add(vec3_scale(metal_fresnel(b, REAL(0.35505103)), REAL(0.36391724)),
                         vec3_scale(metal_fresnel(b, REAL(0.84494897)), REAL(0.63608276)));
-    if (CALLS_FOR(b, IRIDESCENCE)) /* the film's part by the one-point rule */
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE)) /* the film's part by the one-point rule */
         return clamp_color(vec3_mad(schlick_mix(f0, 1.0f, SCHLICK_MEAN),
                                     thin_film_difference(&b->thin_film, 2.0f / REAL(3.0), f0), b->thin_film.weight), 1);
     return schlick_mix(f0, 1.0f, SCHLICK_MEAN);
@@ -130,7 +129,7 @@ static inline struct vec3 plastic_average(const struct bsdf *b, real weight)
 {
     struct vec3 f = schlick_mix(b->dielectric.f0, b->dielectric.f90, weight);
 
-    if (CALLS_FOR(b, IRIDESCENCE))
+    if (calls_for(b->effects, EFFECT_IRIDESCENCE))
         f = clamp_color(vec3_mad(f, thin_film_difference(&b->thin_film, 2.0f / REAL(3.0), b->thin_film.f0),
                                  b->thin_film.weight * b->material.specular), film_limit(b, weight));
     return f;
@@ -178,16 +177,13 @@ static inline void conductor_init(struct bsdf *b, const struct bsdf_params *p)
 LOBE_OFTEN real reflection_init(struct bsdf *b, real blend)
 {
     struct bsdf_reflection *r = &b->reflection;
-    int film = CALLS_FOR(b, IRIDESCENCE);
+    int film = calls_for(b->effects, EFFECT_IRIDESCENCE);
 
     r->schlick =
-        !CALLS_FOR_ANY(b, EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE | EFFECT_THIN_TRANSMISSION) &&
-        !b->layer.exact;
-    if (r->f90 == 0.0f && vec3_is_black(r->f0) &&
-        !(film && b->weights.plastic > 0.0f && b->material.specular > 0.0f))
+        !calls_for(b->effects, EFFECT_CONDUCTOR | EFFECT_IRIDESCENCE | EFFECT_THIN_TRANSMISSION) && !b->layer.exact;
+    if (r->f90 == 0.0f && vec3_is_black(r->f0) && !(film && b->weights.plastic > 0.0f && b->material.specular > 0.0f))
         return -1.0f;
-    return vec3_average(film ? reflection_fresnel(b, b->cos_o)
-                             : schlick_mix(r->f0, r->f90, blend));
+    return vec3_average(film ? reflection_fresnel(b, b->cos_o) : schlick_mix(r->f0, r->f90, blend));
 }
 
 /* What reflects at a microfacet, including the interface, and how often it is sampled. */
@@ -205,7 +201,7 @@ static inline struct vec3 reflection_color(const struct bsdf *b, real cos_h, rea
 }
 
 LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
-                                              const struct cover *cover, real *pdf)
+                                           const struct cover *cover, real *pdf)
 {
     real cos_h, shadowing, chosen;
     real density = reflection_density(&b->base, wo, b->cos_o, wi, &cos_h, &shadowing);
@@ -220,8 +216,7 @@ LOBE_OFTEN struct vec3 reflection_evaluate(const struct bsdf *b, struct vec3 wo,
 }
 
 /* The mirror direction: what all lobes reflect there, over how often it is chosen. */
-static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo,
-                                                        struct bsdf_sample *out)
+static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, struct vec3 wo, struct bsdf_sample *out)
 {
     real chosen;
     struct vec3 f = reflection_color(b, b->cos_o, &chosen);
@@ -233,8 +228,8 @@ static inline enum lobe_result reflection_sample_mirror(const struct bsdf *b, st
     return LOBE_DELTA;
 }
 
-static inline enum lobe_result reflection_sample(const struct bsdf *b, struct vec3 wo, real w,
-                                                 real u, real v, struct bsdf_sample *out)
+static inline enum lobe_result reflection_sample(const struct bsdf *b, struct vec3 wo, real w, real u, real v,
+                                                 struct bsdf_sample *out)
 {
     (void)w;
     if (b->base.smooth)
@@ -242,5 +237,3 @@ static inline enum lobe_result reflection_sample(const struct bsdf *b, struct ve
     out->wi = reflect_about(wo, ggx_sample_of(&b->base.shape, wo, u, v));
     return out->wi.z > 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
 }
-
-#endif

@@ -1,18 +1,16 @@
-/* lobe_sheen: cloth's Charlie distribution with its shadowing (Conty Estevez and Kulla 2017,
- * "Production Friendly Microfacet Sheen BRDF", as in KHR_materials_sheen).
+/* lobe_sheen: cloth's Charlie distribution with its shadowing (Conty Estevez and Kulla 2017, "Production Friendly
+ * Microfacet Sheen BRDF", as in KHR_materials_sheen).
  *
- * Below alpha 0.1 the model itself sends out more light than comes in at grazing angles (its
- * directional albedo, albedo.h, is above 1). There it is divided by the larger of the two
- * directions' albedos, which keeps it reciprocal.
+ * Below alpha 0.1 the model itself sends out more light than comes in at grazing angles (its directional albedo,
+ * albedo.h, is above 1). There it is divided by the larger of the two directions' albedos, which keeps it reciprocal.
  *
  *   f = color D(h) / (4 mu_o mu_i (1 + Lambda(mu_o) + Lambda(mu_i)))
  *   D(h) = (2 + 1/alpha) sin(theta_h)^(1/alpha) / (2 pi)
  *
- * What lies below is scaled by what the sheen leaves, along the brighter of the two directions
- * (glTF's rule). Sampled uniformly over the hemisphere.
+ * What lies below is scaled by what the sheen leaves, along the brighter of the two directions (glTF's rule). Sampled
+ * uniformly over the hemisphere.
  */
-#ifndef AZULEJO_RENDER_LOBE_SHEEN_H
-#define AZULEJO_RENDER_LOBE_SHEEN_H
+#pragma once
 
 #include "common/math/elementary.h"
 #include "worker/render/bsdf/lobe.h"
@@ -81,8 +79,7 @@ static inline real sheen_share(const struct bsdf *b, real *rest)
     return vec3_average(b->sheen.color) * sheen_albedo(&b->sheen, b->cos_o, &limit) * above;
 }
 
-static inline void sheen_cover(const struct bsdf *b, struct vec3 wi, int near, int far,
-                               struct cover *cover)
+static inline void sheen_cover(const struct bsdf *b, struct vec3 wi, int near, int far, struct cover *cover)
 {
     real rest_i = 1.0f, limit;
 
@@ -94,8 +91,7 @@ static inline void sheen_cover(const struct bsdf *b, struct vec3 wi, int near, i
 }
 
 /* f mu_i before its colour. */
-static inline real sheen_value(const struct bsdf_sheen *s, struct vec3 wo, real mu_o,
-                                struct vec3 wi)
+static inline real sheen_value(const struct bsdf_sheen *s, struct vec3 wo, real mu_o, struct vec3 wi)
 {
     struct vec3 h = vec3_add(wo, wi);
     real length2 = vec3_length_squared(h), limit_i, lambda;
@@ -104,9 +100,8 @@ static inline real sheen_value(const struct bsdf_sheen *s, struct vec3 wo, real 
         return 0;
     lambda = 1.0f + s->lambda_o + sheen_lambda(s->fit, s->fit_half, wi.z);
     sheen_albedo(s, wi.z, &limit_i);
-    return sheen_density(s->alpha, (h.x * h.x + h.y * h.y) / length2) *
-           real_min(s->limit_o, limit_i) * real_min(wi.z * (1.0f / SHEEN_MU_MIN), 1.0f) /
-           (4.0f * real_max(mu_o, SHEEN_MU_MIN) * lambda);
+    return sheen_density(s->alpha, (h.x * h.x + h.y * h.y) / length2) * real_min(s->limit_o, limit_i) *
+           real_min(wi.z * (1.0f / SHEEN_MU_MIN), 1.0f) / (4.0f * real_max(mu_o, SHEEN_MU_MIN) * lambda);
 }
 
 static inline struct vec3 sheen_evaluate(const struct bsdf *b, struct vec3 wo, struct vec3 wi,
@@ -116,8 +111,8 @@ static inline struct vec3 sheen_evaluate(const struct bsdf *b, struct vec3 wo, s
     return vec3_scale(b->sheen.color, sheen_value(&b->sheen, wo, b->cos_o, wi) * cover->sheen);
 }
 
-static inline enum lobe_result sheen_sample(const struct bsdf *b, struct vec3 wo, real w, real u,
-                                            real v, struct bsdf_sample *out)
+static inline enum lobe_result sheen_sample(const struct bsdf *b, struct vec3 wo, real w, real u, real v,
+                                            struct bsdf_sample *out)
 {
     real z = 1.0f - u, radius = real_sqrt(u * (1.0f + z)), s, c;
 
@@ -126,5 +121,3 @@ static inline enum lobe_result sheen_sample(const struct bsdf *b, struct vec3 wo
     out->wi = (struct vec3){radius * c, radius * s, z};
     return LOBE_SMOOTH;
 }
-
-#endif

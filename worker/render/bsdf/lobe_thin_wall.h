@@ -6,8 +6,7 @@
  *
  * The blur fades out as ior goes from 1.5 to 1, as in glTF viewers.
  */
-#ifndef AZULEJO_RENDER_LOBE_THIN_WALL_H
-#define AZULEJO_RENDER_LOBE_THIN_WALL_H
+#pragma once
 
 #include "worker/render/base/health_scope.h"
 #include "worker/render/bsdf/compensation.h"
@@ -52,16 +51,14 @@ static inline struct vec3 thin_wall_evaluate(const struct bsdf *b, struct vec3 w
         return health_density(density), LOBE_BLACK;
     reflected_i = 1.0f - layer_rest(b, mirrored.z, compensation_loss(b, mirrored));
     reflected = real_max(reflected_i, b->layer.reflected_o);
-    shadowing = transmission_shadowing(b->cos_o, m->root_o, mirrored.z,
-                                       ggx_root_of(&m->shape, mirrored));
+    shadowing = transmission_shadowing(b->cos_o, m->root_o, mirrored.z, ggx_root_of(&m->shape, mirrored));
     *pdf = b->lobe_pdf[BSDF_LOBE_THIN_WALL] * density;
-    return vec3_scale(vec3_scale(b->thin_wall.tint, (1.0f - reflected) * shadowing * density),
-                      cover->lobe);
+    return vec3_scale(vec3_scale(b->thin_wall.tint, (1.0f - reflected) * shadowing * density), cover->lobe);
 }
 
 /* Straight through, or by the mirrored half vector. */
-static inline enum lobe_result thin_wall_sample(const struct bsdf *b, struct vec3 wo, real w,
-                                                real u, real v, struct bsdf_sample *out)
+static inline enum lobe_result thin_wall_sample(const struct bsdf *b, struct vec3 wo, real w, real u, real v,
+                                                struct bsdf_sample *out)
 {
     const struct microfacets *m = &b->thin_wall.spread;
 
@@ -69,13 +66,10 @@ static inline enum lobe_result thin_wall_sample(const struct bsdf *b, struct vec
     out->flags = BSDF_TRANSMISSION;
     if (m->smooth) {
         out->wi = vec3_neg(wo);
-        out->weight = vec3_scale(b->thin_wall.tint, (1.0f - b->layer.reflected_o) /
-                                                        b->lobe_pdf[BSDF_LOBE_THIN_WALL]);
+        out->weight = vec3_scale(b->thin_wall.tint, (1.0f - b->layer.reflected_o) / b->lobe_pdf[BSDF_LOBE_THIN_WALL]);
         return LOBE_DELTA;
     }
     out->wi = reflect_about(wo, ggx_sample_of(&m->shape, wo, u, v));
     out->wi.z = -out->wi.z;
     return out->wi.z < 0.0f ? LOBE_SMOOTH : LOBE_NOTHING;
 }
-
-#endif

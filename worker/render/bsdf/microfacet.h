@@ -8,14 +8,13 @@
  * Stretched, with ax along x and ay along y, the same holds with
  *   root(w) = sqrt(ax^2 wx^2 + ay^2 wy^2 + wz^2).
  */
-#ifndef AZULEJO_RENDER_MICROFACET_H
-#define AZULEJO_RENDER_MICROFACET_H
+#pragma once
 
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
 #include "worker/render/bsdf/warp.h"
-#include "worker/render/base/has.h"
+#include "worker/render/base/gate.h"
 
 /* The distribution's widths: alpha along y (and x, if not stretched), alpha along x. */
 struct ggx {
@@ -27,13 +26,10 @@ struct ggx {
 struct microfacets {
     struct ggx shape;
     real root_o; /* root(wo) */
-    int smooth;   /* a mirror: reflection (and refraction) is a delta lobe */
+    int smooth;  /* a mirror: reflection (and refraction) is a delta lobe */
 };
 
-static inline real ggx_root(real alpha2, real mu)
-{
-    return real_sqrt(alpha2 + (1.0f - alpha2) * (mu * mu));
-}
+static inline real ggx_root(real alpha2, real mu) { return real_sqrt(alpha2 + (1.0f - alpha2) * (mu * mu)); }
 
 static inline real ggx_stretched_root(real x2, real y2, struct vec3 w)
 {
@@ -52,11 +48,9 @@ static inline real ggx_density(real alpha2, struct vec3 h, real length2)
     return alpha2 * REAL_INV_PI * (ratio * ratio);
 }
 
-static inline real ggx_stretched_density(real alpha_x, real alpha_y, struct vec3 h,
-                                          real length2)
+static inline real ggx_stretched_density(real alpha_x, real alpha_y, struct vec3 h, real length2)
 {
-    real spread = h.x * h.x * (alpha_y / alpha_x) + h.y * h.y * (alpha_x / alpha_y) +
-                   alpha_x * alpha_y * (h.z * h.z);
+    real spread = h.x * h.x * (alpha_y / alpha_x) + h.y * h.y * (alpha_x / alpha_y) + alpha_x * alpha_y * (h.z * h.z);
     real ratio = length2 / spread;
 
     return alpha_x * alpha_y * REAL_INV_PI * (ratio * ratio);
@@ -64,8 +58,7 @@ static inline real ggx_stretched_density(real alpha_x, real alpha_y, struct vec3
 
 /* Sample a microfacet normal with the density G1(wo) D(h) (wo.h) / wo.z: the spherical caps of
  * Dupuy and Benyoub 2023 (Computer Graphics Forum 42(8)). wo.z > 0. */
-static inline struct vec3 ggx_sample_visible(struct vec3 wo, real alpha_x, real alpha_y, real u,
-                                             real v)
+static inline struct vec3 ggx_sample_visible(struct vec3 wo, real alpha_x, real alpha_y, real u, real v)
 {
     real x = alpha_x * wo.x, y = alpha_y * wo.y, z = wo.z, side2 = x * x + y * y;
     real scale = 1.0f / real_sqrt(side2 + z * z), below, above, sine, s, c;
@@ -97,7 +90,7 @@ static inline struct ggx ggx_make(real alpha_y, real alpha_x, int stretched)
 
 static inline int ggx_is_stretched(const struct ggx *g)
 {
-    return HAS(ANISOTROPY) && g->stretched;
+    return calls_for(EFFECTS_ALL, EFFECT_ANISOTROPY) && g->stretched;
 }
 
 static inline real ggx_root_of(const struct ggx *g, struct vec3 w)
@@ -107,8 +100,7 @@ static inline real ggx_root_of(const struct ggx *g, struct vec3 w)
 
 static inline real ggx_density_of(const struct ggx *g, struct vec3 h, real length2)
 {
-    return ggx_is_stretched(g) ? ggx_stretched_density(g->x, g->y, h, length2)
-                               : ggx_density(g->y2, h, length2);
+    return ggx_is_stretched(g) ? ggx_stretched_density(g->x, g->y, h, length2) : ggx_density(g->y2, h, length2);
 }
 
 static inline struct vec3 ggx_sample_of(const struct ggx *g, struct vec3 wo, real u, real v)
@@ -123,8 +115,8 @@ static inline struct vec3 ggx_sample_of(const struct ggx *g, struct vec3 wo, rea
 
 /* Density of reflecting at a visible normal, D G1(wo) / (4 wo.z), for the half vector between wo
  * and wi, both above the surface; 0 if there is none. *cos_h is wo.h; *shadowing is G2 / G1. */
-static inline real reflection_density(const struct microfacets *m, struct vec3 wo, real mu_o,
-                                       struct vec3 wi, real *cos_h, real *shadowing)
+static inline real reflection_density(const struct microfacets *m, struct vec3 wo, real mu_o, struct vec3 wi,
+                                      real *cos_h, real *shadowing)
 {
     struct vec3 h = vec3_add(wo, wi);
     real length2 = vec3_length_squared(h), root_i = ggx_root_of(&m->shape, wi);
@@ -152,5 +144,3 @@ static inline struct vec3 reflect_about(struct vec3 wo, struct vec3 h)
 {
     return vec3_sub(vec3_scale(h, 2.0f * vec3_dot(wo, h)), wo);
 }
-
-#endif

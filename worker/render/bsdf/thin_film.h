@@ -7,8 +7,7 @@
  * exact Fresnel term, and below FILM_FADE_NM the film's index fades to that of its surroundings (as
  * in the authors' own code). Both are needed so that a film of thickness 0 has no effect.
  */
-#ifndef AZULEJO_RENDER_THIN_FILM_H
-#define AZULEJO_RENDER_THIN_FILM_H
+#pragma once
 
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
@@ -21,8 +20,8 @@
 
 struct thin_film {
     real weight;
-    real ior;      /* relative to its surroundings */
-    real path_nm;  /* 2 n d */
+    real ior;       /* relative to its surroundings */
+    real path_nm;   /* 2 n d */
     struct vec3 f0; /* of the plastic or glass below it, without `specular` */
 };
 
@@ -57,14 +56,13 @@ static inline real thin_film_wave(real turns, real x, real amplitude)
     return amplitude * c * e;
 }
 
-/* Linear Rec. 709 response to cos(2 pi path / wavelength + shift), path in nm; `half` has 1 for
- * each of X, Y, Z whose shift is half a turn. The fits' constants are those of
- * KHR_materials_iridescence, per nm. */
+/* Linear Rec. 709 response to cos(2 pi path / wavelength + shift), path in nm; `half` has 1 for each of X, Y, Z whose
+ * shift is half a turn. The fits' constants are those of KHR_materials_iridescence, per nm. */
 static inline struct vec3 thin_film_response(real path, struct vec3 half)
 {
     real p2 = path * path;
     real x = thin_film_wave(REAL(1.6810e-3) * path + 0.5f * half.x, REAL(1.7085470e-7) * p2, REAL(0.846590)) +
-              thin_film_wave(REAL(2.2399e-3) * path + 0.5f * half.x, REAL(1.7876617e-7) * p2, REAL(0.153868));
+             thin_film_wave(REAL(2.2399e-3) * path + 0.5f * half.x, REAL(1.7876617e-7) * p2, REAL(0.153868));
     real y = thin_film_wave(REAL(1.7953e-3) * path + 0.5f * half.y, REAL(3.6733088e-7) * p2, REAL(1.000222));
     real z = thin_film_wave(REAL(2.2084e-3) * path + 0.5f * half.z, REAL(2.6103525e-7) * p2, REAL(1.001122));
 
@@ -81,8 +79,7 @@ static inline real film_base_ior(real f0)
 }
 
 /* One component's terms of the series. r12: the upper interface; ior: the film's. */
-static inline real thin_film_terms(real f0, real ior, real r12, real cos_2, real *shift,
-                               real *c1, real *c2)
+static inline real thin_film_terms(real f0, real ior, real r12, real cos_2, real *shift, real *c1, real *c2)
 {
     real base = film_base_ior(f0), n = (base - ior) / (base + ior), r1 = n * n;
     real r23 = r1 + (1.0f - r1) * schlick_weight(cos_2);
@@ -97,9 +94,8 @@ static inline real thin_film_terms(real f0, real ior, real r12, real cos_2, real
     return r12 + rs;
 }
 
-/* Reflectance of the film on a base with F0 = f0 (per component, in the film's surroundings). ior:
- * the film's, relative to its surroundings; path = 2 n d in nm; cos_1 outside the film. Each
- * component in 0..1. */
+/* Reflectance of the film on a base with F0 = f0 (per component, in the film's surroundings). ior: the film's, relative
+ * to its surroundings; path = 2 n d in nm; cos_1 outside the film. Each component in 0..1. */
 static inline struct vec3 thin_film_reflectance(real ior, real path, real cos_1, struct vec3 f0)
 {
     real sin2 = (1.0f - cos_1 * cos_1) / (ior * ior), r12 = fresnel_exact(cos_1, ior), cos_2;
@@ -145,5 +141,3 @@ static inline struct vec3 thin_film_difference(const struct thin_film *film, rea
     struct vec3 f = thin_film_reflectance(film->ior, film->path_nm, cos_1, f0);
     return vec3_sub(f, schlick_mix(f0, 1.0f, schlick_weight(cos_1)));
 }
-
-#endif

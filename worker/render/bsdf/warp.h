@@ -1,6 +1,5 @@
 /* warp: random numbers to directions, in float, with the same bits on every machine. */
-#ifndef AZULEJO_RENDER_WARP_H
-#define AZULEJO_RENDER_WARP_H
+#pragma once
 
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
@@ -15,10 +14,10 @@ static inline void sincos_octant(real x, real *sine, real *cosine)
 #else
     real x2 = x * x;
 
-    *sine = x + x * x2 * (-REAL(1.6666667e-1) + x2 * (REAL(8.3333333e-3) + x2 * (-REAL(1.9841270e-4) +
-                                                                       x2 * REAL(2.7557319e-6))));
-    *cosine = 1.0f + x2 * (-0.5f + x2 * (REAL(4.1666667e-2) + x2 * (-REAL(1.3888889e-3) +
-                                                               x2 * REAL(2.4801587e-5))));
+    *sine = x + x * x2 *
+                    (-REAL(1.6666667e-1) +
+                     x2 * (REAL(8.3333333e-3) + x2 * (-REAL(1.9841270e-4) + x2 * REAL(2.7557319e-6))));
+    *cosine = 1.0f + x2 * (-0.5f + x2 * (REAL(4.1666667e-2) + x2 * (-REAL(1.3888889e-3) + x2 * REAL(2.4801587e-5))));
 #endif
 }
 
@@ -59,5 +58,3 @@ static inline struct vec3 cosine_hemisphere(real u, real v)
     w.z = real_sqrt(z2 > REAL(1e-7) || !SAFEGUARD(COSINE_RIM) ? z2 : REAL(1e-7));
     return w;
 }
-
-#endif

@@ -13,14 +13,12 @@ static double blackman_harris(double x)
 {
     double turn = (x / FILTER_RADIUS + 1) * PI_D;
 
-    return 0.35875 - 0.48829 * (double)real_cos((real)turn) +
-           0.14128 * (double)real_cos((real)(2 * turn)) -
+    return 0.35875 - 0.48829 * (double)real_cos((real)turn) + 0.14128 * (double)real_cos((real)(2 * turn)) -
            0.01168 * (double)real_cos((real)(3 * turn));
 }
 
-/* The table's entry i is where the left half's accumulated weight, of 1, reaches
- * (i / FILTER_TABLE_SIZE)^4: the fourth power gives the faint tail as many entries as the
- * bright middle. */
+/* The table's entry i is where the left half's accumulated weight, of 1, reaches (i / FILTER_TABLE_SIZE)^4: the fourth
+ * power gives the faint tail as many entries as the bright middle. */
 static void filter_table_fill(real table[FILTER_TABLE_SIZE + 1])
 {
     enum { STEPS = 1 << 14 };
@@ -50,10 +48,8 @@ static void lens_init(struct camera *camera, const struct scene_camera *descript
 {
     if (camera->kind == CAMERA_PANORAMA || (settings->without & EFFECT_DEPTH_OF_FIELD))
         return;
-    camera->lens_radius =
-        settings->lens_radius >= 0 ? settings->lens_radius : description->lens_radius;
-    camera->focus_distance =
-        settings->focus_distance > 0 ? settings->focus_distance : description->focus_distance;
+    camera->lens_radius = settings->lens_radius >= 0 ? settings->lens_radius : description->lens_radius;
+    camera->focus_distance = settings->focus_distance > 0 ? settings->focus_distance : description->focus_distance;
     if (!(camera->lens_radius > 0) || !(camera->focus_distance > 0)) {
         camera->lens_radius = 0; /* a lens without a focus distance has no effect */
         return;
@@ -65,8 +61,8 @@ static void lens_init(struct camera *camera, const struct scene_camera *descript
     }
 }
 
-void camera_init(struct camera *camera, const struct scene_camera *description,
-                 const struct render_settings *settings, const struct camera_motion *motion)
+void camera_init(struct camera *camera, const struct scene_camera *description, const struct render_settings *settings,
+                 const struct camera_motion *motion)
 {
     uint32_t width = settings_whole_width(settings), height = settings_whole_height(settings);
     real aspect = (real)width / (real)height;
@@ -76,22 +72,19 @@ void camera_init(struct camera *camera, const struct scene_camera *description,
     camera->to_world = transform_from_d(&description->to_world);
     camera->width = (real)width;
     camera->height = (real)height;
-    camera->half_height = description->kind == CAMERA_PERSPECTIVE
-                              ? real_tan(description->yfov_rad * 0.5f)
-                              : description->ymag;
+    camera->half_height =
+        description->kind == CAMERA_PERSPECTIVE ? real_tan(description->yfov_rad * 0.5f) : description->ymag;
     camera->half_width = camera->half_height * aspect;
     lens_init(camera, description, settings);
     if (motion && motion->shutter_open) {
         camera->shutter_open = 1;
         if (motion->steps >= 2) {
-            camera->motion_steps =
-                motion->steps < CAMERA_STEPS_MAX ? motion->steps : CAMERA_STEPS_MAX;
+            camera->motion_steps = motion->steps < CAMERA_STEPS_MAX ? motion->steps : CAMERA_STEPS_MAX;
             memcpy(camera->motion, motion->to_world, camera->motion_steps * sizeof *camera->motion);
             camera->to_world = camera->motion[0];
         }
     }
-    camera->pinhole = camera->kind == CAMERA_PERSPECTIVE && !(camera->lens_radius > 0) &&
-                      !camera->shutter_open;
+    camera->pinhole = camera->kind == CAMERA_PERSPECTIVE && !(camera->lens_radius > 0) && !camera->shutter_open;
     filter_table_fill(camera->filter_offset);
 }
 
@@ -109,10 +102,7 @@ struct camera_cone camera_cone(const struct camera *camera)
 }
 
 /* Column `c` of the rotation. */
-static struct vec3 column(const struct transform *t, int c)
-{
-    return vec3_make(t->m[0][c], t->m[1][c], t->m[2][c]);
-}
+static struct vec3 column(const struct transform *t, int c) { return vec3_make(t->m[0][c], t->m[1][c], t->m[2][c]); }
 
 static void set_column(struct transform *t, int c, struct vec3 v)
 {
@@ -182,8 +172,7 @@ int camera_project(const struct camera *camera, struct vec3 p, real time, real p
     return isfinite(pixel[0]) && isfinite(pixel[1]);
 }
 
-int camera_motion_vector(const struct camera *camera, struct vec3 opening, struct vec3 closing,
-                         real motion[2])
+int camera_motion_vector(const struct camera *camera, struct vec3 opening, struct vec3 closing, real motion[2])
 {
     real a[2], b[2];
 

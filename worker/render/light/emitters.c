@@ -5,7 +5,7 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* A group's share of the choices if there are other groups. If all lights are weighed equally, the
  * bound only keeps the number that made the choice fine enough for the point on the light. */
@@ -42,8 +42,7 @@ static void weigh_item(struct weights *w, uint32_t item, const struct light_weig
     w->local_lit += weight->power > 0;
 }
 
-static void weigh_lights(const struct emitters *e, const struct render_scene *scene,
-                         struct weights *w)
+static void weigh_lights(const struct emitters *e, const struct render_scene *scene, struct weights *w)
 {
     uint32_t item = 0;
 
@@ -68,8 +67,7 @@ static void weigh_lights(const struct emitters *e, const struct render_scene *sc
 }
 
 /* Where each directional light's share of the choices begins. */
-static void share_directional(struct emitters *e, const struct render_scene *scene,
-                              const struct weights *w)
+static void share_directional(struct emitters *e, const struct render_scene *scene, const struct weights *w)
 {
     int alike = w->choice == LIGHT_CHOICE_UNIFORM;
     double total = alike ? w->directional_lit : w->directional_power, sum = 0;
@@ -93,8 +91,7 @@ static double bounded_share(double part, double rest, double least)
     return share < least ? least : share > 1 - least ? 1 - least : share;
 }
 
-static double environment_weight(const struct emitters *e, const struct render_scene *scene,
-                                 int alike)
+static double environment_weight(const struct emitters *e, const struct render_scene *scene, int alike)
 {
     double power;
 
@@ -104,21 +101,19 @@ static double environment_weight(const struct emitters *e, const struct render_s
     return power > 0 ? power : DBL_MIN; /* the faintest environment is sampled too */
 }
 
-static void share_groups(struct emitters *e, const struct render_scene *scene,
-                         const struct weights *w)
+static void share_groups(struct emitters *e, const struct render_scene *scene, const struct weights *w)
 {
     int alike = w->choice == LIGHT_CHOICE_UNIFORM;
     double directional_weight = alike ? w->directional_lit : w->directional_power;
     double local_weight = alike ? w->local_lit : w->local_power;
     double least = alike ? GROUP_ODDS_MIN_ALIKE : GROUP_ODDS_MIN;
-    double share = bounded_share(environment_weight(e, scene, alike),
-                                 directional_weight + local_weight, least);
+    double share = bounded_share(environment_weight(e, scene, alike), directional_weight + local_weight, least);
     double directional = bounded_share(directional_weight, local_weight, least);
 
     e->environment_odds = (real)share;
-    e->directional_odds =
-        w->local_power > 0 ? (real)((1 - share) * directional)
-        : w->directional_power > 0 ? 1 - e->environment_odds : 0;
+    e->directional_odds = w->local_power > 0         ? (real)((1 - share) * directional)
+                          : w->directional_power > 0 ? 1 - e->environment_odds
+                                                     : 0;
     e->local_odds = w->local_power > 0 ? 1 - e->environment_odds - e->directional_odds : 0;
     if (share > 0 || w->directional_power > 0 || w->local_power > 0)
         e->count = e->punctual_count + e->face_count + (uint32_t)e->has_environment;
@@ -168,8 +163,7 @@ static status choose_odds(struct emitters *e, const struct render_scene *scene, 
 /* ---- making ------------------------------------------------------------------------------- */
 
 /* Move the directional lights to the front. */
-static status make_punctual(struct emitters *e, const struct render_scene *scene,
-                            const struct scene_light *lights,
+static status make_punctual(struct emitters *e, const struct render_scene *scene, const struct scene_light *lights,
                             const struct punctual_motion *motion, struct error *err)
 {
     uint32_t at = 0;
@@ -180,35 +174,30 @@ static status make_punctual(struct emitters *e, const struct render_scene *scene
 
             if ((light->kind == LIGHT_DIRECTIONAL) != directional)
                 continue;
-            e->punctual[at] = light_row((int)light->kind)
-                                  ->create(light, light->image >= 0 ? scene->images[light->image]
-                                                                    : NULL);
-            if (!e->punctual[at])
-                return error_no_memory(err, "the table of lights");
+            e->punctual[at] =
+                light_row((int)light->kind)->create(light, light->image >= 0 ? scene->images[light->image] : NULL);
+            NEED(e->punctual[at], err, "the table of lights");
             e->punctual[at++]->motion = motion[i];
         }
     return STATUS_OK;
 }
 
-static status make_environment(struct emitters *e, const struct render_scene *scene,
-                               const struct scene_portal *portals, uint32_t portal_count,
-                               struct error *err)
+static status make_environment(struct emitters *e, const struct render_scene *scene, const struct scene_portal *portals,
+                               uint32_t portal_count, struct error *err)
 {
     enum env_sampling sampling = scene->settings.env_sampling;
 
-    e->has_environment = scene->environment && !environment_is_black(scene->environment) &&
-                         sampling != ENV_SAMPLING_BSDF;
+    e->has_environment =
+        scene->environment && !environment_is_black(scene->environment) && sampling != ENV_SAMPLING_BSDF;
     if (!e->has_environment)
         return STATUS_OK;
     e->environment.map = scene->environment;
-    e->environment.alone =
-        sampling == ENV_SAMPLING_IMPORTANCE_ONLY || sampling == ENV_SAMPLING_UNIFORM_ONLY;
+    e->environment.alone = sampling == ENV_SAMPLING_IMPORTANCE_ONLY || sampling == ENV_SAMPLING_UNIFORM_ONLY;
     return portals_init(&e->environment.portals, portals, portal_count, err);
 }
 
-status emitters_init(struct emitters *e, struct render_scene *scene,
-                     const struct scene_light *lights, const struct punctual_motion *motion,
-                     uint32_t light_count, const struct scene_portal *portals,
+status emitters_init(struct emitters *e, struct render_scene *scene, const struct scene_light *lights,
+                     const struct punctual_motion *motion, uint32_t light_count, const struct scene_portal *portals,
                      uint32_t portal_count, struct error *err)
 {
     uint64_t faces = face_lights_count(scene);
@@ -223,8 +212,7 @@ status emitters_init(struct emitters *e, struct render_scene *scene,
     for (uint32_t i = 0; i < light_count; i++)
         e->directional_count += lights[i].kind == LIGHT_DIRECTIONAL;
     e->punctual = mem_calloc(light_count, sizeof *e->punctual);
-    e->directional_start = mem_calloc((size_t)e->directional_count + 1,
-                                      sizeof *e->directional_start);
+    e->directional_start = mem_calloc((size_t)e->directional_count + 1, sizeof *e->directional_start);
     e->faces = mem_alloc_array(e->face_count, sizeof *e->faces);
     e->dark = mem_calloc((size_t)e->face_count / 8 + 1, 1);
     if (!e->punctual || !e->directional_start || !e->faces || !e->dark)

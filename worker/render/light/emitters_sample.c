@@ -1,24 +1,24 @@
 /* emitters_sample: choosing a light at a path's vertex, and the odds of that choice. */
+#include "worker/render/base/fault.h"
 #include "worker/render/base/profile_scope.h"
-#include "worker/render/base/has.h"
+#include "worker/render/base/gate.h"
 #include "worker/render/light/emitters.h"
-#include "worker/render/path/record_hooks.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
-/* The one place that samples lights by kind. A row of the table is a case; kernels without its
- * effect leave it out. */
-static inline int emitters_sample_light(const struct render_scene *scene, int kind,
-                                        const void *light, const struct light_context *context,
-                                        real u, real v, struct light_sample *out)
+/* The one place that samples lights by kind. A row of the table is a case; kernels without its effect leave it out. */
+static inline int emitters_sample_light(const struct render_scene *scene, int kind, const void *light,
+                                        const struct light_context *context, real u, real v, struct light_sample *out)
 {
+    out->kind = kind;
+    out->light = light;
     switch (kind) {
 #define LIGHT_CASE(KIND, prefix, EFFECT, ACCOUNT, MET)                                    \
     case LIGHT_##KIND:                                                                    \
-        if (!HAS(EFFECT))                                                                 \
+        if (!calls_for(EFFECTS_ALL, EFFECT_##EFFECT))                                     \
             return 0;                                                                     \
-        RECORD(record_light_kind(scene, LIGHT_##KIND, #KIND, light));                     \
-        profile_account(ACTIVE(scene, ACCOUNT) ? PROFILE_ACCOUNT(ACCOUNT) : PROFILE_ACCOUNT(EFFECT));      \
+        profile_account(calls_for(scene->effects, EFFECT_##ACCOUNT) ? PROFILE_ACCOUNT(ACCOUNT) \
+                                                                    : PROFILE_ACCOUNT(EFFECT)); \
         return prefix##_sample(scene, light, context, u, v, out);
         LIGHT_KINDS(LIGHT_CASE)
 #undef LIGHT_CASE
@@ -28,8 +28,7 @@ static inline int emitters_sample_light(const struct render_scene *scene, int ki
 
 /* The same of a face: by its shape, so that the kind is a constant wherever it is sampled. */
 static inline int emitters_sample_face(const struct render_scene *scene, const struct hit *face,
-                                       const struct light_context *context, real u, real v,
-                                       struct light_sample *out)
+                                       const struct light_context *context, real u, real v, struct light_sample *out)
 {
     switch (shape_kind_of(scene->instances[face->instance].shape)) {
 #define SHAPE_CASE(KIND, ...) \
@@ -37,22 +36,18 @@ static inline int emitters_sample_face(const struct render_scene *scene, const s
         return emitters_sample_light(scene, LIGHT_##KIND, face, context, u, v, out);
         SHAPE_KINDS(SHAPE_CASE)
 #undef SHAPE_CASE
-    case SHAPE_KIND_COUNT:
-        break;
+    case SHAPE_KIND_COUNT: break;
     }
     return 0;
 }
 
-static int emitters_sample_punctual(const struct render_scene *scene,
-                                    const struct punctual *light,
+static int emitters_sample_punctual(const struct render_scene *scene, const struct punctual *light,
                                     const struct light_context *context, struct light_sample *out)
 {
-    return out->pdf > 0 &&
-           emitters_sample_light(scene, (int)light->kind, light, context, 0, 0, out);
+    return out->pdf > 0 && emitters_sample_light(scene, (int)light->kind, light, context, 0, 0, out);
 }
 
-static int emitters_sample_directional(const struct render_scene *scene,
-                                       const struct light_context *context, real u,
+static int emitters_sample_directional(const struct render_scene *scene, const struct light_context *context, real u,
                                        struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
@@ -72,8 +67,7 @@ static int emitters_sample_directional(const struct render_scene *scene,
     return emitters_sample_punctual(scene, e->punctual[low], context, out);
 }
 
-static int emitters_sample_local(const struct render_scene *scene,
-                                 const struct light_context *context, real u, real v,
+static int emitters_sample_local(const struct render_scene *scene, const struct light_context *context, real u, real v,
                                  struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
@@ -83,24 +77,21 @@ static int emitters_sample_local(const struct render_scene *scene,
 
     /* Choosing among lights of both kinds counts as the faces': they are the many. */
     profile_account(e->face_count ? PROFILE_ACCOUNT(EMISSIVE_MESH) : PROFILE_ACCOUNT(PUNCTUAL_LIGHT));
-    if (e->tree.node_count == 0
-            ? !light_table_choose(&e->table, &u, &v, &item, &odds)
-            : !light_tree_choose(&e->tree, context->p, context->n, &u, &v, &item, &odds))
+    if (e->tree.node_count == 0 ? !light_table_choose(&e->table, &u, &v, &item, &odds)
+                                : !light_tree_choose(&e->tree, context->p, context->n, &u, &v, &item, &odds))
         return 0;
     out->pdf = odds * e->local_odds;
     if (item < punctual)
-        return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context,
-                                        out);
+        return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context, out);
     item -= punctual;
     return emitters_sample_face(scene, &e->faces[item], context, u, v, out);
 }
 
-int emitters_sample(const struct render_scene *scene, const struct light_context *context, real u,
-                    real v, struct light_sample *out)
+static int emitters_choose(const struct render_scene *scene, const struct light_context *context, real u, real v,
+                           struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
 
-    out->on_face = 0;
     if (u < e->environment_odds) {
         out->pdf = e->environment_odds;
         return emitters_sample_light(scene, LIGHT_ENVIRONMENT, &e->environment, context,
@@ -108,17 +99,29 @@ int emitters_sample(const struct render_scene *scene, const struct light_context
     }
     u -= e->environment_odds;
     if (u < e->directional_odds)
-        return emitters_sample_directional(scene, context,
-                                           light_rescaled(u, 0, e->directional_odds), out);
-    return emitters_sample_local(scene, context,
-                                 light_rescaled(u, e->directional_odds, e->local_odds), v, out);
+        return emitters_sample_directional(scene, context, light_rescaled(u, 0, e->directional_odds), out);
+    return emitters_sample_local(scene, context, light_rescaled(u, e->directional_odds, e->local_odds), v, out);
+}
+
+int emitters_sample(const struct render_scene *scene, const struct light_context *context, real u, real v,
+                    struct light_sample *out)
+{
+    int found;
+
+    PROFILE_STAGE(LIGHT);
+    out->light = NULL;
+    out->unread = NULL;
+    out->on_face = 0;
+    found = emitters_choose(scene, context, u, v, out);
+    if (FAULT(ZERO_DENSITY))
+        out->pdf = 0;
+    return found;
 }
 
 /* ---- densities of what scattered rays meet ------------------------------------------------- */
 
-struct vec3 emitters_environment(const struct render_scene *scene,
-                                 const struct light_context *context, struct vec3 direction,
-                                 real *pdf)
+struct vec3 emitters_environment(const struct render_scene *scene, const struct light_context *context,
+                                 struct vec3 direction, real *pdf)
 {
     const struct emitters *e = &scene->emitters;
     struct vec3 radiance;
@@ -135,7 +138,7 @@ struct vec3 emitters_environment(const struct render_scene *scene,
 
 uint32_t emitters_face_at(const struct render_scene *scene, const struct surface *s)
 {
-    const struct world_instance *instance = s->instance;
+    const struct render_instance *instance = s->instance;
 
     /* The parts of a mix are not sampled as lights. */
     if (instance->light_base < 0 || s->material != &scene->materials[instance->material])
@@ -144,18 +147,16 @@ uint32_t emitters_face_at(const struct render_scene *scene, const struct surface
 }
 
 /* The odds of having chosen the face. */
-static real emitters_face_odds(const struct emitters *e, const struct light_context *context,
-                                uint32_t face)
+static real emitters_face_odds(const struct emitters *e, const struct light_context *context, uint32_t face)
 {
     uint32_t item = emitters_local_punctual(e) + face;
 
-    return e->local_odds * (e->tree.node_count == 0
-                                ? light_table_odds(&e->table, item)
-                                : light_tree_odds(&e->tree, context->p, context->n, item));
+    return e->local_odds * (e->tree.node_count == 0 ? light_table_odds(&e->table, item)
+                                                    : light_tree_odds(&e->tree, context->p, context->n, item));
 }
 
-real emitters_face_pdf(const struct render_scene *scene, const struct light_context *context,
-                        uint32_t face, real distance_squared, real cosine, real area)
+real emitters_face_pdf(const struct render_scene *scene, const struct light_context *context, uint32_t face,
+                       real distance_squared, real cosine, real area)
 {
     const struct emitters *e = &scene->emitters;
     const struct light_meeting met = {emitters_face_odds(e, context, face), distance_squared, cosine,

@@ -4,11 +4,11 @@
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
 #include "worker/render/texture/texture_dark.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* Is the slot's image black all over the triangle? */
-static int slot_is_dark(const struct texture_dark *dark, const struct world_slot *slot,
-                        const struct world_mesh *mesh, const uint32_t vertex[3])
+static int slot_is_dark(const struct texture_dark *dark, const struct render_slot *slot, const struct render_mesh *mesh,
+                        const uint32_t vertex[3])
 {
     const float32 *uv = mesh->uv[slot->uv_set];
     double range[2][2];
@@ -24,8 +24,7 @@ static int slot_is_dark(const struct texture_dark *dark, const struct world_slot
 
             low = fmin(low, at);
             high = fmax(high, at);
-            largest = fmax(largest, fabs((double)m[0] * u) + fabs((double)m[1] * v) +
-                                        fabs((double)m[2]));
+            largest = fmax(largest, fabs((double)m[0] * u) + fabs((double)m[1] * v) + fabs((double)m[2]));
         }
         /* Points in between are interpolated and transformed in float. */
         range[axis][0] = low - 0x1p-20 * largest;
@@ -34,7 +33,7 @@ static int slot_is_dark(const struct texture_dark *dark, const struct world_slot
     return texture_dark_in(dark, &slot->texture, range[0], range[1]);
 }
 
-static uint32_t faces_of(const struct render_scene *scene, const struct world_instance *instance)
+static uint32_t faces_of(const struct render_scene *scene, const struct render_instance *instance)
 {
     return instance->shape ? 1 : scene->meshes[instance->mesh].triangle_count;
 }
@@ -44,7 +43,7 @@ uint64_t face_lights_count(struct render_scene *scene)
     uint64_t total = 0;
 
     for (uint32_t i = 0; i < scene->instance_count; i++) {
-        struct world_instance *instance = &scene->instances[i];
+        struct render_instance *instance = &scene->instances[i];
         instance->light_base = -1;
         if (!(scene->materials[instance->material].flags & MATERIAL_EMISSIVE) ||
             scene->materials[instance->material].m.unlit)
@@ -57,10 +56,10 @@ uint64_t face_lights_count(struct render_scene *scene)
 
 /* Where the material's emissive texture is dark: made for the first instance that needs it, NULL if it
  * has none. `maps`: [image_count]. */
-static status dark_map(const struct world_material *material, struct texture_dark **maps,
+static status dark_map(const struct render_material *material, struct texture_dark **maps,
                        const struct texture_dark **out, struct error *err)
 {
-    const struct world_slot *slot = &material->emission;
+    const struct render_slot *slot = &material->emission;
     status s = STATUS_OK;
 
     *out = NULL;
@@ -73,13 +72,12 @@ static status dark_map(const struct world_material *material, struct texture_dar
 }
 
 /* Those of one instance. */
-static status find_in(const struct render_scene *scene, uint32_t number,
-                      struct texture_dark **maps, struct hit *faces, uint8_t *dark,
-                      struct error *err)
+static status find_in(const struct render_scene *scene, uint32_t number, struct texture_dark **maps, struct hit *faces,
+                      uint8_t *dark, struct error *err)
 {
-    const struct world_instance *instance = &scene->instances[number];
-    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
-    const struct world_material *material = &scene->materials[instance->material];
+    const struct render_instance *instance = &scene->instances[number];
+    const struct render_mesh *mesh = &scene->meshes[instance->mesh];
+    const struct render_material *material = &scene->materials[instance->material];
     const struct texture_dark *map;
     status s = dark_map(material, maps, &map, err);
 
@@ -87,14 +85,13 @@ static status find_in(const struct render_scene *scene, uint32_t number,
         uint32_t at = (uint32_t)instance->light_base + t;
 
         faces[at] = (struct hit){number, t};
-        if (map && slot_is_dark(map, &material->emission, mesh, world_vertices(mesh, t)))
+        if (map && slot_is_dark(map, &material->emission, mesh, triangle_vertices(mesh, t)))
             dark[at / 8] |= (uint8_t)(1 << at % 8);
     }
     return s;
 }
 
-status face_lights_find(const struct render_scene *scene, struct hit *faces,
-                            uint8_t *dark, struct error *err)
+status face_lights_find(const struct render_scene *scene, struct hit *faces, uint8_t *dark, struct error *err)
 {
     struct texture_dark **maps = mem_calloc((size_t)scene->image_count + 1, sizeof *maps);
     status s = maps ? STATUS_OK : error_no_memory(err, "the table of lights");

@@ -4,8 +4,7 @@
  * What a face of each shape does as a light is in triangle_light.c, sphere_light.c; `light` is there
  * the face's name, a struct hit.
  */
-#ifndef AZULEJO_RENDER_FACE_LIGHT_H
-#define AZULEJO_RENDER_FACE_LIGHT_H
+#pragma once
 
 #include "worker/render/light/light.h"
 #include "worker/render/shape/shape.h"
@@ -19,8 +18,7 @@ static inline int face_light_kind(const struct shape *shape)
         return LIGHT_##KIND;
         SHAPE_KINDS(SHAPE_LIGHT)
 #undef SHAPE_LIGHT
-    case SHAPE_KIND_COUNT:
-        break;
+    case SHAPE_KIND_COUNT: break;
     }
     return LIGHT_TRIANGLE;
 }
@@ -36,14 +34,12 @@ static inline real face_light_area_pdf(const struct light_meeting *met, real are
 
 /* Number the emissive instances' faces by light_base; returns how many there are. */
 uint64_t face_lights_count(struct render_scene *scene);
-/* faces[count]; the bits of `dark`, zeroed, of those whose emissive texture is black all over.
- * ERR_NO_MEMORY. */
+/* faces[count]; the bits of `dark`, zeroed, of those whose emissive texture is black all over. ERR_NO_MEMORY. */
 status face_lights_find(const struct render_scene *scene, struct hit *faces, uint8_t *dark,
                         struct error *err) MUST_CHECK;
 
-/* Twice a triangle's area (m2): the length of its `normal`, the cross product of two edges. Where the
- * square of that length leaves the range of floats (edges below 1e-10 m) the vector is scaled by a power
- * of two first. */
+/* Twice a triangle's area (m2): the length of its `normal`, the cross product of two edges. Where the square of that
+ * length leaves the range of floats (edges below 1e-10 m) the vector is scaled by a power of two first. */
 static inline real triangle_double_area(struct vec3 normal)
 {
     real squared = vec3_length_squared(normal), most, power;
@@ -56,5 +52,3 @@ static inline real triangle_double_area(struct vec3 normal)
     power = real_power_below(most);
     return power * vec3_length(vec3_scale(normal, 1 / power));
 }
-
-#endif

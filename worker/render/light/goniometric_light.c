@@ -12,8 +12,7 @@ struct goniometric_light {
 };
 
 /* Without an image it is a point light. */
-struct punctual *goniometric_light_new(const struct scene_light *light,
-                                       const struct texture_image *image)
+struct punctual *goniometric_light_new(const struct scene_light *light, const struct texture_image *image)
 {
     struct goniometric_light *g;
 
@@ -26,8 +25,7 @@ struct punctual *goniometric_light_new(const struct scene_light *light,
     return &g->base;
 }
 
-void goniometric_light_weigh(const struct render_scene *scene, const void *light_,
-                             struct light_weight *out)
+void goniometric_light_weigh(const struct render_scene *scene, const void *light_, struct light_weight *out)
 {
     const struct goniometric_light *light = light_;
 
@@ -35,9 +33,8 @@ void goniometric_light_weigh(const struct render_scene *scene, const void *light
     punctual_weigh(&light->base, punctual_image_mean(light->image, &lat_long, 1), out);
 }
 
-int goniometric_light_sample(const struct render_scene *scene, const void *light_,
-                             const struct light_context *context, real u, real v,
-                             struct light_sample *out)
+int goniometric_light_sample(const struct render_scene *scene, const void *light_, const struct light_context *context,
+                             real u, real v, struct light_sample *out)
 {
     const struct goniometric_light *light = light_;
     struct punctual_pose moved;
@@ -50,10 +47,8 @@ int goniometric_light_sample(const struct render_scene *scene, const void *light
         return 0;
     (void)punctual_shine(&light->base, share, out);
     d = punctual_to_local(pose, vec3_neg(out->direction));
-    out->radiance = vec3_mul(
-        out->radiance,
-        punctual_image(light->image, &lat_long, 0.5f + real_atan2(d.z, d.x) * REAL_INV_2PI,
-                       real_atan2(real_sqrt(d.x * d.x + d.z * d.z), d.y) * REAL_INV_PI));
-    return (vec3_max(out->radiance) > 0 && vec3_is_finite(out->radiance)) ||
-           health_throughput(out->radiance);
+    out->radiance =
+        vec3_mul(out->radiance, punctual_image(light->image, &lat_long, 0.5f + real_atan2(d.z, d.x) * REAL_INV_2PI,
+                                               real_atan2(real_sqrt(d.x * d.x + d.z * d.z), d.y) * REAL_INV_PI));
+    return (vec3_max(out->radiance) > 0 && vec3_is_finite(out->radiance)) || health_throughput(out->radiance);
 }

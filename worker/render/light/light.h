@@ -6,25 +6,24 @@
  *   prefix_weigh    power and bounds, from which the odds of choosing the light follow
  *   prefix_sample   next-event estimation: a point on the light, from two random numbers
  *
- * What scattered rays can meet has a density as well, with which multiple importance sampling weighs
- * the meeting; column MET says how they meet it:
+ * What scattered rays can meet has a density as well, with which multiple importance sampling weighs the meeting;
+ * column MET says how they meet it:
  *
  *   FACE     at a face (face_light.h): prefix_pdf
  *   ESCAPE   by leaving the scene: prefix_radiance, which gives the density with the radiance
  *   NEVER    light sampling alone finds it
  *
- * Two places use the rows: emitters_sample.c calls prefix_sample and prefix_pdf, light.c has the rest
- * as a table.
- * The tree (tree.h) and the table of odds (light_table.h), which choose a light, know its bounds and
- * its number alone. docs/EXTENDING.md lists the files of a new light.
+ * Two places use the rows: emitters_sample.c calls prefix_sample and prefix_pdf, light.c has the rest as a table.
+ * The tree (tree.h) and the table of odds (light_table.h), which choose a light, know its bounds and its number alone.
+ * docs/EXTENDING.md lists the files of a new light.
  */
-#ifndef AZULEJO_RENDER_LIGHT_H
-#define AZULEJO_RENDER_LIGHT_H
+#pragma once
 
 #include "common/base/safeguard.h"
 #include "common/math/vec.h"
 #include "common/scene/scene.h"
 #include "worker/render/accel/accel.h"
+#include "worker/render/light/environment/environment.h"
 #include "worker/render/light/tree.h"
 #include "worker/render/texture/texture.h"
 
@@ -53,25 +52,33 @@ enum light_kind { LIGHT_FOUND_FIRST = LIGHT_KIND_COUNT - 1,
 
 /* The light sampling context: what the choice and sampling of a light may depend on at a vertex. */
 struct light_context {
-    struct vec3 p;      /* world */
-    struct vec3 n;      /* unit geometric normal; black: light from any side counts (media, and
+    struct vec3 p; /* world */
+    struct vec3 n; /* unit geometric normal; black: light from any side counts (media, and
                            surfaces that transmit) */
-    real time;         /* 0..1 of the shutter */
+    real time;     /* 0..1 of the shutter */
 };
 
 /* A light seen from the context. */
 struct light_sample {
+    int kind;              /* of LIGHT_KINDS, and what of that kind was sampled: a punctual light, a struct hit of */
+    const void *light;     /* a face, the environment; NULL: no light was chosen */
     struct vec3 direction; /* unit, towards the light */
-    real distance;        /* metres; INFINITY for directional lights and the environment */
+    real distance;         /* metres; INFINITY for directional lights and the environment */
     int on_face;           /* the light is a point of this face */
     struct hit face;
-    real inset, cosine;   /* of that point and direction (struct ray) */
-    struct vec3 radiance;  /* radiance, or irradiance-like intensity for delta lights */
-    real pdf;             /* solid angle, times the odds of choosing this light; for delta
+    real inset, cosine;               /* of that point and direction (struct ray) */
+    struct vec3 radiance;             /* radiance, or irradiance-like intensity for delta lights; see light_radiance */
+    const struct environment *unread; /* not NULL: there, in this direction, it is to be read first */
+    real pdf;                         /* solid angle, times the odds of choosing this light; for delta
                               lights only the odds */
-    int delta;             /* only light sampling finds it (lights at a point, and an environment
+    int delta;                        /* only light sampling finds it (lights at a point, and an environment
                               that is sampled alone): no MIS */
 };
+
+static inline struct vec3 light_radiance(const struct light_sample *light)
+{
+    return light->unread ? environment_radiance(light->unread, light->direction) : light->radiance;
+}
 
 /* A scattered ray's meeting with a light's face: what its density depends on. */
 struct light_meeting {
@@ -88,21 +95,17 @@ struct light_weight {
     double power;               /* luminous, W; if infinitely far away: into the scene's sphere */
 };
 
-/* u, v in [0, 1). On entry out->pdf holds the odds of having chosen this light and on_face is 0;
- * the kind multiplies the pdf by its own density and sets the rest. 0: no light arrives. */
+/* u, v in [0, 1). On entry out->pdf holds the odds of having chosen this light, on_face is 0 and unread
+ * NULL; the kind multiplies the pdf by its own density and sets the rest. 0: no light arrives. */
 typedef int light_sample_function(const struct render_scene *scene, const void *light,
-                                  const struct light_context *context, real u, real v,
-                                  struct light_sample *out);
+                                  const struct light_context *context, real u, real v, struct light_sample *out);
 /* The odds times the density of prefix_sample, per solid angle, for the point that was met. */
 typedef real light_pdf_function(const struct render_scene *scene, const void *light,
-                                 const struct light_context *context,
-                                 const struct light_meeting *met);
+                                const struct light_context *context, const struct light_meeting *met);
 /* *out is zeroed. The scene's instances, materials and bounding sphere are known. */
-typedef void light_weigh_function(const struct render_scene *scene, const void *light,
-                                  struct light_weight *out);
+typedef void light_weigh_function(const struct render_scene *scene, const void *light, struct light_weight *out);
 /* `image`: decoded, or NULL; must outlive the light. NULL: out of memory. Freed by mem_free. */
-typedef struct punctual *light_new_function(const struct scene_light *light,
-                                            const struct texture_image *image);
+typedef struct punctual *light_new_function(const struct scene_light *light, const struct texture_image *image);
 
 /* Is there a direction to a light so far away? A surface may touch a lamp, where there is none. */
 static inline int light_is_apart(real distance_squared)
@@ -128,9 +131,7 @@ LIGHT_KINDS_LISTED(LIGHT_DECLARE_NEW)
 
 /* A row, without its sampling; `kind` is one of enum scene_light_kind or light_kind. */
 struct light_row {
-    light_new_function *create;  /* NULL: not in the scene's list */
+    light_new_function *create; /* NULL: not in the scene's list */
     light_weigh_function *weigh;
 };
 const struct light_row *light_row(int kind);
-
-#endif

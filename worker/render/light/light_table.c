@@ -20,15 +20,13 @@ static double weight_in_table(double weight, double total)
     return SAFEGUARD(LIGHT_TABLE_FAINT) ? fmax(weight, WEIGHT_MIN * total) : weight;
 }
 
-status light_table_init(struct light_table *table, const double *weights, uint32_t count,
-                        struct error *err)
+status light_table_init(struct light_table *table, const double *weights, uint32_t count, struct error *err)
 {
     double total = 0;
 
     memset(table, 0, sizeof *table);
     table->start = mem_alloc_array((size_t)count + 1, sizeof *table->start);
-    if (!table->start)
-        return error_no_memory(err, "the table of lights");
+    NEED(table->start, err, "the table of lights");
     for (uint32_t i = 0; i < count; i++)
         total += weights[i];
     table->start[0] = 0;
@@ -50,10 +48,7 @@ struct range {
     uint32_t first, end;
 };
 
-static uint32_t middle_of(const struct range *r)
-{
-    return r->first + (r->end - r->first) / 2;
-}
+static uint32_t middle_of(const struct range *r) { return r->first + (r->end - r->first) / 2; }
 
 static real left_odds(const struct light_table *table, const struct range *r)
 {
@@ -69,8 +64,7 @@ static real left_odds(const struct light_table *table, const struct range *r)
     return real_min(real_max(share, LIGHT_TABLE_ODDS_MIN), 1 - LIGHT_TABLE_ODDS_MIN);
 }
 
-int light_table_choose(const struct light_table *table, real *u, real *v, uint32_t *light,
-                       real *odds)
+int light_table_choose(const struct light_table *table, real *u, real *v, uint32_t *light, real *odds)
 {
     struct range r = {0, table->count};
     real *number = u, *other = v;

@@ -11,15 +11,11 @@
 enum { IMAGE_GRID = 48 };
 #define IMAGE_MEAN_MIN 1e-2
 
-static struct vec3 vec3_of(const float32 v[3])
-{
-    return vec3_make(v[0], v[1], v[2]);
-}
+static struct vec3 vec3_of(const float32 v[3]) { return vec3_make(v[0], v[1], v[2]); }
 
 static struct vec3 column(const struct transform_d *t, int c)
 {
-    return vec3_normalize(
-        vec3_make((real)t->m[0][c], (real)t->m[1][c], (real)t->m[2][c]));
+    return vec3_normalize(vec3_make((real)t->m[0][c], (real)t->m[1][c], (real)t->m[2][c]));
 }
 
 void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light)
@@ -28,8 +24,7 @@ void punctual_pose_of(struct punctual_pose *out, const struct scene_light *light
 
     *out = (struct punctual_pose){0};
     if (parts & LIGHT_HAS_PLACE)
-        out->position = vec3_make((real)light->position[0], (real)light->position[1],
-                                  (real)light->position[2]);
+        out->position = vec3_make((real)light->position[0], (real)light->position[1], (real)light->position[2]);
     if (parts & LIGHT_HAS_DIRECTION)
         out->direction = vec3_of(light->direction);
     if (!(parts & LIGHT_HAS_FRAME))
@@ -79,8 +74,7 @@ static void mix_axes(struct vec3 out[3], const struct vec3 a[3], const struct ve
     out[1] = vec3_dot(vec3_cross(a[2], a[0]), a[1]) < 0 ? vec3_neg(y) : y;
 }
 
-const struct punctual_pose *punctual_pose_at(const struct punctual *p, real time,
-                                             struct punctual_pose *moved)
+const struct punctual_pose *punctual_pose_at(const struct punctual *p, real time, struct punctual_pose *moved)
 {
     const struct punctual_pose *a, *b;
     uint32_t segment;
@@ -158,8 +152,8 @@ static real range_window(real distance, real range)
     return q < 0 ? 0 : q > 1 ? 1 : q;
 }
 
-int punctual_arrive(const struct punctual *p, struct vec3 position, struct vec3 at,
-                    struct light_sample *out, real *share)
+int punctual_arrive(const struct punctual *p, struct vec3 position, struct vec3 at, struct light_sample *out,
+                    real *share)
 {
     struct vec3 way = vec3_sub(position, at);
     real distance_squared = vec3_length_squared(way);
@@ -181,8 +175,7 @@ int punctual_shine(const struct punctual *p, real share, struct light_sample *ou
 
 /* ---- images ------------------------------------------------------------------------------ */
 
-struct vec3 punctual_image(const struct texture_image *image, const struct scene_texture *wrap,
-                           real u, real v)
+struct vec3 punctual_image(const struct texture_image *image, const struct scene_texture *wrap, real u, real v)
 {
     struct texel texel = texture_lookup(image, wrap, u, v, 0, 1);
 
@@ -194,8 +187,7 @@ static double mean_bounded(double mean)
     return mean > IMAGE_MEAN_MIN || !SAFEGUARD(LIGHT_IMAGE_SPOT) ? mean : IMAGE_MEAN_MIN;
 }
 
-double punctual_image_mean(const struct texture_image *image, const struct scene_texture *wrap,
-                           int latitudes)
+double punctual_image_mean(const struct texture_image *image, const struct scene_texture *wrap, int latitudes)
 {
     double sum = 0, area = 0;
 

@@ -9,19 +9,18 @@
 #include "worker/render/bsdf/warp.h"
 #include "worker/render/base/exact.h"
 #include "worker/render/shape/sphere.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* The sphere as seen from a point. */
 struct sphere_view {
     const struct sphere_shape *sphere;
     double to_centre[3], distance; /* metres, from the place */
     int inside;
-    int lit;                       /* it emits towards the point */
-    double height;                 /* of the cone's cap: 1 - cos of its half angle; if outside */
+    int lit;       /* it emits towards the point */
+    double height; /* of the cone's cap: 1 - cos of its half angle; if outside */
 };
 
-/* 1 - cos of the half angle at which a sphere is seen, from the square of its sine; does not cancel far
- * away. */
+/* 1 - cos of the half angle at which a sphere is seen, from the square of its sine; does not cancel far away. */
 static double cap_height(double sine2)
 {
     if (!SAFEGUARD(SPHERE_LAMP_FAR))
@@ -32,10 +31,10 @@ static double cap_height(double sine2)
 /* Is it sampled by a cone? From inside there is none around it. */
 static int has_cone(int inside) { return !inside || !SAFEGUARD(SPHERE_LAMP_INSIDE); }
 
-static void sphere_view_init(struct sphere_view *view, const struct render_scene *scene,
-                             const struct hit *light, struct vec3 from)
+static void sphere_view_init(struct sphere_view *view, const struct render_scene *scene, const struct hit *light,
+                             struct vec3 from)
 {
-    const struct world_instance *instance = &scene->instances[light->instance];
+    const struct render_instance *instance = &scene->instances[light->instance];
     const struct sphere_shape *sphere = sphere_of(instance->shape);
     double p[3], sine2;
 
@@ -44,17 +43,13 @@ static void sphere_view_init(struct sphere_view *view, const struct render_scene
     exact_sub(sphere->centre, p, view->to_centre);
     view->distance = sqrt(exact_dot(view->to_centre, view->to_centre));
     view->inside = !(view->distance > sphere->radius);
-    view->lit = view->inside == (int)sphere->shape.front ||
-                scene->materials[instance->material].m.double_sided;
+    view->lit = view->inside == (int)sphere->shape.front || scene->materials[instance->material].m.double_sided;
     sine2 = sphere->radius / view->distance;
     sine2 *= sine2;
     view->height = has_cone(view->inside) ? cap_height(sine2) : 0;
 }
 
-static real cone_pdf(const struct sphere_view *view)
-{
-    return (real)(1 / (2 * PI_D * view->height));
-}
+static real cone_pdf(const struct sphere_view *view) { return (real)(1 / (2 * PI_D * view->height)); }
 
 /* Per solid angle, of a point of the surface that is chosen uniformly. */
 static real surface_pdf(const struct sphere_view *view, real distance_squared, real cosine)
@@ -66,17 +61,16 @@ static real surface_pdf(const struct sphere_view *view, real distance_squared, r
 }
 
 /* The distance and the cosine count only inside. */
-real sphere_light_pdf(const struct render_scene *scene, const void *light,
-                       const struct light_context *context, const struct light_meeting *met)
+real sphere_light_pdf(const struct render_scene *scene, const void *light, const struct light_context *context,
+                      const struct light_meeting *met)
 {
     struct sphere_view view;
 
     sphere_view_init(&view, scene, light, context->p);
     if (!view.lit)
         return 0;
-    return met->odds * (has_cone(view.inside)
-                            ? cone_pdf(&view)
-                            : surface_pdf(&view, met->distance_squared, met->cosine));
+    return met->odds *
+           (has_cone(view.inside) ? cone_pdf(&view) : surface_pdf(&view, met->distance_squared, met->cosine));
 }
 
 /* A unit vector around the axis +z of a cap, uniform in solid angle: 1 - cos is `rise`. */
@@ -94,10 +88,9 @@ static void sample_cone(const struct sphere_view *view, real u, real v, struct l
     double radius = view->sphere->radius, rise = (double)u * view->height;
     double aside2 = rise * (2 - rise) * view->distance * view->distance;
     double depth = sqrt(fmax(radius * radius - aside2, 0));
-    struct basis frame = basis_from_normal(
-        vec3_make((real)(view->to_centre[0] / view->distance),
-                  (real)(view->to_centre[1] / view->distance),
-                  (real)(view->to_centre[2] / view->distance)));
+    struct basis frame = basis_from_normal(vec3_make((real)(view->to_centre[0] / view->distance),
+                                                     (real)(view->to_centre[1] / view->distance),
+                                                     (real)(view->to_centre[2] / view->distance)));
 
     out->direction = vec3_normalize(basis_to_world(&frame, cap_direction(rise, v)));
     out->distance = (real)(view->distance * (1 - rise) - depth);
@@ -105,8 +98,7 @@ static void sample_cone(const struct sphere_view *view, real u, real v, struct l
     out->pdf *= cone_pdf(view);
 }
 
-static void sample_surface(const struct sphere_view *view, real u, real v,
-                           struct light_sample *out)
+static void sample_surface(const struct sphere_view *view, real u, real v, struct light_sample *out)
 {
     double radius = view->sphere->radius;
     struct vec3 normal = cap_direction(2 * (double)u, v);
@@ -121,19 +113,17 @@ static void sample_surface(const struct sphere_view *view, real u, real v,
 }
 
 /* Uniform emission: any vertex of the mesh will do. */
-static struct vec3 radiance_towards(const struct render_scene *scene,
-                                    const struct hit *light, real cosine)
+static struct vec3 radiance_towards(const struct render_scene *scene, const struct hit *light, real cosine)
 {
-    const struct world_instance *instance = &scene->instances[light->instance];
-    const struct world_material *material = &scene->materials[instance->material];
-    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+    const struct render_instance *instance = &scene->instances[light->instance];
+    const struct render_material *material = &scene->materials[instance->material];
+    const struct render_mesh *mesh = &scene->meshes[instance->mesh];
 
-    return world_emitted(material, mesh, mesh->indices, 0, 0, cosine);
+    return material_emitted(material, mesh, mesh->indices, 0, 0, cosine);
 }
 
-int sphere_light_sample(const struct render_scene *scene, const void *light_,
-                        const struct light_context *context, real u, real v,
-                        struct light_sample *out)
+int sphere_light_sample(const struct render_scene *scene, const void *light_, const struct light_context *context,
+                        real u, real v, struct light_sample *out)
 {
     const struct hit *light = light_;
     struct sphere_view view;
@@ -152,22 +142,22 @@ int sphere_light_sample(const struct render_scene *scene, const void *light_,
     out->on_face = 1;
     out->face = *light;
     /* There are no edges; near boundaries what is right before the end counts. */
-    out->inset = world_near_boundary(scene, vec3_mad(context->p, out->direction, out->distance))
-                     ? 0 : INFINITY;
+    out->inset = render_near_face(scene, &scene->instances[light->instance], 0,
+                                  vec3_mad(context->p, out->direction, out->distance), INFINITY)
+                     ? 0
+                     : INFINITY;
     out->radiance = radiance_towards(scene, light, out->cosine);
     out->delta = 0;
     return 1;
 }
 
-void sphere_light_weigh(const struct render_scene *scene, const void *light_,
-                        struct light_weight *out)
+void sphere_light_weigh(const struct render_scene *scene, const void *light_, struct light_weight *out)
 {
     const struct hit *light = light_;
-    const struct world_instance *instance = &scene->instances[light->instance];
-    const struct world_material *material = &scene->materials[instance->material];
+    const struct render_instance *instance = &scene->instances[light->instance];
+    const struct render_material *material = &scene->materials[instance->material];
     const struct sphere_shape *sphere = sphere_of(instance->shape);
-    struct vec3 centre = vec3_make((real)sphere->centre[0], (real)sphere->centre[1],
-                                   (real)sphere->centre[2]);
+    struct vec3 centre = vec3_make((real)sphere->centre[0], (real)sphere->centre[1], (real)sphere->centre[2]);
     /* A little larger: the centre was rounded. */
     real reach = (real)(sphere->radius + 0x1p-22 * exact_largest(sphere->centre));
 
@@ -180,8 +170,7 @@ void sphere_light_weigh(const struct render_scene *scene, const void *light_,
     out->bounds.lamp = light->instance;
     out->bounds.two_sided = material->m.double_sided;
     /* It sends to every side what its disk does. */
-    out->intensity = PI_D * sphere->radius * sphere->radius *
-                     (double)vec3_luminance(radiance_towards(scene, light, 1));
+    out->intensity = PI_D * sphere->radius * sphere->radius * (double)vec3_luminance(radiance_towards(scene, light, 1));
     if (!(out->intensity > 0 && isfinite(out->intensity)))
         out->intensity = 0;
     out->power = 4 * PI_D * out->intensity * (out->bounds.two_sided ? 2 : 1);

@@ -1,5 +1,4 @@
-/* spot_light: a point that emits within a cone with a soft edge: KHR_lights_punctual's ramp or
- * pbrt's smooth step. */
+/* spot_light: a point that emits within a cone with a soft edge: KHR_lights_punctual's ramp or pbrt's smooth step. */
 #include "common/math/elementary.h"
 #include "worker/render/light/punctual.h"
 
@@ -22,16 +21,14 @@ struct punctual *spot_light_new(const struct scene_light *light, const struct te
     return &s->base;
 }
 
-void spot_light_weigh(const struct render_scene *scene, const void *light_,
-                      struct light_weight *out)
+void spot_light_weigh(const struct render_scene *scene, const void *light_, struct light_weight *out)
 {
     const struct spot_light *light = light_;
     real inner_rad = real_acos(light->cos_inner);
 
     (void)scene;
     punctual_weigh(&light->base, 1, out);
-    out->power = (double)vec3_luminance(light->base.intensity) * 2 * PI_D *
-                 (1 - (double)light->cos_outer);
+    out->power = (double)vec3_luminance(light->base.intensity) * 2 * PI_D * (1 - (double)light->cos_outer);
     out->bounds.emission_rad = real_max(0, real_acos(light->cos_outer) - inner_rad);
     punctual_narrow(&light->base, inner_rad, &out->bounds);
 }
@@ -48,9 +45,8 @@ static real cone_falloff(const struct spot_light *light, real cos_angle)
     return light->falloff == FALLOFF_GLTF ? fade * fade : fade * fade * (3 - 2 * fade);
 }
 
-int spot_light_sample(const struct render_scene *scene, const void *light_,
-                      const struct light_context *context, real u, real v,
-                      struct light_sample *out)
+int spot_light_sample(const struct render_scene *scene, const void *light_, const struct light_context *context, real u,
+                      real v, struct light_sample *out)
 {
     const struct spot_light *light = light_;
     struct punctual_pose moved;

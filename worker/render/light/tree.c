@@ -13,10 +13,7 @@
 
 static inline real cosine_slack(void) { return SAFEGUARD(LIGHT_TREE_SLACK) ? COSINE_SLACK : 0; }
 
-static inline real safe_sqrt(real x)
-{
-    return x > 0 ? real_sqrt(x) : 0;
-}
+static inline real safe_sqrt(real x) { return x > 0 ? real_sqrt(x) : 0; }
 
 /* cos and sin of max(0, a - b), of angles 0..pi. */
 static inline real cos_less(real sin_a, real cos_a, real sin_b, real cos_b)
@@ -92,8 +89,8 @@ static real left_odds(const struct light_node *pair, struct vec3 p, struct vec3 
     return bounded_odds(left / sum);
 }
 
-int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, real *u,
-                      real *v, uint32_t *item, real *odds)
+int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, real *u, real *v, uint32_t *item,
+                      real *odds)
 {
     const struct light_node *node = tree->nodes;
     real *number = u, *other = v;
@@ -119,8 +116,7 @@ int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 
         other = spent;
     }
     at = node->first;
-    while (at + 1 < node->first + node->leaf_count &&
-           *number >= tree->share_start[tree->order[at + 1]])
+    while (at + 1 < node->first + node->leaf_count && *number >= tree->share_start[tree->order[at + 1]])
         at++;
     *item = tree->order[at];
     if (node->leaf_count > 1) {

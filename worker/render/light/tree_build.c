@@ -9,8 +9,7 @@
 
 enum {
     BUCKETS = 12,
-    /* From this depth on sets are halved in their given order: 2^31 lights need at most 64
-     * turns. */
+    /* From this depth on sets are halved in their given order: 2^31 lights need at most 64 turns. */
     DEPTH_HALVE = 32,
     LEAF_MAX = 4,
     /* Above this many lights only the longest axis is tried and normals have no weight: that high
@@ -23,10 +22,7 @@ enum {
 
 /* ---- cones and boxes, when building ------------------------------------------------------ */
 
-static int cone_is_full(const struct light_bounds *b)
-{
-    return b->spread_rad >= REAL_PI;
-}
+static int cone_is_full(const struct light_bounds *b) { return b->spread_rad >= REAL_PI; }
 
 static void cone_fill(struct light_bounds *b)
 {
@@ -49,8 +45,7 @@ static struct vec3 turned(struct vec3 v, struct vec3 k, real angle)
     return vec3_normalize(vec3_mad(vec3_scale(v, cosine), vec3_cross(k, v), sine));
 }
 
-/* Extend a's cone to contain b's: the smallest cone around both (Conty Estevez and Kulla 2018,
- * algorithm 1). */
+/* Extend a's cone to contain b's: the smallest cone around both (Conty Estevez and Kulla 2018, algorithm 1). */
 static void cone_grow(struct light_bounds *a, const struct light_bounds *b)
 {
     struct vec3 axis_b = b->axis, across;
@@ -111,10 +106,7 @@ static void bounds_grow(struct light_bounds *a, const struct light_bounds *b, in
     a->area += b->area;
 }
 
-static real component(struct vec3 v, int axis)
-{
-    return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
-}
+static real component(struct vec3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
 static real centre_on(const struct light_bounds *b, int axis)
 {
@@ -150,7 +142,7 @@ struct builder {
 struct split {
     int axis;
     real low, scale; /* bucket = (centre - low) * scale */
-    int last_left;    /* the last bucket of the left side */
+    int last_left;   /* the last bucket of the left side */
 };
 
 static int bucket_of(real centre, real low, real scale)
@@ -162,14 +154,12 @@ static int bucket_of(real centre, real low, real scale)
 
 static real side_cost(const struct light_bounds *b, real least, int cones)
 {
-    return b->intensity > 0
-               ? b->intensity * box_measure(b, least) * (cones ? cone_measure(b) : 1)
-               : 0;
+    return b->intensity > 0 ? b->intensity * box_measure(b, least) * (cones ? cone_measure(b) : 1) : 0;
 }
 
 /* The cheapest split of the set on one axis; its cost, or infinity. */
-static real try_axis(const struct builder *b, const uint32_t *items, uint32_t count, int axis,
-                      struct vec3 low, struct vec3 high, int cones, struct split *out)
+static real try_axis(const struct builder *b, const uint32_t *items, uint32_t count, int axis, struct vec3 low,
+                     struct vec3 high, int cones, struct split *out)
 {
     struct light_bounds buckets[BUCKETS] = {0}, side = {0};
     struct vec3 size = vec3_sub(high, low);
@@ -205,8 +195,7 @@ static real try_axis(const struct builder *b, const uint32_t *items, uint32_t co
 }
 
 /* Move the left side's lights to the front; returns how many there are. */
-static uint32_t partition(const struct builder *b, uint32_t *items, uint32_t count,
-                          const struct split *split)
+static uint32_t partition(const struct builder *b, uint32_t *items, uint32_t count, const struct split *split)
 {
     uint32_t left = 0;
 
@@ -222,8 +211,7 @@ static uint32_t partition(const struct builder *b, uint32_t *items, uint32_t cou
     return left;
 }
 
-static uint32_t split_items(const struct builder *b, uint32_t *items, uint32_t count,
-                            uint32_t depth)
+static uint32_t split_items(const struct builder *b, uint32_t *items, uint32_t count, uint32_t depth)
 {
     struct vec3 low = vec3_splat(INFINITY), high = vec3_splat(-INFINITY), size;
     real best = INFINITY;
@@ -274,8 +262,7 @@ static int is_one_lamp(const struct builder *b, const uint32_t *items, uint32_t 
         bounds_grow(&all, item, 1);
     }
     size = vec3_sub(all.max, all.min);
-    return all.spread_rad < REAL(1e-3) &&
-           all.area >= LAMP_COVER_MIN * REAL_PI / 4 * vec3_length_squared(size);
+    return all.spread_rad < REAL(1e-3) && all.area >= LAMP_COVER_MIN * REAL_PI / 4 * vec3_length_squared(size);
 }
 
 static void node_set(struct light_node *node, const struct light_bounds *b, real intensity_scale)
@@ -297,8 +284,8 @@ static void node_set(struct light_node *node, const struct light_bounds *b, real
     node->two_sided = b->two_sided != 0;
 }
 
-static struct light_bounds leaf_set(const struct builder *b, struct light_node *node,
-                                    uint32_t first, uint32_t count, uint64_t trail)
+static struct light_bounds leaf_set(const struct builder *b, struct light_node *node, uint32_t first, uint32_t count,
+                                    uint64_t trail)
 {
     const uint32_t *items = b->tree->order + first;
     struct light_bounds all = {0};
@@ -321,8 +308,8 @@ static struct light_bounds leaf_set(const struct builder *b, struct light_node *
 }
 
 /* Depth is bounded: see DEPTH_HALVE. */
-static struct light_bounds build(struct builder *b, uint32_t at, uint32_t first, uint32_t count,
-                                 uint32_t depth, uint64_t trail)
+static struct light_bounds build(struct builder *b, uint32_t at, uint32_t first, uint32_t count, uint32_t depth,
+                                 uint64_t trail)
 {
     struct light_tree *tree = b->tree;
     struct light_bounds all, right;
@@ -334,8 +321,7 @@ static struct light_bounds build(struct builder *b, uint32_t at, uint32_t first,
     children = tree->node_count;
     tree->node_count += 2;
     all = build(b, children, first, left, depth + 1, trail);
-    right = build(b, children + 1, first + left, count - left, depth + 1,
-                  trail | (uint64_t)1 << depth);
+    right = build(b, children + 1, first + left, count - left, depth + 1, trail | (uint64_t)1 << depth);
     bounds_grow(&all, &right, 1);
     tree->nodes[at].first = children;
     tree->nodes[at].leaf_count = 0;
@@ -343,8 +329,7 @@ static struct light_bounds build(struct builder *b, uint32_t at, uint32_t first,
     return all;
 }
 
-status light_tree_init(struct light_tree *tree, const struct light_bounds *bounds, uint32_t count,
-                       struct error *err)
+status light_tree_init(struct light_tree *tree, const struct light_bounds *bounds, uint32_t count, struct error *err)
 {
     struct builder b = {tree, bounds, 0};
     double total = 0;

@@ -3,9 +3,9 @@
 
 #include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
-#include "worker/render/base/has.h"
+#include "worker/render/base/gate.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* A lower bound of the distance to the nearest edge: see surface_inset. */
 static real triangle_inset(real b1, real b2, real double_area, struct vec3 e1, struct vec3 e2)
@@ -13,8 +13,7 @@ static real triangle_inset(real b1, real b2, real double_area, struct vec3 e1, s
     real a = vec3_dot(e1, e1), b = vec3_dot(e2, e2);
     real c = vec3_length_squared(vec3_sub(e1, e2));
 
-    return real_min(b1, real_min(b2, 1 - b1 - b2)) * double_area /
-           real_sqrt(real_max(a, real_max(b, c)));
+    return real_min(b1, real_min(b2, 1 - b1 - b2)) * double_area / real_sqrt(real_max(a, real_max(b, c)));
 }
 
 /* Heitz 2019's low-distortion map of the square onto a triangle. */
@@ -31,8 +30,8 @@ static void triangle_point(real u, real v, real *b1, real *b2)
 
 /* A point of an emissive triangle. */
 struct triangle_place {
-    const struct world_mesh *mesh;
-    const struct world_material *material;
+    const struct render_mesh *mesh;
+    const struct render_material *material;
     const uint32_t *vertex;
     real b1, b2;
 };
@@ -42,28 +41,27 @@ static struct vec3 triangle_covered(const struct triangle_place *at, struct vec3
 {
     real alpha;
 
-    if (!HAS(ALPHA) || !(at->material->flags & MATERIAL_ALPHA))
+    if (!calls_for(EFFECTS_ALL, EFFECT_ALPHA) || !(at->material->flags & MATERIAL_ALPHA))
         return radiance;
     PROFILE_EFFECT(ALPHA);
-    alpha = world_alpha(at->material, at->mesh, at->vertex, at->b1, at->b2);
+    alpha = material_alpha(at->material, at->mesh, at->vertex, at->b1, at->b2);
     if (at->material->m.alpha_mode == ALPHA_MASK)
         alpha = alpha >= at->material->m.alpha_cutoff ? 1 : 0;
     return vec3_scale(radiance, real_min(1, real_max(0, alpha)));
 }
 
-int triangle_light_sample(const struct render_scene *scene, const void *light_,
-                          const struct light_context *context, real u, real v,
-                          struct light_sample *out)
+int triangle_light_sample(const struct render_scene *scene, const void *light_, const struct light_context *context,
+                          real u, real v, struct light_sample *out)
 {
     const struct hit *light = light_;
-    const struct world_instance *instance = &scene->instances[light->instance];
+    const struct render_instance *instance = &scene->instances[light->instance];
     struct triangle_place at = {.mesh = &scene->meshes[instance->mesh],
                             .material = &scene->materials[instance->material]};
     struct vec3 corner[3], e1, e2, normal, point, to_light;
     real double_area, cosine, distance_squared;
     struct light_meeting met;
 
-    world_triangle(scene, instance, light->triangle, context->time, corner);
+    triangle_of_instance(scene, instance, light->triangle, context->time, corner);
     triangle_point(u, v, &at.b1, &at.b2);
     e1 = vec3_sub(corner[1], corner[0]);
     e2 = vec3_sub(corner[2], corner[0]);
@@ -85,21 +83,21 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_,
     out->on_face = 1;
     out->face = *light;
     out->cosine = cosine;
-    out->inset = world_near_boundary(scene, point)
-                     ? 0 : triangle_inset(at.b1, at.b2, double_area, e1, e2);
+    out->inset = triangle_inset(at.b1, at.b2, double_area, e1, e2);
+    if (render_near_face(scene, instance, light->triangle, point, out->inset))
+        out->inset = 0;
     met = (struct light_meeting){out->pdf, distance_squared, cosine, 0.5f * double_area};
     out->pdf = face_light_area_pdf(&met, met.area);
     if (!(out->pdf > 0) || !isfinite(out->pdf))
         return cosine == 0 ? 0 : health_density(out->pdf); /* seen from the side it is infinite */
-    at.vertex = world_vertices(at.mesh, light->triangle);
-    out->radiance = triangle_covered(&at, world_emitted(at.material, at.mesh, at.vertex, at.b1,
-                                                        at.b2, cosine));
+    at.vertex = triangle_vertices(at.mesh, light->triangle);
+    out->radiance = triangle_covered(&at, material_emitted(at.material, at.mesh, at.vertex, at.b1, at.b2, cosine));
     out->delta = 0;
     return 1;
 }
 
-real triangle_light_pdf(const struct render_scene *scene, const void *light,
-                         const struct light_context *context, const struct light_meeting *met)
+real triangle_light_pdf(const struct render_scene *scene, const void *light, const struct light_context *context,
+                        const struct light_meeting *met)
 {
     (void)scene;
     (void)light;

@@ -13,7 +13,7 @@ static real coefficient_clamp(real x)
 /* Interpolation inside a block also reads so many cells to either side of it. */
 static uint32_t block_overlap(void) { return SAFEGUARD(GRID_BLOCK_EDGE) ? 1 : 0; }
 
-static real block_maximum(const struct world_medium *medium, const uint32_t block[3])
+static real block_maximum(const struct render_medium *medium, const uint32_t block[3])
 {
     uint32_t first[3], end[3];
     real most = 0.0f;
@@ -51,9 +51,8 @@ static double box_diagonal(const struct transform_d *grid_to_world)
     return sqrt(sum);
 }
 
-/* Emission is collected where tracking stops, so tracking must stop a few times even in a grid
- * that hardly absorbs. */
-static void set_glow(struct world_medium *medium, const struct scene_medium *source, real densest)
+/* Emission is collected where tracking stops, so tracking must stop a few times even in a grid that hardly absorbs. */
+static void set_glow(struct render_medium *medium, const struct scene_medium *source, real densest)
 {
     double optical = box_diagonal(&source->grid_to_world) * (double)densest;
     double rate = optical > 0 ? MEDIUM_EMISSION_STEPS / optical : 0;
@@ -63,12 +62,11 @@ static void set_glow(struct world_medium *medium, const struct scene_medium *sou
     medium->glow_rate = (real)rate;
     for (int c = 0; c < 3; c++)
         if (medium->glow_rate > 0.0f)
-            medium->glow[c] =
-                real_min(medium->emission[c] / medium->glow_rate, MEDIUM_RADIANCE_MAX);
+            medium->glow[c] = real_min(medium->emission[c] / medium->glow_rate, MEDIUM_RADIANCE_MAX);
 }
 
-static status build_grid(struct world_medium *medium, const struct scene_medium *source,
-                         const uint8_t *grid, struct error *err)
+static status build_grid(struct render_medium *medium, const struct scene_medium *source, const uint8_t *grid,
+                         struct error *err)
 {
     struct transform_d to_world = source->grid_to_world, to_unit, to_cells;
     size_t count = 1, at = 0;
@@ -81,12 +79,10 @@ static status build_grid(struct world_medium *medium, const struct scene_medium 
     for (int axis = 0; axis < 3; axis++) {
         assert(medium->size[axis] > 0);
         medium->blocks[axis] = (medium->size[axis] - 1) / MEDIUM_BLOCK_SIDE + 1;
-        if (!mem_size_mul(count, medium->blocks[axis], &count))
-            return error_no_memory(err, "a medium's grid");
+        NEED(mem_size_mul(count, medium->blocks[axis], &count), err, "a medium's grid");
     }
     medium->block_max = mem_calloc(count, sizeof *medium->block_max);
-    if (!medium->block_max)
-        return error_no_memory(err, "a medium's grid");
+    NEED(medium->block_max, err, "a medium's grid");
     /* A box without volume holds nothing; its majorants stay 0. */
     if (!transform_d_invert(&to_world, &to_unit))
         return STATUS_OK;
@@ -109,16 +105,14 @@ static status build_grid(struct world_medium *medium, const struct scene_medium 
     return STATUS_OK;
 }
 
-status medium_new(struct world_medium **out, const struct scene_medium *source,
-                  const uint8_t *grid, struct error *err)
+status medium_new(struct render_medium **out, const struct scene_medium *source, const uint8_t *grid, struct error *err)
 {
-    struct world_medium *medium = mem_calloc(1, sizeof *medium);
+    struct render_medium *medium = mem_calloc(1, sizeof *medium);
     real least = INFINITY;
     status st = STATUS_OK;
 
     *out = NULL;
-    if (!medium)
-        return error_no_memory(err, "a medium");
+    NEED(medium, err, "a medium");
     for (int c = 0; c < 3; c++) {
         medium->absorption[c] = coefficient_clamp(source->absorption[c]);
         medium->scattering[c] = coefficient_clamp(source->scattering[c]);
@@ -141,7 +135,7 @@ status medium_new(struct world_medium **out, const struct scene_medium *source,
     return STATUS_OK;
 }
 
-void medium_free(struct world_medium *medium)
+void medium_free(struct render_medium *medium)
 {
     if (!medium)
         return;
@@ -149,14 +143,11 @@ void medium_free(struct world_medium *medium)
     mem_free(medium);
 }
 
-size_t medium_bytes(const struct world_medium *medium)
+size_t medium_bytes(const struct render_medium *medium)
 {
     size_t blocks = (size_t)medium->blocks[0] * medium->blocks[1] * medium->blocks[2];
 
     return sizeof *medium + blocks * sizeof *medium->block_max;
 }
 
-int medium_scatters(const struct world_medium *medium)
-{
-    return medium->scatters;
-}
+int medium_scatters(const struct render_medium *medium) { return medium->scatters; }

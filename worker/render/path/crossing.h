@@ -1,26 +1,24 @@
 /* crossing: a ray passes a face of a volume, and all faces that coincide with it, as one event.
  *
- * Floats cannot separate faces closer than ACCEL_COINCIDENT_ULPS: liquid that fills its glass,
- * stacked slabs. They are crossed together. The ray leaves all of them, so each is crossed exactly
- * once and no light is created or lost. It refracts by the ratio of the indices before the first
- * face and behind the last. An opaque face among them stops the ray, which then has not left the
- * volume that it is in: glass touches the table it stands on, with no air between.
+ * Floats cannot separate faces closer than ACCEL_COINCIDENT_ULPS: liquid that fills its glass, stacked slabs. They are
+ * crossed together. The ray leaves all of them, so each is crossed exactly once and no light is created or lost. It
+ * refracts by the ratio of the indices before the first face and behind the last. An opaque face among them stops the
+ * ray, which then has not left the volume that it is in: glass touches the table it stands on, with no air between.
  *
- * A thin wall among them lies on the outer side of the face that refracts, as a separate sheet with
- * no air between. A path meets the two one after the other at the same place: what goes from one
- * towards the other meets it next, without tracing a ray, and no light arrives from there. A wall
- * on faces that do not refract is crossed together with them. Of several walls at one place one
- * counts. world_touch.h finds which faces may coincide with others when the scene is built; at all
- * other faces there is no search.
+ * A thin wall among them lies on the outer side of the face that refracts, as a separate sheet with no air between. A
+ * path meets the two one after the other at the same place: what goes from one towards the other meets it next, without
+ * tracing a ray, and no light arrives from there. A wall on faces that do not refract is crossed together with them. Of
+ * several walls at one place one counts. render_touch.h finds which faces may coincide with others when the scene is
+ * built; at all other faces there is no search.
  */
-#ifndef AZULEJO_RENDER_CROSSING_H
-#define AZULEJO_RENDER_CROSSING_H
+#pragma once
 
 #include <math.h>
 #include <string.h>
 
 #include "worker/render/base/exact.h"
-#include "worker/render/base/has.h"
+#include "worker/render/base/gate.h"
+#include "worker/render/base/profile_scope.h"
 #include "worker/render/path/interior.h"
 #include "worker/render/path/path.h"
 
@@ -31,8 +29,8 @@ struct crossing {
     struct interior beyond; /* the volumes behind the faces */
     int is_boundary;        /* there is a boundary */
     int together;           /* several faces are crossed; ior and ior_outside then hold: */
-    real ior;              /* index on the inner side of the face that shades, relative to */
-    real ior_outside;      /* the index on its outer side */
+    real ior;               /* index on the inner side of the face that shades, relative to */
+    real ior_outside;       /* the index on its outer side */
     int next_side;          /* not 0: if the path continues on that side of the face that shades (1:
                                the ray's side), it meets */
     struct hit next;        /* this face at the same place */
@@ -42,41 +40,38 @@ struct crossing {
 struct crossing_group {
     struct surface faces[RAY_LEFT_MAX]; /* faces of volumes */
     struct surface wall;
-    uint32_t count;                     /* of `faces` */
-    int walled;                         /* there is a thin wall */
-    int stops;                          /* an opaque face is among them */
+    uint32_t count; /* of `faces` */
+    int walled;     /* there is a thin wall */
+    int stops;      /* an opaque face is among them */
 };
 
 static inline int crossing_touches(const struct surface *s)
 {
-    return s->instance->touches && s->instance->touches[s->triangle] &&
-           SAFEGUARD(CONTACT_TOGETHER);
+    return s->instance->touches && s->instance->touches[s->triangle] && SAFEGUARD(CONTACT_TOGETHER);
 }
 
 /* Turn the hit into a surface. Near boundaries take the first of faces that lie close together.
  * Only faces that are crossed together may be met in any order: at a rim thinner than their
  * distance the ray would otherwise enter a body by the face that it leaves by. */
 static inline void crossing_first(const struct render_scene *scene, const struct ray *ray,
-                                  const struct path_query *query, struct hit *hit,
-                                  struct surface *s)
+                                  const struct path_query *query, struct hit *hit, struct surface *s)
 {
+    PROFILE_STAGE(SURFACE);
     surface_from_hit(scene, ray, hit, s);
-    if (s->contacts &&
-        accel_refine(scene->accel, ray, query, (double)s->t, crossing_touches(s), hit))
+    if (s->contacts && accel_refine(scene->accel, ray, query, (double)s->t, crossing_touches(s), hit))
         surface_from_hit(scene, ray, hit, s);
 }
 
 /* Are two faces parts of one sheet that is split into two meshes (a shared corner, met from the
  * same side)? Within one mesh, accel decides this. */
-static inline int crossing_repeats(const struct render_scene *scene, const struct surface *a,
-                                   const struct surface *b)
+static inline int crossing_repeats(const struct render_scene *scene, const struct surface *a, const struct surface *b)
 {
     double x[3][3], y[3][3];
 
     if (a->instance->body != b->instance->body || a->front != b->front)
         return 0;
-    world_exact_corners(scene, a->number, a->triangle, a->time, x);
-    world_exact_corners(scene, b->number, b->triangle, b->time, y);
+    triangle_exact_corners(scene, a->number, a->triangle, a->time, x);
+    triangle_exact_corners(scene, b->number, b->triangle, b->time, y);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             if (memcmp(x[i], y[k], sizeof x[i]) == 0)
@@ -114,9 +109,8 @@ static inline void crossing_add(struct crossing_group *group, const struct surfa
     }
 }
 
-/* Collect the faces at `s` that are to be crossed, `s` first: volume faces that the ray has not
- * left yet, and a thin wall. If one of them is opaque, *s becomes it. All but *s are listed in
- * s->others. */
+/* Collect the faces at `s` that are to be crossed, `s` first: volume faces that the ray has not left yet, and a thin
+ * wall. If one of them is opaque, *s becomes it. All but *s are listed in s->others. */
 static inline void crossing_gather(const struct render_scene *scene, const struct ray *ray,
                                    const struct path_query *query, real mix, struct surface *s,
                                    struct crossing_group *group)
@@ -157,10 +151,8 @@ static inline void crossing_gather(const struct render_scene *scene, const struc
     memcpy(s->others, others, kept * sizeof *others);
 }
 
-/* Order: a face that refracts before one that does not, then by priority, then by the body's row.
- * */
-static inline int crossing_precedes(const struct render_scene *scene, const struct surface *a,
-                                    const struct surface *b)
+/* Order: a face that refracts before one that does not, then by priority, then by the body's row. */
+static inline int crossing_precedes(const struct render_scene *scene, const struct surface *a, const struct surface *b)
 {
     uint32_t body_a = a->instance->body, body_b = b->instance->body;
     int priority_a = interior_filling(scene, body_a)->m.priority;
@@ -174,8 +166,7 @@ static inline int crossing_precedes(const struct render_scene *scene, const stru
 /* The face that shades: the one of higher priority among the bodies before and behind. Ties go to
  * the lower row, so that both directions of travel agree. -1: no boundary. */
 static inline int crossing_choose(const struct render_scene *scene, const struct interior *in,
-                                  const struct interior *out, const struct surface *faces,
-                                  uint32_t count)
+                                  const struct interior *out, const struct surface *faces, uint32_t count)
 {
     int before = interior_top(scene, in), after = interior_top(scene, out), chosen = -1;
     uint32_t row[2] = {before < 0 ? UINT32_MAX : in->entry[before],
@@ -185,16 +176,14 @@ static inline int crossing_choose(const struct render_scene *scene, const struct
         return -1;
     for (uint32_t i = 0; i < count; i++) {
         uint32_t body = faces[i].instance->body;
-        if ((body == row[0] || body == row[1]) &&
-            (chosen < 0 || crossing_precedes(scene, &faces[i], &faces[chosen])))
+        if ((body == row[0] || body == row[1]) && (chosen < 0 || crossing_precedes(scene, &faces[i], &faces[chosen])))
             chosen = (int)i;
     }
     return chosen;
 }
 
 /* Bodies are not counted (VOLUMES_BOUNDARIES): multiply all indices. */
-static inline int crossing_multiply(const struct surface *faces, uint32_t count,
-                                    struct crossing *out)
+static inline int crossing_multiply(const struct surface *faces, uint32_t count, struct crossing *out)
 {
     int chosen = -1;
     double ratio = 1;
@@ -241,8 +230,8 @@ static inline void crossing_go_on(struct crossing *out, int side, const struct s
 
 /* The wall on faces that were crossed, of which *s shades. A path from outside meets first what
  * lies before the wall. `between`: the path comes from the wall. */
-static inline void crossing_wall(const struct interior *in, int between, struct surface *wall,
-                                 struct surface *s, struct crossing *out)
+static inline void crossing_wall(const struct interior *in, int between, struct surface *wall, struct surface *s,
+                                 struct crossing *out)
 {
     if (!out->is_boundary || s->material->m.kind == MATERIAL_INTERFACE) {
         crossing_shade(s, wall);
@@ -260,18 +249,17 @@ static inline void crossing_wall(const struct interior *in, int between, struct 
     }
 }
 
-/* Cross the face `s` that the ray met, with all faces that coincide. *s becomes the face that
- * shades and lists the others as faces to leave. `mix`: random number that chooses parts of mixes.
- * `counted`: the indices follow the bodies that the ray is in. `between`: the path comes from
- * another face at this place (next_side). */
+/* Cross the face `s` that the ray met, with all faces that coincide. *s becomes the face that shades and lists the
+ * others as faces to leave. `mix`: random number that chooses parts of mixes. `counted`: the indices follow the bodies
+ * that the ray is in. `between`: the path comes from another face at this place (next_side). */
 static inline void crossing_find(const struct render_scene *scene, const struct ray *ray,
-                                 const struct path_query *query, real mix, int counted,
-                                 int between, const struct interior *in, struct surface *s,
-                                 struct crossing *out)
+                                 const struct path_query *query, real mix, int counted, int between,
+                                 const struct interior *in, struct surface *s, struct crossing *out)
 {
     struct crossing_group group;
     int chosen = 0;
 
+    PROFILE_STAGE(SURFACE);
     out->together = out->next_side = 0;
     out->is_boundary = 1;
     out->beyond = *in;
@@ -308,5 +296,3 @@ static inline void crossing_find(const struct render_scene *scene, const struct 
     if (group.walled)
         crossing_wall(in, between, &group.wall, s, out);
 }
-
-#endif

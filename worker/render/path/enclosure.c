@@ -4,7 +4,7 @@
 #include "common/math/elementary.h"
 #include "worker/render/path/path.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* Number of paths that are followed, of their segments, and of paths that may escape. */
 enum { ENCLOSURE_PATHS = 1024, ENCLOSURE_DEPTH = 4, ENCLOSURE_ESCAPES = 3 };

@@ -1,44 +1,39 @@
 /* interior: which volumes a ray is inside.
  *
- * VOLUMES_NESTED. Refractive objects and media are bodies with a priority. Where several overlap,
- * the one of highest priority fills the space. Ties go to the one entered last, which is the
- * innermost of nested bodies. Boundaries of the others are ignored (Schmidt & Budge 2002, "Simple
- * Nested Dielectrics in Ray Traced Images").
+ * VOLUMES_NESTED. Refractive objects and media are bodies with a priority. Where several overlap, the one of highest
+ * priority fills the space. Ties go to the one entered last, which is the innermost of nested bodies. Boundaries of the
+ * others are ignored (Schmidt & Budge 2002, "Simple Nested Dielectrics in Ray Traced Images").
  *
- * A body is everything that one material bounds, wherever it is and in however many meshes: a
- * hollow ball whose walls are two primitives, a ball in two halves, water in two files. Its winding
- * count is the number of its entries in the list: a front face adds one, a back face removes the
- * last one. There is a boundary only where the body on top of the list changes. So overlapping
- * parts of one body act as their union, a wall that is wound inwards ends the body, and closed
- * copies of one mesh far apart do not affect one another. (A separate body for each connected part
- * would show the faces of a part within another.) A mirroring transform also reverses the mesh's
- * winding (surface.front), so it changes nothing here. Meshes of several materials that are closed
- * only together bound one body (scene_instance.body); its interior follows the one material that
- * fills it.
+ * A body is everything that one material bounds, wherever it is and in however many meshes: a hollow ball whose walls
+ * are two primitives, a ball in two halves, water in two files. Its winding count is the number of its entries in the
+ * list: a front face adds one, a back face removes the last one. There is a boundary only where the body on top of the
+ * list changes. So overlapping parts of one body act as their union, a wall that is wound inwards ends the body, and
+ * closed copies of one mesh far apart do not affect one another. (A separate body for each connected part would show
+ * the faces of a part within another.) A mirroring transform also reverses the mesh's winding (surface.front), so it
+ * changes nothing here. Meshes of several materials that are closed only together bound one body (scene_instance.body);
+ * its interior follows the one material that fills it.
  * happens inside of it follows the one material that fills it.
  *
- * A back face of a body that the ray is not in (an open mesh, a wall wound inwards that sticks out)
- * adds an owed entry, which the next front face of the body removes. Both are boundaries unless the
- * ray is in another body, so open meshes look the same as without the count.
+ * A back face of a body that the ray is not in (an open mesh, a wall wound inwards that sticks out) adds an owed entry,
+ * which the next front face of the body removes. Both are boundaries unless the ray is in another body, so open meshes
+ * look the same as without the count.
  *
  * VOLUMES_BOUNDARIES. There is no list: each face is a boundary and names the medium behind it.
  */
-#ifndef AZULEJO_RENDER_INTERIOR_H
-#define AZULEJO_RENDER_INTERIOR_H
+#pragma once
 
 #include "common/base/safeguard.h"
 #include "worker/render/base/fault.h"
 #include "worker/render/base/health_scope.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* Marks an entry of a body that was left more often than entered. */
 #define INTERIOR_OWED 0x80000000u
 _Static_assert(SCENE_MATERIALS_MAX <= INTERIOR_OWED, "a material's row leaves the mark free");
 
 /* What fills the body of an entry. */
-static inline const struct world_material *interior_filling(const struct render_scene *scene,
-                                                            uint32_t entry)
+static inline const struct render_material *interior_filling(const struct render_scene *scene, uint32_t entry)
 {
     return &scene->materials[scene->materials[entry].filling];
 }
@@ -62,8 +57,7 @@ static inline int interior_top(const struct render_scene *scene, const struct in
 }
 
 /* The material that fills the body on top; NULL: none. */
-static inline const struct world_material *interior_around(const struct render_scene *scene,
-                                                           const struct interior *in)
+static inline const struct render_material *interior_around(const struct render_scene *scene, const struct interior *in)
 {
     int top = interior_top(scene, in);
 
@@ -73,12 +67,10 @@ static inline const struct world_material *interior_around(const struct render_s
 /* Its index of refraction. */
 static inline real interior_ior(const struct render_scene *scene, const struct interior *in)
 {
-    const struct world_material *around = interior_around(scene, in);
+    const struct render_material *around = interior_around(scene, in);
 
-    return around && around->m.kind == MATERIAL_SURFACE && around->m.refractive &&
-                   around->m.ior >= 1
-               ? around->m.ior
-               : 1;
+    return around && around->m.kind == MATERIAL_SURFACE && around->m.refractive && around->m.ior >= 1 ? around->m.ior
+                                                                                                      : 1;
 }
 
 /* Remove the last such entry. 0: there is none. */
@@ -116,8 +108,8 @@ static inline int interior_turn(struct interior *in, uint32_t body, int enters)
 }
 
 /* The volumes behind the surface. *is_boundary is 0 where the same body continues. */
-static inline void interior_cross(const struct render_scene *scene, const struct interior *in,
-                                  const struct surface *s, struct interior *out, int *is_boundary)
+static inline void interior_cross(const struct render_scene *scene, const struct interior *in, const struct surface *s,
+                                  struct interior *out, int *is_boundary)
 {
     const struct scene_material *m = &s->material->m;
     int before, after;
@@ -141,5 +133,3 @@ static inline void interior_cross(const struct render_scene *scene, const struct
 /* Find the bodies around the camera: those that a ray from it leaves more often than it enters.
  * Needs the accel; sets scene->camera_interior. */
 void interior_find_camera(struct render_scene *scene);
-
-#endif

@@ -8,8 +8,7 @@
 
 /* ---- next-event estimation ------------------------------------------------------------------- */
 
-/* Veach's power heuristic for strategy a against b, in a form that neither overflows nor
- * underflows. */
+/* Veach's power heuristic for strategy a against b, in a form that neither overflows nor underflows. */
 static real power_heuristic(real a, real b)
 {
     real r;
@@ -26,7 +25,7 @@ static real power_heuristic(real a, real b)
 static struct vec3 path_visibility(struct path *path, const struct ray *ray)
 {
     path->query.ray_number++;
-    if (path_features_of(path->scene).index_matched)
+    if (calls_for(path->scene->effects, INDEX_MATCHED_EFFECTS))
         return path_transmittance(path, ray);
     return vec3_splat(path_occluded(path, ray) ? 0 : 1);
 }
@@ -43,45 +42,42 @@ static void end_at_light(const struct light_sample *light, struct ray *ray)
 }
 
 /* Sample one light with the vertex's random numbers. 0: no light, or no light from it. */
-static int sample_light(const struct path *path, const struct light_context *context,
-                        uint32_t dimension, struct light_sample *light)
+static int sample_light(const struct path *path, struct path_vertex *v, struct path_notes *notes,
+                        const struct light_context *context)
 {
-    struct sample2 point = sampler_get(path->sampler, dimension + VERTEX_LIGHT_POINT);
+    const struct sample2 point = sampler_get(path->sampler, v->dimension + VERTEX_LIGHT_POINT);
 
-    PROFILE_STAGE(LIGHT);
-    RECORD(recorded->light.asked = 1, recorded->adding = RECORD_FROM_LIGHT);
-    if (!emitters_sample(path->scene, context, point.u, point.v, light))
-        return 0;
-    RECORD(record_light_found(light));
-    return !vec3_is_black(light->radiance);
+    notes->asked = 1;
+    notes->found = emitters_sample(path->scene, context, point.u, point.v, &v->light);
+    return notes->found && (v->light.unread || !vec3_is_black(v->light.radiance));
 }
 
-/* Contribution of the sampled light. The vertex scatters `value` of it; BSDF or phase sampling
- * finds its direction with density `pdf`. */
-static struct vec3 weigh_light(const struct light_sample *light, struct vec3 value, real pdf)
+/* 1 / pdf, or 0 where a light has no density. */
+static real inverse_density(real pdf)
 {
-    const real weight = 1 / (FAULT(ZERO_DENSITY) ? 0 : light->pdf);
+    const real inverse = 1 / pdf;
 
-    if (SAFEGUARD(LIGHT_DENSITY) && !(weight < INFINITY)) {
-        health_note(HEALTH_BAD_DENSITIES);
-        return vec3_splat(0);
-    }
-    value = vec3_mul(value, vec3_scale(light->radiance, weight));
-    RECORD(recorded->light.weight = light->delta ? 1 : power_heuristic(light->pdf, pdf));
-    return light->delta ? value : vec3_scale(value, power_heuristic(light->pdf, pdf));
+    if (!SAFEGUARD(LIGHT_DENSITY) || inverse < INFINITY)
+        return inverse;
+    health_note(HEALTH_BAD_DENSITIES);
+    return 0;
 }
 
-static struct vec3 eval_bsdf(const struct path_vertex *v, struct vec3 wi, real *pdf)
+/* Contribution of the sampled light, of which the vertex scatters `value`. */
+static struct vec3 weigh_light(const struct light_sample *light, struct vec3 value, struct path_notes *notes)
 {
-    PROFILE_STAGE(SCATTER);
-    return bsdf_eval_pdf(&v->bsdf, v->wo, wi, pdf);
+    value = vec3_mul(value, vec3_scale(light_radiance(light), inverse_density(light->pdf)));
+    if (light->delta)
+        return value;
+    notes->weight = power_heuristic(light->pdf, notes->scatter_pdf);
+    return vec3_scale(value, notes->weight);
 }
 
 /* The same towards wi: through the vertex's boundary if wi is on the other side. */
 static struct vec3 visibility_from(struct path *path, const struct path_vertex *v, struct vec3 wi,
                                    const struct ray *ray)
 {
-    const int beyond = path_features_of(path->scene).coincident && wi.z < 0;
+    const int beyond = calls_for(EFFECTS_ALL, COINCIDENT_EFFECTS) && wi.z < 0;
     struct interior here;
     struct vec3 visible;
 
@@ -95,91 +91,93 @@ static struct vec3 visibility_from(struct path *path, const struct path_vertex *
     return visible;
 }
 
-PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct path_vertex *v)
+struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct path_notes *notes)
 {
-    const struct path_features f = path_features_of(path->scene);
     const struct vec3 black = {0, 0, 0};
     const struct surface *s = &v->s;
+    const struct light_sample *light = &v->light;
     struct light_context context = {s->p, s->ng, s->time};
-    struct light_sample light;
-    struct vec3 wi, value, visible;
+    struct vec3 wi, value;
     struct ray ray;
     real pdf;
 
     if (s->material->flags & MATERIAL_TWO_WAY)
         context.n = black;
-    if (!sample_light(path, &context, v->dimension, &light))
+    if (!sample_light(path, v, notes, &context))
         return black;
-    wi = basis_to_local(&s->basis, light.direction);
-    if (!path_keeps_side(s, light.direction, wi))
+    wi = basis_to_local(&s->basis, light->direction);
+    if (!path_keeps_side(s, light->direction, wi))
         return black;
-    if (path_meets_coincident(path, &v->crossing, wi))
+    if (path_meets_coincident(&v->crossing, wi))
         return black;
-    value = eval_bsdf(v, wi, &pdf);
-    RECORD(recorded->light.scatter = value, recorded->light.scatter_pdf = pdf);
+    value = notes->scatter = bsdf_eval_pdf(&v->bsdf, v->wo, wi, &pdf);
+    notes->scatter_pdf = pdf;
     if (vec3_is_black(value))
         return black;
-    surface_leave(s, light.direction, &ray);
-    end_at_light(&light, &ray);
-    visible = visibility_from(path, v, wi, &ray);
-    RECORD(recorded->light.traced = 1, recorded->light.visible = visible);
-    if (vec3_is_black(visible))
+    surface_leave(s, light->direction, &ray);
+    end_at_light(light, &ray);
+    notes->traced = 1;
+    notes->visible = visibility_from(path, v, wi, &ray);
+    if (vec3_is_black(notes->visible))
         return black;
-    if (f.dispersion && path_disperses_at(path, s))
+    if (calls_for(path->scene->effects, EFFECT_DISPERSION) && path_disperses_at(path, s))
         value = vec3_mul(value, path->wavelength_rgb);
-    if (f.index_matched)
-        value = vec3_mul(value, visible);
-    return weigh_light(&light, value, pdf);
+    if (calls_for(path->scene->effects, INDEX_MATCHED_EFFECTS))
+        value = vec3_mul(value, notes->visible);
+    return weigh_light(light, value, notes);
 }
 
-PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct world_medium *medium,
-                                             struct vec3 direction, uint32_t dimension)
+struct vec3 path_direct_medium(struct path *path, struct path_vertex *v, struct path_notes *notes,
+                               struct vec3 direction)
 {
     const struct light_context context = {path->ray.origin, {0, 0, 0}, path->ray.time};
+    const struct light_sample *light = &v->light;
     struct ray ray = path->ray;
-    struct light_sample light;
-    struct vec3 visible;
-    real pdf;
 
-    if (!sample_light(path, &context, dimension, &light))
+    if (!sample_light(path, v, notes, &context))
         return vec3_splat(0);
-    ray.direction = light.direction;
-    end_at_light(&light, &ray);
-    pdf = medium_phase(medium, vec3_dot(direction, light.direction));
-    RECORD(recorded->light.scatter = vec3_splat(pdf), recorded->light.scatter_pdf = pdf);
-    visible = path_visibility(path, &ray);
-    RECORD(recorded->light.traced = 1, recorded->light.visible = visible);
-    return weigh_light(&light, vec3_scale(visible, pdf), pdf);
+    ray.direction = light->direction;
+    end_at_light(light, &ray);
+    notes->scatter_pdf = medium_phase(v->medium, vec3_dot(direction, light->direction));
+    notes->scatter = vec3_splat(notes->scatter_pdf);
+    notes->traced = 1;
+    notes->visible = path_visibility(path, &ray);
+    if (vec3_is_black(notes->visible))
+        return vec3_splat(0);
+    return weigh_light(light, vec3_scale(notes->visible, notes->scatter_pdf), notes);
 }
 
 /* ---- light that the path's own ray meets ----------------------------------------------------- */
 
-/* Is this caustic light (it reaches a surface through a mirror or a lens), and is it switched off?
- * */
+/* Is this caustic light (it reaches a surface through a mirror or a lens), and is it switched off? */
 static int is_unwanted_caustic(const struct path *path)
 {
-    return path->specular && path->any_diffuse &&
-           (path->scene->settings.without & EFFECT_CAUSTICS);
+    return path->specular && path->any_diffuse && (path->scene->settings.without & EFFECT_CAUSTICS);
 }
 
-PATH_FUNCTION struct vec3 path_escaped(const struct path *path)
+/* Light that the ray met, and that light sampling would have found with density `pdf`. */
+static struct vec3 weigh_met(const struct path *path, struct vec3 radiance, real pdf, struct path_notes *notes)
+{
+    notes->met_pdf = pdf;
+    notes->met_weight = power_heuristic(path->pdf, pdf);
+    return vec3_scale(radiance, notes->met_weight);
+}
+
+struct vec3 path_escaped(const struct path *path, struct path_notes *notes)
 {
     const struct render_scene *scene = path->scene;
     struct vec3 radiance;
-    real light_pdf;
+    real pdf;
 
-    RECORD(recorded->adding = RECORD_FROM_PATH);
-    if (!path_features_of(scene).environment || !scene->environment || is_unwanted_caustic(path))
+    if (!calls_for(scene->effects, EFFECT_ENVIRONMENT) || !scene->environment || is_unwanted_caustic(path))
         return vec3_splat(0);
     PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(ENVIRONMENT));
     if (path->specular || !scene->emitters.has_environment)
         return environment_radiance(scene->environment, path->ray.direction);
     if (scene->emitters.environment.alone)
         return vec3_splat(0);
-    radiance = emitters_environment(scene, &path->context, path->ray.direction, &light_pdf);
-    RECORD(recorded->met_pdf = light_pdf,
-           recorded->met_weight = power_heuristic(path->pdf, light_pdf));
-    return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
+    radiance = emitters_environment(scene, &path->context, path->ray.direction, &pdf);
+    return weigh_met(path, radiance, pdf, notes);
 }
 
 /* An unlit material shows its base colour, whatever the light. */
@@ -189,41 +187,35 @@ static struct vec3 unlit_color(const struct path *path, const struct surface *s)
     struct vec3 color = vec3_make(m->base_color[0], m->base_color[1], m->base_color[2]);
 
     if (s->material->base_color.image) {
-        struct texel texel = world_slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1,
-                                               s->b2, s->footprint, 1);
+        struct texel texel = slot_lookup(&s->material->base_color, s->mesh, s->vertex, s->b1, s->b2, s->footprint, 1);
         color = vec3_mul(color, vec3_make(texel.r, texel.g, texel.b));
     }
-    if (path_features_of(path->scene).vertex_colors && s->mesh->colors)
+    if (calls_for(path->scene->effects, EFFECT_VERTEX_COLOR) && s->mesh->colors)
         color = vec3_mul(color, surface_vertex_color(s));
     return color;
 }
 
-PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct surface *s)
+struct vec3 path_emitted(const struct path *path, const struct surface *s, struct path_notes *notes)
 {
     const struct render_scene *scene = path->scene;
-    const struct world_material *material = s->material;
+    const struct render_material *material = s->material;
     struct vec3 radiance;
-    real cosine, light_pdf;
+    real cosine, pdf;
     uint32_t face;
 
-    RECORD(recorded->adding = RECORD_FROM_PATH);
     if (path_is_unlit(path, s))
         return unlit_color(path, s);
-    if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided) ||
-        is_unwanted_caustic(path))
+    if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided) || is_unwanted_caustic(path))
         return vec3_splat(0); /* a light source emits on its front only */
     PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(EMISSIVE_MESH));
     face = emitters_face_at(scene, s);
     if (face != EMITTERS_NO_FACE && emitters_is_dark(&scene->emitters, face))
         return vec3_splat(0);
     cosine = real_abs(vec3_dot(s->ng, path->ray.direction));
-    radiance = world_emitted(material, s->mesh, s->vertex, s->b1, s->b2, cosine);
+    radiance = material_emitted(material, s->mesh, s->vertex, s->b1, s->b2, cosine);
     if (path->specular || face == EMITTERS_NO_FACE)
         return radiance;
-    light_pdf = emitters_face_pdf(scene, &path->context, face,
-                                  vec3_length_squared(vec3_sub(s->p, path->context.p)), cosine,
-                                  s->area);
-    RECORD(recorded->met_pdf = light_pdf,
-           recorded->met_weight = power_heuristic(path->pdf, light_pdf));
-    return vec3_scale(radiance, power_heuristic(path->pdf, light_pdf));
+    pdf = emitters_face_pdf(scene, &path->context, face, vec3_length_squared(vec3_sub(s->p, path->context.p)), cosine,
+                            s->area);
+    return weigh_met(path, radiance, pdf, notes);
 }

@@ -1,68 +1,42 @@
-/* path_parts: what the files of the integrator share. Private to path*.c, which a kernel variant
- * compiles as one (kernels/kernel.inc).
+/* path_parts: what the files of the integrator share. Private to path*.c, which a kernel
+ * compiles as one (Makefile: KERNEL_SRC).
  *
  *   path.c          the loop: one path, vertex by vertex
  *   path_trace.c    rays, and the safeguard against rays that slip out of a closed mesh
  *   path_volumes.c  media, absorption, boundaries of volumes, indices of refraction
  *   path_light.c    next-event estimation and its weights, emission, the environment
  *   path_alpha.c    does a hit count? (culling, alpha)
+ *   path_sink.h     what else is wanted of a vertex: output variables, records, counters
  */
-#ifndef AZULEJO_RENDER_PATH_PARTS_H
-#define AZULEJO_RENDER_PATH_PARTS_H
+#pragma once
 
 #include "common/base/safeguard.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/path/crossing.h"
 #include "worker/render/base/fault.h"
-#include "worker/render/base/has.h"
+#include "worker/render/base/gate.h"
 #include "worker/render/base/health_scope.h"
 #include "worker/render/medium/medium.h"
 #include "worker/render/path/path.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 #include "worker/render/surface/surface_shape.h"
-#include "worker/render/path/record_hooks.h"
+#include "worker/render/record.h"
 
-/* A kernel variant makes these functions static. */
-#ifndef PATH_FUNCTION
-#define PATH_FUNCTION
-#endif
-
-/* What the integrator has to do in this scene. A kernel variant knows at compile time what is
- * absent, and the compiler removes the code that depends on it. */
-struct path_features {
-    int absorption, dispersion, environment, fog, media, mixes, nested,
-        textures, unlit, vertex_colors;
-    int index_matched;  /* shadow rays pass boundaries, and media attenuate them */
-    int volumes;        /* the path keeps track of the volumes that it is in */
-    int coincident;     /* faces of volumes may coincide (crossing.h) */
-};
-
-static inline __attribute__((always_inline)) struct path_features
-path_features_of(const struct render_scene *scene)
-{
-    return (struct path_features){
-        .absorption = ACTIVE(scene, ABSORPTION),
-        .dispersion = ACTIVE(scene, DISPERSION),
-        .environment = ACTIVE(scene, ENVIRONMENT),
-        .fog = ACTIVE(scene, FOG),
-        .media = ACTIVE(scene, MEDIUM),
-        .mixes = ACTIVE(scene, MATERIAL_MIX),
-        .nested = ACTIVE(scene, NESTED_DIELECTRIC),
-        .textures = ACTIVE(scene, TEXTURE),
-        .unlit = ACTIVE(scene, UNLIT),
-        .vertex_colors = ACTIVE(scene, VERTEX_COLOR),
-        .index_matched = ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE),
-        .volumes = ACTIVE(scene, MEDIUM) || ACTIVE(scene, INTERFACE) ||
-                   ACTIVE(scene, NESTED_DIELECTRIC),
-        .coincident = HAS(NESTED_DIELECTRIC),
-    };
-}
+/* Effects for which shadow rays pass boundaries and media attenuate them; and for which a path keeps track of the
+ * volumes that it is in; and in whose kernels faces of volumes may coincide (crossing.h). */
+#define INDEX_MATCHED_EFFECTS (EFFECT_MEDIUM | EFFECT_INTERFACE)
+#define VOLUME_EFFECTS (INDEX_MATCHED_EFFECTS | EFFECT_NESTED_DIELECTRIC)
+#define COINCIDENT_EFFECTS (VOLUME_EFFECTS | EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC)
 
 /* A path that passes more index-matched boundaries than this ends. Only faulty geometry has so
  * many (a volume that is entered repeatedly and never left). */
 #define INDEX_MATCHED_MAX 256
+
+/* Do people look at it? unit_work.subject_samples counts the rays that see a medium, or a surface that does not
+ * merely shine. */
+enum path_sight { SIGHT_NOTHING, SIGHT_SURFACE, SIGHT_MEDIUM };
 
 struct path {
     const struct render_scene *scene;
@@ -70,52 +44,73 @@ struct path {
     struct render_stats *stats;
     struct path_query query;
     struct vec3 throughput;
-    uint32_t depth;             /* scattering vertices before this one */
-    uint32_t mark, marks;       /* depth of the next mark, and how many are passed (path_mark) */
-    real at_half;               /* luminance of the radiance at the mark of half the depth */
+    struct vec3 radiance;  /* that the path has brought */
+    uint32_t depth;        /* scattering vertices before this one */
+    uint32_t mark, marks;  /* depth of the next mark, and how many are passed (path_mark) */
+    real at_half;          /* luminance of the radiance at the mark of half the depth */
+    enum path_sight sight; /* what the camera's ray met */
+    real shone;            /* luminance that was seen on it directly, SIGHT_SURFACE only */
     struct ray ray;
     struct light_context context; /* light sampling context of the vertex that the ray left */
-    real pdf;                  /* density of the ray's direction at that vertex, per sr */
-    int specular;               /* the direction came from a delta distribution or the camera:
+    real pdf;                     /* density of the ray's direction at that vertex, per sr */
+    int specular;                 /* the direction came from a delta distribution or the camera:
                                    light sampling cannot find it */
-    int any_diffuse;            /* a vertex before the last one scattered with a finite density */
-    real eta_scale;            /* product of squared relative indices, for Russian roulette */
+    int any_diffuse;              /* a vertex before the last one scattered with a finite density */
+    real eta_scale;               /* product of squared relative indices, for Russian roulette */
     struct camera_cone cone;
     /* Dispersion. */
-    real wavelength_nm;        /* 0: not sampled yet */
-    int dispersed;              /* the throughput carries the wavelength's colour */
+    real wavelength_nm; /* 0: not sampled yet */
+    int dispersed;      /* the throughput carries the wavelength's colour */
     struct vec3 wavelength_rgb;
     /* Volumes. */
     struct interior interior;   /* the volumes that the ray is in */
     uint32_t boundaries_passed; /* index-matched ones so far */
     uint32_t medium_key;
-    uint32_t medium_depth;      /* depth after the last vertex whose number a medium used */
-    /* The next of several coincident faces is at the path's position: it is `hit`; no ray is
-     * traced. */
+    uint32_t medium_depth; /* depth after the last vertex whose number a medium used */
+    /* The next of several coincident faces is at the path's position: it is `hit`; no ray is traced. */
     int at_next;
     struct hit hit;
 };
 
-/* A vertex on a surface. */
+/* A vertex: on a surface, in a medium, or where the path leaves the scene. */
 struct path_vertex {
+    enum path_met met;
+    uint32_t dimension; /* first of its random numbers; the camera's ray: DIMENSION_VERTEX */
     struct surface s;
-    struct crossing crossing;   /* of the volume boundaries at the vertex */
+    struct crossing crossing; /* of the volume boundaries at the vertex */
     struct bsdf_params params;
     struct bsdf bsdf;
-    struct vec3 wo;             /* towards the previous vertex, in the shading frame */
-    uint32_t dimension;         /* first of its random numbers */
+    struct vec3 wo;                     /* towards the previous vertex, in the shading frame */
+    struct light_sample light;          /* chosen by next-event estimation */
+    struct bsdf_sample sample;          /* of the next direction */
+    const struct render_medium *medium; /* that the ray came through, or was scattered in */
+    real medium_t;                      /* distance to a vertex in it */
 };
 
-/* Add the light `source` at the path's end, times the throughput, to the radiance at its start. */
-static inline void path_add(const struct path *path, struct vec3 source, struct vec3 *radiance)
+/* What happened at a vertex, in figures that the path itself does not need: for the sink (path_sink.h). They
+ * never leave the registers of a kernel that records nothing, so their address goes to functions of path*.c
+ * that are called once, and to no other. */
+struct path_notes {
+    struct vec3 throughput;          /* with which the path arrived */
+    struct vec3 added[PATH_SOURCES]; /* to the path's radiance */
+    real met_pdf, met_weight;        /* density with which light sampling finds what the ray met; its weight */
+    int asked, found, traced;        /* next-event estimation took place; it found a light; it traced a shadow ray */
+    struct vec3 scatter;             /* what the vertex scatters of that light */
+    real scatter_pdf;                /* the density with which scattering finds its direction */
+    struct vec3 visible;             /* what of it arrives */
+    real weight;                     /* of multiple importance sampling */
+    real survival;                   /* of Russian roulette; 1: it did not play */
+};
+
+/* Add the light `source` at the vertex, times the throughput, to the radiance at the path's start. */
+static inline void path_add(struct path *path, struct path_notes *notes, enum path_source from, struct vec3 source)
 {
-    RECORD(recorded->added[recorded->adding] = vec3_mul(path->throughput, source));
-    *radiance = vec3_add(*radiance, vec3_mul(path->throughput, source));
+    notes->added[from] = vec3_mul(path->throughput, source);
+    path->radiance = vec3_add(path->radiance, notes->added[from]);
 }
 
-/* Is a direction, in the world and in the shading frame, on the same side of the face as of the
- * shading normal? The face decides where light can go; by the shading normal alone it would leak
- * through. */
+/* Is a direction, in the world and in the shading frame, on the same side of the face as of the shading normal? The
+ * face decides where light can go; by the shading normal alone it would leak through. */
 static inline int path_keeps_side(const struct surface *s, struct vec3 direction, struct vec3 wi)
 {
     return (vec3_dot(direction, s->ng) > 0) == (wi.z > 0) || !SAFEGUARD(SHADING_SIDES);
@@ -123,81 +118,64 @@ static inline int path_keeps_side(const struct surface *s, struct vec3 direction
 
 /* ---- path.c ---------------------------------------------------------------------------------- */
 
-/* Russian roulette: end the path at random, more often the less it carries. `u` in [0,1). 0: it
- * ends. */
-PATH_FUNCTION int russian_roulette(struct path *path, real u);
+/* Russian roulette: end the path at random, more often the less it carries. `u` in [0,1). 0: it ends. Call it where it
+ * has begun: until then it needs no number. */
+int russian_roulette(struct path *path, struct path_notes *notes, real u);
+static inline int roulette_has_begun(const struct path *path) { return path->depth + 1 >= path->scene->roulette_depth; }
 /* Widen the beam over which textures are averaged, behind a vertex `t` metres along the ray. A
  * direction sampled with path->pdf covers a solid angle of about 1 / pdf. */
-PATH_FUNCTION void path_widen(struct path *path, real t);
-/* The vertex has the depth of a mark: for the light that --max-depth takes (common/film/depth_light.h). `radiance`:
- * what the path has brought up to here. Call it if path->depth >= path->mark. */
-PATH_FUNCTION void path_mark(struct path *path, struct vec3 radiance);
+void path_widen(struct path *path, real t);
+/* The vertex has the depth of a mark: for the light that --max-depth takes (common/film/depth_light.h). Call it
+ * if path->depth >= path->mark. */
+void path_mark(struct path *path);
 
 /* ---- path_trace.c ---------------------------------------------------------------------------- */
 
 /* The nearest hit of a ray that starts in the volumes `in`. 0: it escapes. */
-PATH_FUNCTION int path_trace(const struct path *path, const struct interior *in,
-                             const struct ray *ray, struct hit *hit);
+int path_trace(const struct path *path, const struct interior *in, const struct ray *ray, struct hit *hit);
 /* Is anything between the ray's origin and its end? It starts in path->interior. */
-PATH_FUNCTION int path_occluded(const struct path *path, const struct ray *ray);
+int path_occluded(const struct path *path, const struct ray *ray);
 
 /* ---- path_volumes.c -------------------------------------------------------------------------- */
 
-enum medium_outcome {
-    MEDIUM_PASSED,    /* the path reaches the hit */
-    MEDIUM_SCATTERED, /* it was scattered before the hit; the next vertex is there */
-    MEDIUM_ENDED
-};
-
-/* The medium between the ray's origin and the hit, `t` metres away: it absorbs, scatters and emits
- * (added to *radiance). */
-PATH_FUNCTION enum medium_outcome path_medium(struct path *path, real t, uint32_t dimension,
-                                              struct vec3 *radiance);
+/* The medium between the ray's origin and the hit, `t` metres away: it absorbs, scatters and emits. Where
+ * it scatters the path before the hit, or absorbs it, it becomes the vertex: PATH_MET_MEDIUM. */
+enum path_end path_medium(struct path *path, struct path_vertex *v, struct path_notes *notes, real t);
 /* Absorption (Beer-Lambert) over the segment that ends at the vertex, in a refractive object. */
-PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s);
-/* Find what lies beyond the vertex. 0: its boundary is index-matched; the ray has continued
- * straight through it. */
-PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v);
+void path_absorb(struct path *path, const struct surface *s);
+/* Find what lies beyond the vertex. 0: its boundary is index-matched; the ray has continued straight through it. */
+int path_boundary(struct path *path, struct path_vertex *v);
 /* The indices of refraction on both sides of the vertex. */
-PATH_FUNCTION void path_indices(struct path *path, struct path_vertex *v);
-/* Transmittance from the ray's origin to its end, through index-matched boundaries and the media
- * on the way. */
-PATH_FUNCTION struct vec3 path_transmittance(struct path *path, const struct ray *ray);
+void path_indices(struct path *path, struct path_vertex *v);
+/* Transmittance from the ray's origin to its end, through index-matched boundaries and the media on the way. */
+struct vec3 path_transmittance(struct path *path, const struct ray *ray);
 
 /* Does the path's wavelength still have to colour what the material refracts? This happens once. */
 static inline int path_disperses_at(const struct path *path, const struct surface *s)
 {
-    return path->wavelength_nm > 0 && !path->dispersed && s->material->m.dispersion > 0 &&
-           s->material->m.refractive;
+    return path->wavelength_nm > 0 && !path->dispersed && s->material->m.dispersion > 0 && s->material->m.refractive;
 }
 
 /* ---- path_light.c ---------------------------------------------------------------------------- */
 
 /* Next-event estimation: light from one sampled emitter, scattered at the vertex towards wo. */
-PATH_FUNCTION struct vec3 path_direct_surface(struct path *path, const struct path_vertex *v);
-/* The same at a point in a medium, where path->ray starts. `direction`: the direction of flight. */
-PATH_FUNCTION struct vec3 path_direct_medium(struct path *path, const struct world_medium *medium,
-                                             struct vec3 direction, uint32_t dimension);
+struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct path_notes *notes);
+/* The same at a vertex in a medium, where path->ray starts. `direction`: the direction of flight. */
+struct vec3 path_direct_medium(struct path *path, struct path_vertex *v, struct path_notes *notes,
+                               struct vec3 direction);
 /* Radiance of the environment along an escaped ray, weighted against light sampling. */
-PATH_FUNCTION struct vec3 path_escaped(const struct path *path);
-/* Emission of the surface that the ray met, weighted against light sampling. An unlit surface
- * emits its colour. */
-PATH_FUNCTION struct vec3 path_emitted(const struct path *path, const struct surface *s);
+struct vec3 path_escaped(const struct path *path, struct path_notes *notes);
+/* Emission of the surface that the ray met, weighted against light sampling. An unlit surface emits its colour. */
+struct vec3 path_emitted(const struct path *path, const struct surface *s, struct path_notes *notes);
 
 /* An unlit surface ends the path. */
 static inline int path_is_unlit(const struct path *path, const struct surface *s)
 {
-    return path_features_of(path->scene).unlit && s->material->m.unlit;
+    return calls_for(path->scene->effects, EFFECT_UNLIT) && s->material->m.unlit;
 }
 
 /* Does a path that continues towards wi meet another face at the same place? */
-static inline int path_meets_coincident(const struct path *path, const struct crossing *crossing,
-                                        struct vec3 wi)
+static inline int path_meets_coincident(const struct crossing *crossing, struct vec3 wi)
 {
-    return path_features_of(path->scene).coincident && crossing->next_side &&
-           (wi.z > 0) == (crossing->next_side > 0);
+    return calls_for(EFFECTS_ALL, COINCIDENT_EFFECTS) && crossing->next_side && (wi.z > 0) == (crossing->next_side > 0);
 }
-
-#include "worker/render/path/record_path.h"
-
-#endif

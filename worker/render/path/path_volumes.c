@@ -1,8 +1,7 @@
 /* path_volumes: what a path meets between surfaces, and which volumes it is in.
  *
- * Media are sampled by free paths (medium.h). Refractive objects absorb by the Beer-Lambert law.
- * Overlapping bodies are resolved by priority (interior.h); coincident faces are crossed as one
- * (crossing.h).
+ * Media are sampled by free paths (medium.h). Refractive objects absorb by the Beer-Lambert law. Overlapping bodies are
+ * resolved by priority (interior.h); coincident faces are crossed as one (crossing.h).
  */
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
@@ -13,10 +12,10 @@
 /* ---- media ----------------------------------------------------------------------------------- */
 
 /* The medium around a ray, NULL: none. */
-static const struct world_medium *interior_medium(const struct render_scene *scene,
-                                                  const struct interior *in, int *is_fog)
+static const struct render_medium *interior_medium(const struct render_scene *scene, const struct interior *in,
+                                                   int *is_fog)
 {
-    const struct world_material *around;
+    const struct render_material *around;
     int32_t medium = in->medium;
 
     if (scene->volume_rule == VOLUMES_NESTED) {
@@ -26,7 +25,7 @@ static const struct world_medium *interior_medium(const struct render_scene *sce
     } else {
         *is_fog = medium == scene->fog;
     }
-    if (medium < 0 || (*is_fog && !path_features_of(scene).fog))
+    if (medium < 0 || (*is_fog && !calls_for(scene->effects, EFFECT_FOG)))
         return NULL;
     return scene->media[medium];
 }
@@ -42,10 +41,7 @@ static real fog_end(const struct render_scene *scene, const struct ray *ray)
     return half > 0 ? real_max(along + real_sqrt(half), 0) : 0;
 }
 
-static uint8_t medium_account(int is_fog)
-{
-    return is_fog ? PROFILE_ACCOUNT(FOG) : PROFILE_ACCOUNT(MEDIUM);
-}
+static uint8_t medium_account(int is_fog) { return is_fog ? PROFILE_ACCOUNT(FOG) : PROFILE_ACCOUNT(MEDIUM); }
 
 /* Move the ray's origin along it to a point in mid-air. In double: in a dense medium the step may
  * be far shorter than the spacing of floats. */
@@ -65,88 +61,78 @@ static void ray_advance(struct ray *ray, real distance)
 }
 
 /* How far light gets along the path's ray, at most `t` metres, and what the segment emits. */
-static void sample_medium(struct path *path, const struct world_medium *medium, int is_fog, real t,
-                          uint32_t dimension, uint32_t key, struct medium_event *event)
+static void sample_medium(struct path *path, const struct path_vertex *v, int is_fog, real t, uint32_t key,
+                          struct medium_event *event)
 {
     struct medium_random random = {path->sampler, key, 0};
     struct ray stretch = path->ray;
-    real first = sampler_get(path->sampler, dimension + VERTEX_MEDIUM).u;
+    real first = sampler_get(path->sampler, v->dimension + VERTEX_MEDIUM).u;
 
     PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
     stretch.t_max = is_fog ? real_min(t, fog_end(path->scene, &path->ray)) : t;
     if (path->medium_depth > path->depth) /* a second segment without a vertex between */
         first = sampler_hash(path->sampler, key, 0xffffffffu);
     path->medium_depth = path->depth + 1;
-    medium_sample(medium, &stretch, first, &random, event);
+    medium_sample(v->medium, &stretch, first, &random, event);
 }
 
-/* The vertex in the medium, `distance` metres along the ray: next-event estimation, a direction by
- * the phase function, Russian roulette. 0: the path ends. */
-static int scatter_in_medium(struct path *path, const struct world_medium *medium, real distance,
-                             uint32_t dimension, struct vec3 *radiance)
+/* The vertex in the medium: next-event estimation, a direction by the phase function, Russian roulette. */
+static enum path_end scatter_in_medium(struct path *path, struct path_vertex *v, struct path_notes *notes)
 {
-    struct sample2 u = sampler_get(path->sampler, dimension + VERTEX_BSDF);
-    struct vec3 before = path->ray.direction;
+    const struct sample2 u = sampler_get(path->sampler, v->dimension + VERTEX_BSDF);
+    const struct vec3 before = path->ray.direction;
 
-    path->stats->vertices++;
-    RECORD(record_in_medium(path, distance));
+    path->stats->work.vertices++;
     if (path->depth >= path->mark)
-        path_mark(path, *radiance);
-    if (path->depth >= path->scene->settings.max_depth) {
-        RECORD_END(MEDIUM_DEPTH);
-        return 0;
-    }
-    ray_advance(&path->ray, distance);
+        path_mark(path);
+    if (path->depth >= path->scene->settings.max_depth)
+        return PATH_MEDIUM_DEPTH;
+    ray_advance(&path->ray, v->medium_t);
     if (path->scene->emitters.count > 0)
-        path_add(path, path_direct_medium(path, medium, before, dimension), radiance);
+        path_add(path, notes, FROM_LIGHT, path_direct_medium(path, v, notes, before));
     PROFILE_STAGE(MEDIUM);
-    path->ray.direction = medium_phase_sample(medium, before, u.u, u.v);
-    path->pdf = medium_phase(medium, vec3_dot(before, path->ray.direction));
-    RECORD(recorded->lobe = "PHASE", record_direction(path, vec3_splat(1), path->pdf, 0));
+    path->ray.direction = medium_phase_sample(v->medium, before, u.u, u.v);
+    path->pdf = medium_phase(v->medium, vec3_dot(before, path->ray.direction));
     path->specular = 0;
     path->any_diffuse = 1;
-    path_widen(path, distance);
+    path_widen(path, v->medium_t);
     path->context.p = path->ray.origin;
     path->context.n = vec3_make(0, 0, 0);
-    if (!russian_roulette(path, sampler_get(path->sampler, dimension + VERTEX_LOBE).v))
-        return 0;
+    if (roulette_has_begun(path) &&
+        !russian_roulette(path, notes, sampler_get(path->sampler, v->dimension + VERTEX_LOBE).v))
+        return PATH_ROULETTE;
     path->depth++;
-    return 1;
+    return PATH_GOES_ON;
 }
 
-PATH_FUNCTION enum medium_outcome path_medium(struct path *path, real t, uint32_t dimension,
-                                              struct vec3 *radiance)
+enum path_end path_medium(struct path *path, struct path_vertex *v, struct path_notes *notes, real t)
 {
     const uint32_t key = path->medium_key++;
-    const struct world_medium *medium;
     struct medium_event event;
     int is_fog;
 
-    medium = interior_medium(path->scene, &path->interior, &is_fog);
-    if (!medium)
-        return MEDIUM_PASSED;
-    RECORD(recorded->medium = record_medium(path, medium));
-    sample_medium(path, medium, is_fog, t, dimension, key, &event);
-    path_add(path, event.emitted, radiance);
+    v->medium = interior_medium(path->scene, &path->interior, &is_fog);
+    if (!v->medium)
+        return PATH_GOES_ON;
+    if (path->depth == 0)
+        path->sight = SIGHT_MEDIUM;
+    sample_medium(path, v, is_fog, t, key, &event);
+    path_add(path, notes, FROM_MEDIUM, event.emitted);
     path->throughput = vec3_mul(path->throughput, event.weight);
-    RECORD(recorded->throughput = path->throughput);
-    if (vec3_is_black(path->throughput)) {
-        RECORD(record_in_medium(path, t));
-        return MEDIUM_ENDED;
-    }
-    if (!event.scattered)
-        return MEDIUM_PASSED;
-    return scatter_in_medium(path, medium, event.distance, dimension, radiance) ? MEDIUM_SCATTERED
-                                                                                : MEDIUM_ENDED;
+    if (!event.scattered && !vec3_is_black(path->throughput))
+        return PATH_GOES_ON;
+    v->met = PATH_MET_MEDIUM;
+    notes->throughput = path->throughput;
+    v->medium_t = event.distance;
+    return vec3_is_black(path->throughput) ? PATH_BLACK : scatter_in_medium(path, v, notes);
 }
 
 /* Transmittance of the medium along a shadow ray's segment, up to `t` metres. */
-static struct vec3 stretch_transmittance(const struct render_scene *scene,
-                                         const struct interior *in, const struct ray *stretch,
-                                         real t, struct medium_random *random)
+static struct vec3 stretch_transmittance(const struct render_scene *scene, const struct interior *in,
+                                         const struct ray *stretch, real t, struct medium_random *random)
 {
     struct ray through = *stretch;
-    const struct world_medium *medium;
+    const struct render_medium *medium;
     int is_fog;
 
     medium = interior_medium(scene, in, &is_fog);
@@ -157,8 +143,7 @@ static struct vec3 stretch_transmittance(const struct render_scene *scene,
     return medium_transmittance(medium, &through, random);
 }
 
-PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct path *path,
-                                                                       const struct ray *ray)
+__attribute__((noinline)) struct vec3 path_transmittance(struct path *path, const struct ray *ray)
 {
     const struct render_scene *scene = path->scene;
     struct vec3 visible = {1, 1, 1};
@@ -173,20 +158,18 @@ PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct pa
         struct hit hit;
         int met = path_trace(path, &in, &stretch, &hit);
 
-        PROFILE_STAGE(SURFACE);
         if (met) {
             crossing_first(scene, &stretch, &path->query, &hit, &s);
             surface_resolve_mix(scene, &s, 0);
             if (s.material->m.kind != MATERIAL_INTERFACE)
-                break;
+                return vec3_splat(0);
         }
-        visible = vec3_mul(visible, stretch_transmittance(scene, &in, &stretch,
-                                                          met ? s.t : stretch.t_max, &random));
+        visible = vec3_mul(visible, stretch_transmittance(scene, &in, &stretch, met ? s.t : stretch.t_max, &random));
         if (!met || vec3_is_black(visible))
             return visible;
         crossing_find(scene, &stretch, &path->query, 0, 0, 0, &in, &s, &crossing);
         if (s.material->m.kind != MATERIAL_INTERFACE)
-            break;
+            return vec3_splat(0);
         in = crossing.beyond;
         surface_leave(&s, ray->direction, &stretch);
         stretch.reaches = ray->reaches;
@@ -194,19 +177,17 @@ PATH_FUNCTION __attribute__((noinline)) struct vec3 path_transmittance(struct pa
         if (!(left > 0))
             return visible;
         path->query.ray_number++;
-        if (i + 1 == INDEX_MATCHED_MAX)
-            health_note(HEALTH_GUARDED_PATHS);
     }
+    health_note(HEALTH_GUARDED_PATHS);
     return vec3_splat(0);
 }
 
 /* ---- refractive objects ---------------------------------------------------------------------- */
 
 /* The body that contains the segment that ends at the surface; NULL: unknown. */
-static const struct world_material *stretch_filling(const struct path *path,
-                                                    const struct surface *s)
+static const struct render_material *stretch_filling(const struct path *path, const struct surface *s)
 {
-    if (path_features_of(path->scene).volumes && path->scene->volume_rule == VOLUMES_NESTED)
+    if (calls_for(path->scene->effects, VOLUME_EFFECTS) && path->scene->volume_rule == VOLUMES_NESTED)
         return interior_around(path->scene, &path->interior);
     return !s->front && s->material->m.refractive ? s->material : NULL;
 }
@@ -217,9 +198,9 @@ static struct vec3 beer_lambert(struct vec3 a, real distance)
                      a.z > 0 ? real_exp(-a.z * distance) : 1);
 }
 
-PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s)
+void path_absorb(struct path *path, const struct surface *s)
 {
-    const struct world_material *filling = stretch_filling(path, s);
+    const struct render_material *filling = stretch_filling(path, s);
 
     if (!filling || vec3_is_black(filling->absorption))
         return;
@@ -227,20 +208,17 @@ PATH_FUNCTION void path_absorb(struct path *path, const struct surface *s)
     path->throughput = vec3_mul(path->throughput, beer_lambert(filling->absorption, s->t));
 }
 
-PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
+int path_boundary(struct path *path, struct path_vertex *v)
 {
-    const struct path_features f = path_features_of(path->scene);
-    real mix = f.mixes && crossing_touches(&v->s)
+    real mix = calls_for(path->scene->effects, EFFECT_MATERIAL_MIX) && crossing_touches(&v->s)
                     ? sampler_get(path->sampler, v->dimension + VERTEX_MEDIUM).v : 0;
 
-    PROFILE_STAGE(SURFACE);
-    crossing_find(path->scene, &path->ray, &path->query, mix, f.nested, path->at_next,
-                  &path->interior, &v->s, &v->crossing);
+    crossing_find(path->scene, &path->ray, &path->query, mix, calls_for(path->scene->effects, EFFECT_NESTED_DIELECTRIC),
+                  path->at_next, &path->interior, &v->s, &v->crossing);
     if (v->crossing.is_boundary && v->s.material->m.kind != MATERIAL_INTERFACE)
         return 1;
-    if (path->boundaries_passed++ == INDEX_MATCHED_MAX)
-        health_note(HEALTH_GUARDED_PATHS);
-    RECORD(record_surface(path, v), recorded->kind = RECORD_BOUNDARY);
+    v->met = PATH_MET_BOUNDARY;
+    path->boundaries_passed++;
     path->interior = v->crossing.beyond;
     path->cone.width += v->s.t * path->cone.spread;
     surface_leave(&v->s, path->ray.direction, &path->ray);
@@ -251,23 +229,20 @@ PATH_FUNCTION int path_boundary(struct path *path, struct path_vertex *v)
 static real dispersed_ior(struct path *path, real ior, real dispersion)
 {
     if (!(path->wavelength_nm > 0))
-        path->wavelength_nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v,
-                                                &path->wavelength_rgb);
+        path->wavelength_nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v, &path->wavelength_rgb);
     return dispersion_ior(ior, dispersion, path->wavelength_nm);
 }
 
-PATH_FUNCTION void path_indices(struct path *path, struct path_vertex *v)
+void path_indices(struct path *path, struct path_vertex *v)
 {
-    const struct path_features f = path_features_of(path->scene);
-    const struct world_material *material = v->s.material;
+    const struct render_material *material = v->s.material;
 
-    if (f.coincident && v->crossing.together)
+    if (calls_for(EFFECTS_ALL, COINCIDENT_EFFECTS) && v->crossing.together)
         v->params.ior = v->crossing.ior;
-    else if (f.nested && material->flags & MATERIAL_BOUNDS)
+    else if (calls_for(path->scene->effects, EFFECT_NESTED_DIELECTRIC) && material->flags & MATERIAL_BOUNDS)
         v->params.ior = interior_filling(path->scene, v->s.instance->body)->m.ior;
-    if (f.dispersion && material->m.dispersion > 0 && v->params.refractive)
+    if (calls_for(path->scene->effects, EFFECT_DISPERSION) && material->m.dispersion > 0 && v->params.refractive)
         v->params.ior = dispersed_ior(path, v->params.ior, material->m.dispersion);
-    if (f.nested)
-        v->params.ior_outside =
-            interior_ior(path->scene, v->s.front ? &path->interior : &v->crossing.beyond);
+    if (calls_for(path->scene->effects, EFFECT_NESTED_DIELECTRIC))
+        v->params.ior_outside = interior_ior(path->scene, v->s.front ? &path->interior : &v->crossing.beyond);
 }

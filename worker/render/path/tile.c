@@ -9,10 +9,8 @@
 #include "worker/render/base/health_scope.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/camera/view.h"
-#include "worker/render/path/record_hooks.h"
-#include "worker/render/world.h"
-
-enum { TILE_BATCH = 8 };
+#include "worker/render/path/record_path.h"
+#include "worker/render/render_scene.h"
 
 /* Distance along the camera's axis, which compositors call depth. */
 static real tile_depth(const struct render_scene *scene, const struct ray *ray, real distance)
@@ -20,14 +18,14 @@ static real tile_depth(const struct render_scene *scene, const struct ray *ray, 
     const struct transform *view = &scene->camera.to_world;
     struct vec3 axis = {-view->m[0][2], -view->m[1][2], -view->m[2][2]};
 
-    return scene->camera.kind == CAMERA_PANORAMA ? distance
-                                                 : distance * vec3_dot(ray->direction, axis);
+    return scene->camera.kind == CAMERA_PANORAMA ? distance : distance * vec3_dot(ray->direction, axis);
 }
 
 /* Add one sample's output variables to the pixel's `values`, in the enum's order. */
 static void tile_aovs(const struct render_scene *scene, uint32_t mask, const struct ray *ray,
                       const struct path_record *record, int first, double *values)
 {
+    const struct vec3 normal = {FAULT(NAN_AOV) ? NAN : record->normal.x, record->normal.y, record->normal.z};
     real sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
     uint32_t at = 0;
     int bad = 0;
@@ -39,41 +37,40 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
         memset(sample, 0, sizeof sample);
         if (record->hit)
             switch ((enum aov)aov) {
-            case AOV_DEPTH:
-                sample[0] = tile_depth(scene, ray, record->distance);
-                break;
-            case AOV_NORMAL:
-                memcpy(sample, &record->normal, sizeof record->normal);
-                break;
-            case AOV_ALBEDO:
-                memcpy(sample, &record->albedo, sizeof record->albedo);
-                break;
-            case AOV_POSITION:
-                memcpy(sample, &record->position, sizeof record->position);
-                break;
+            case AOV_DEPTH: sample[0] = tile_depth(scene, ray, record->distance); break;
+            case AOV_NORMAL: memcpy(sample, &normal, sizeof normal); break;
+            case AOV_ALBEDO: memcpy(sample, &record->albedo, sizeof record->albedo); break;
+            case AOV_POSITION: memcpy(sample, &record->position, sizeof record->position); break;
             case AOV_UV:
                 sample[0] = record->u;
                 sample[1] = record->v;
                 break;
-            case AOV_OBJECT_ID:
-                sample[0] = (real)record->instance + 1;
-                break;
-            case AOV_MATERIAL_ID:
-                sample[0] = (real)record->material + 1;
-                break;
+            case AOV_OBJECT_ID: sample[0] = (real)record->instance + 1; break;
+            case AOV_MATERIAL_ID: sample[0] = (real)record->material + 1; break;
             case AOV_MOTION:
-                view_motion(scene, record->instance, record->triangle, record->b1,
-                                    record->b2, motion);
+                view_motion(scene, record->instance, record->triangle, record->b1, record->b2, motion);
                 memcpy(sample, motion, sizeof motion);
                 break;
             case AOV_ALPHA:
+            case AOV_DENOISING:
+            case AOV_DENOISING_ALBEDO:
+            case AOV_DENOISING_NORMAL:
+            case AOV_EMISSION:
             case AOV_SAMPLES:
             case AOV_ERROR:
-            case AOV_COUNT:
-                break;
+            case AOV_VARIANCE:
+            case AOV_COUNT: break;
             }
         if (aov == AOV_ALPHA)
             sample[0] = 1 - record->passed;
+        else if (aov == AOV_DENOISING)
+            sample[0] = record->length;
+        else if (aov == AOV_DENOISING_ALBEDO)
+            memcpy(sample, &record->rough_albedo, sizeof record->rough_albedo);
+        else if (aov == AOV_DENOISING_NORMAL)
+            memcpy(sample, &record->rough_normal, sizeof record->rough_normal);
+        else if (aov == AOV_EMISSION)
+            memcpy(sample, &record->emission, sizeof record->emission);
         for (uint32_t c = 0; c < channels; c++, at++) {
             int good = isfinite(sample[c]) || !SAFEGUARD(FINITE_VARIABLE);
             real value = good ? sample[c] : 0;
@@ -102,21 +99,19 @@ static __attribute__((cold, noinline)) struct vec3 tile_clamped(struct vec3 radi
     double r = (double)radiance.x, g = (double)radiance.y, b = (double)radiance.z;
     double scale = (double)limit / (double)vec3_max(radiance);
 
-    stats->clamped_samples++;
-    stats->clamped_luminance += tile_luminance(r, g, b) * (1 - scale);
+    stats->work.clamped_samples++;
+    stats->work.clamped_luminance += tile_luminance(r, g, b) * (1 - scale);
     return vec3_make((real)(r * scale), (real)(g * scale), (real)(b * scale));
 }
 
 /* What the pixel's samples added. Not inlined: it would change the code of the pixel loop. */
-static __attribute__((noinline)) void tile_count_seen(double sum[GROUP_REPLICATES][3], real limit,
-                                                      struct render_stats *stats)
+static __attribute__((noinline)) void tile_count_seen(const double sum[3], real limit, struct render_stats *stats)
 {
-    for (int r = 0; r < GROUP_REPLICATES; r++) {
-        const double seen = tile_luminance(sum[r][0], sum[r][1], sum[r][2]);
-        stats->depth.sum[DEPTH_SEEN] += seen;
-        if (limit > 0)
-            stats->kept_luminance += seen;
-    }
+    const double seen = tile_luminance(sum[0], sum[1], sum[2]);
+
+    stats->work.depth.sum[DEPTH_SEEN] += seen;
+    if (limit > 0)
+        stats->work.kept_luminance += seen;
 }
 
 static float32 tile_float(double sum)
@@ -127,29 +122,35 @@ static float32 tile_float(double sum)
     return FLT_MAX;
 }
 
+/* What is directly seen must be no more of the sample than is added of it. */
+static __attribute__((noinline)) void tile_match_emission(struct path_record *record, struct vec3 radiance, real limit)
+{
+    if (!vec3_is_finite(radiance))
+        record->emission = vec3_splat(0);
+    else if (limit > 0 && vec3_max(radiance) > limit)
+        record->emission = vec3_scale(record->emission, limit / vec3_max(radiance));
+}
+
 /* ---- health ---------------------------------------------------------------------------------- */
 
 static inline int tile_is_sound(struct vec3 radiance)
 {
-    return radiance.x >= 0 && radiance.y >= 0 && radiance.z >= 0 &&
-           radiance.x + radiance.y + radiance.z < INFINITY;
+    return radiance.x >= 0 && radiance.y >= 0 && radiance.z >= 0 && radiance.x + radiance.y + radiance.z < INFINITY;
 }
 
 /* What was noted since the last call began with this sample. */
-static __attribute__((cold, noinline)) void tile_examples(struct render_stats *stats,
-                                                          struct health_place place)
+static __attribute__((cold, noinline)) void tile_examples(struct render_stats *stats, struct health_place place)
 {
     for (int k = 0; k < HEALTH_KINDS; k++)
         if (health_scope.noted >> k & 1)
-            health_example(&stats->health, (enum health_kind)k, 0, health_key(place));
+            health_example(&stats->work.health, (enum health_kind)k, 0, health_key(place));
     health_scope.noted = 0;
 }
 
 /* A sample that something was noted of, or that is not finite or negative: is it added all the same?
  * Wavelengths have colours with negative parts (dispersion.h). */
-static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene *scene,
-                                                      struct vec3 radiance, struct health_place place,
-                                                      struct render_stats *stats)
+static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene *scene, struct vec3 radiance,
+                                                      struct health_place place, struct render_stats *stats)
 {
     int finite = vec3_is_finite(radiance) || !SAFEGUARD(FINITE_SAMPLE);
 
@@ -162,16 +163,15 @@ static __attribute__((cold, noinline)) int tile_keeps(const struct render_scene 
 }
 
 /* The radiance of one sample, which may be no number. */
-static inline __attribute__((always_inline)) struct vec3
-tile_trace(const struct render_scene *scene, uint32_t x, uint32_t y, uint32_t number,
-           const struct sampler *sampler, const struct ray *ray, struct camera_cone cone,
-           struct path_record *record, struct render_stats *stats)
+static inline __attribute__((always_inline)) struct vec3 tile_trace(
+    const struct render_scene *scene, uint32_t x, uint32_t y, uint32_t number, const struct sampler *sampler,
+    const struct ray *ray, struct camera_cone cone, struct path_record *record, struct render_stats *stats)
 {
     struct vec3 radiance;
 
     FAULT_BEGIN(x, y, number);
     radiance = path_radiance(scene, sampler, ray, cone, record, stats);
-    stats->samples++;
+    stats->work.samples++;
     PROFILE_STAGE(REST);
     if (FAULT(NAN_RADIANCE))
         radiance.y = NAN;
@@ -184,13 +184,14 @@ tile_trace(const struct render_scene *scene, uint32_t x, uint32_t y, uint32_t nu
 
 /* Start several of a pixel's samples together. Each one's arithmetic is a chain of dependent steps;
  * the processor overlaps independent chains. */
-static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
-                       uint32_t group, uint32_t first, uint32_t count, struct sampler *samplers,
+static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y, uint32_t group,
+                       uint32_t first, uint32_t count, struct sampler *samplers, struct sampler_batch *batch,
                        struct ray *rays)
 {
     PROFILE_STAGE(CAMERA);
-    for (uint32_t k = 0; k < count; k++)
-        sampler_start(&samplers[k], scene->settings.seed, frame, x, y, group, first + k);
+    sampler_start(&samplers[0], scene->settings.seed, frame, x, y, group, first);
+    if (count > 1)
+        sampler_start_batch(samplers, first, count, sampler_batch_pays() ? batch : NULL);
     if (scene->settings.sampler == SAMPLER_INDEPENDENT)
         for (uint32_t k = 0; k < count; k++)
             sampler_isolate(&samplers[k]);
@@ -198,78 +199,74 @@ static void tile_start(const struct render_scene *scene, uint32_t frame, uint32_
         camera_ray(&scene->camera, x, y, &samplers[k], &rays[k]);
 }
 
-size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
-                   uint32_t pass, float32 *sums, struct tail *tail, struct render_stats *stats)
+size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group, uint32_t pass,
+                   float32 *sums, struct tail *tail, struct render_stats *stats)
 {
     const struct render_settings *settings = &scene->settings;
     struct tile_rect rect = tile_rect_of(settings->width, settings->height, tile);
     size_t pixels = (size_t)rect.width * rect.height, index = 0;
-    size_t aov_base = GROUP_REPLICATES * pixels * 3;
+    size_t aov_base = PIXEL_FLOATS * pixels;
     uint32_t begin, end, aovs = unit_aovs(settings->aovs, group, pass), extra = aov_floats(aovs);
     struct camera_cone cone = camera_cone(&scene->camera);
     const real limit = settings->clamp;
-    struct sampler samplers[TILE_BATCH];
-    struct ray rays[TILE_BATCH];
+    struct sampler samplers[SAMPLER_LANES];
+    struct ray rays[SAMPLER_LANES];
+    struct sampler_batch batch;
 
     pass_range(settings->spp, group, pass, &begin, &end);
-    health_scope = (struct health_scope){stats->health.count, 0};
+    health_scope = (struct health_scope){stats->work.health.count, 0};
     if (tail)
         tail->count = 0;
     rect.x += settings->region_x; /* from here on, pixels are the whole picture's */
     rect.y += settings->region_y;
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
-            double sum[GROUP_REPLICATES][3] = {{0}}, values[AOV_FLOATS_MAX] = {0};
+            double sum[3] = {0}, values[AOV_FLOATS_MAX] = {0};
             for (uint32_t i = begin, at = 0, ready = 0; i < end; i++, at++) {
                 struct path_record record;
                 struct vec3 radiance;
                 if (at == ready) {
                     at = 0;
-                    ready = end - i < TILE_BATCH ? end - i : TILE_BATCH;
-                    tile_start(scene, frame, x, y, group, i, ready, samplers, rays);
+                    ready = end - i < SAMPLER_LANES ? end - i : SAMPLER_LANES;
+                    tile_start(scene, frame, x, y, group, i, ready, samplers, &batch, rays);
                 }
                 if (extra)
                     memset(&record, 0, sizeof record);
-                radiance = tile_trace(scene, x, y, i * GROUPS + group, &samplers[at], &rays[at],
-                                      cone, extra ? &record : NULL, stats);
-                if (extra && FAULT(NAN_AOV))
-                    record.normal.x = NAN;
+                radiance = tile_trace(scene, x, y, i * GROUPS + group, &samplers[at], &rays[at], cone,
+                                      extra ? &record : NULL, stats);
+                if (aovs >> AOV_EMISSION & 1)
+                    tile_match_emission(&record, radiance, limit);
                 if (extra)
                     tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
                 if ((health_scope.noted || !tile_is_sound(radiance)) &&
-                    !tile_keeps(scene, radiance, (struct health_place){pass, tile, (uint32_t)index,
-                                                                       i * GROUPS + group}, stats))
+                    !tile_keeps(scene, radiance, (struct health_place){pass, tile, (uint32_t)index, i * GROUPS + group},
+                                stats))
                     continue;
                 if (limit > 0 && vec3_max(radiance) > limit)
                     radiance = tile_clamped(radiance, limit, stats);
-                sum[i % GROUP_REPLICATES][0] += (double)radiance.x;
-                sum[i % GROUP_REPLICATES][1] += (double)radiance.y;
-                sum[i % GROUP_REPLICATES][2] += (double)radiance.z;
+                sum[0] += (double)radiance.x;
+                sum[1] += (double)radiance.y;
+                sum[2] += (double)radiance.z;
                 if (tail)
                     tail_add(tail, (float32)vec3_luminance(radiance), (uint32_t)index);
             }
-            for (int r = 0; r < GROUP_REPLICATES; r++)
-                for (int c = 0; c < 3; c++)
-                    sums[((size_t)r * pixels + index) * 3 + (size_t)c] =
-                        tile_float(sum[r][c]);
+            for (size_t c = 0; c < 3; c++)
+                sums[index * 3 + c] = tile_float(sum[c]);
             tile_count_seen(sum, limit, stats);
-            for (uint32_t aov = 0, at = 0; aov < AOV_COUNT; aov++) {
+            for (uint32_t aov = 0, at = 0; extra && aov < AOV_COUNT; aov++) {
                 uint32_t channels = aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
                 for (uint32_t c = 0; c < channels; c++)
-                    sums[aov_base + at * pixels + index * channels + c] =
-                        tile_float(values[at + c]);
+                    sums[aov_base + at * pixels + index * channels + c] = tile_float(values[at + c]);
                 at += channels;
             }
             if (health_scope.noted) /* by sums: they begin with the pass */
-                tile_examples(stats, (struct health_place){pass, tile, (uint32_t)index,
-                                                           begin * GROUPS + group});
+                tile_examples(stats, (struct health_place){pass, tile, (uint32_t)index, begin * GROUPS + group});
         }
     PROFILE_IDLE();
     health_scope.count = NULL;
     return aov_base + extra * pixels;
 }
 
-#if KERNEL_RECORDS
 /* The pass that sample i of a group is in. */
 static uint32_t pass_with(uint32_t i)
 {
@@ -280,8 +277,8 @@ static uint32_t pass_with(uint32_t i)
     return pass;
 }
 
-struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
-                          uint32_t number, struct vec3 *radiance, struct render_stats *stats)
+struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y, uint32_t number,
+                          struct vec3 *radiance, struct render_stats *stats)
 {
     const struct render_settings *s = &scene->settings;
     const uint32_t column = x - s->region_x, row = y - s->region_y;
@@ -295,8 +292,8 @@ struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint
     struct vec3 added;
     struct ray ray;
 
-    health_scope = (struct health_scope){stats->health.count, 0};
-    tile_start(scene, frame, x, y, group, i, 1, &sampler, &ray);
+    health_scope = (struct health_scope){stats->work.health.count, 0};
+    tile_start(scene, frame, x, y, group, i, 1, &sampler, NULL, &ray);
     added = tile_trace(scene, x, y, number, &sampler, &ray, camera_cone(&scene->camera), NULL, stats);
     if (radiance)
         *radiance = added;
@@ -309,4 +306,15 @@ struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint
     health_scope.count = NULL;
     return added;
 }
+
+#ifdef KERNEL_NAME
+#if __has_attribute(externally_visible) /* gcc's -fwhole-program needs it */
+#define KERNEL_ROW __attribute__((externally_visible))
+#else
+#define KERNEL_ROW
+#endif
+/* The kernel that these files are compiled into: others see it as kernel_NAME (Makefile). */
+extern const struct kernel kernel_row KERNEL_ROW;
+const struct kernel kernel_row = {KERNEL_NAME, KERNEL_EFFECTS, tile_render, path_accept,
+                                  KERNEL_RECORDS ? sample_render : NULL};
 #endif

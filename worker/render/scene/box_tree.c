@@ -8,12 +8,12 @@
 enum { LEAF_BOXES = 4 };
 
 struct node {
-    struct world_box box; /* around its boxes */
-    int asks;             /* one of its boxes asks */
+    struct render_box box; /* around its boxes */
+    int asks;              /* one of its boxes asks */
 };
 
 struct box_tree {
-    const struct world_box *boxes;
+    const struct render_box *boxes;
     const uint8_t *asks;
     uint32_t *order;        /* [count] boxes, those of one leaf side by side */
     struct node *nodes;     /* the root is 1, the halves of k are 2k and 2k + 1 */
@@ -22,10 +22,10 @@ struct box_tree {
     void *user;
 };
 
-static const struct world_box nothing = {{INFINITY, INFINITY, INFINITY},
+static const struct render_box nothing = {{INFINITY, INFINITY, INFINITY},
                                          {-INFINITY, -INFINITY, -INFINITY}};
 
-static void enclose(struct world_box *box, const struct world_box *other)
+static void enclose(struct render_box *box, const struct render_box *other)
 {
     for (int a = 0; a < 3; a++) {
         box->low[a] = real_min(box->low[a], other->low[a]);
@@ -33,26 +33,23 @@ static void enclose(struct world_box *box, const struct world_box *other)
     }
 }
 
-static int overlap(const struct world_box *a, const struct world_box *b)
+static int overlap(const struct render_box *a, const struct render_box *b)
 {
-    return a->low[0] <= b->high[0] && b->low[0] <= a->high[0] && a->low[1] <= b->high[1] &&
-           b->low[1] <= a->high[1] && a->low[2] <= b->high[2] && b->low[2] <= a->high[2];
+    return a->low[0] <= b->high[0] && b->low[0] <= a->high[0] && a->low[1] <= b->high[1] && b->low[1] <= a->high[1] &&
+           a->low[2] <= b->high[2] && b->low[2] <= a->high[2];
 }
 
 /* Twice the middle. */
-static real middle(const struct world_box *box, int axis)
-{
-    return box->low[axis] + box->high[axis];
-}
+static real middle(const struct render_box *box, int axis) { return box->low[axis] + box->high[axis]; }
 
 /* The axis along which the middles are farthest apart. */
 static int widest_axis(const struct box_tree *tree, uint32_t begin, uint32_t end)
 {
-    struct world_box middles = nothing;
+    struct render_box middles = nothing;
     int widest = 0;
 
     for (uint32_t i = begin; i < end; i++) {
-        const struct world_box *box = &tree->boxes[tree->order[i]];
+        const struct render_box *box = &tree->boxes[tree->order[i]];
         for (int a = 0; a < 3; a++) {
             middles.low[a] = real_min(middles.low[a], middle(box, a));
             middles.high[a] = real_max(middles.high[a], middle(box, a));
@@ -72,9 +69,8 @@ static void swap(uint32_t *a, uint32_t *b)
     *b = kept;
 }
 
-/* Quickselect (Hoare 1961, "Algorithm 65: Find"): afterwards no middle before `nth` is larger than
- * one from there on. A hash chooses the pivot, so no arrangement of a mesh makes it bad each
- * time. */
+/* Quickselect (Hoare 1961, "Algorithm 65: Find"): afterwards no middle before `nth` is larger than one from there on. A
+ * hash chooses the pivot, so no arrangement of a mesh makes it bad each time. */
 static void halve(const struct box_tree *tree, int axis, int64_t begin, int64_t nth, int64_t end)
 {
     uint32_t *order = tree->order;
@@ -101,10 +97,7 @@ static void halve(const struct box_tree *tree, int axis, int64_t begin, int64_t 
     }
 }
 
-static uint32_t split(uint32_t begin, uint32_t end)
-{
-    return begin + (end - begin) / 2;
-}
+static uint32_t split(uint32_t begin, uint32_t end) { return begin + (end - begin) / 2; }
 
 static void build(struct box_tree *tree, uint32_t node, uint32_t begin, uint32_t end)
 {
@@ -133,8 +126,7 @@ struct leaf {
 };
 
 /* Pairs of the leaf with itself or with a later leaf. */
-static int visit_leaves(const struct box_tree *tree, const struct leaf *leaf, uint32_t begin,
-                        uint32_t end)
+static int visit_leaves(const struct box_tree *tree, const struct leaf *leaf, uint32_t begin, uint32_t end)
 {
     for (uint32_t i = leaf->begin; i < leaf->end; i++) {
         uint32_t a = tree->order[i];
@@ -149,13 +141,12 @@ static int visit_leaves(const struct box_tree *tree, const struct leaf *leaf, ui
 }
 
 /* Pairs of the leaf with all nodes below, except those before it. */
-static int visit_below(const struct box_tree *tree, const struct leaf *leaf, uint32_t node,
-                       uint32_t begin, uint32_t end)
+static int visit_below(const struct box_tree *tree, const struct leaf *leaf, uint32_t node, uint32_t begin,
+                       uint32_t end)
 {
     const struct node *other = &tree->nodes[node];
 
-    if (end <= leaf->begin || !(leaf->node->asks | other->asks) ||
-        !overlap(&leaf->node->box, &other->box))
+    if (end <= leaf->begin || !(leaf->node->asks | other->asks) || !overlap(&leaf->node->box, &other->box))
         return 0;
     if (node >= tree->leaves)
         return visit_leaves(tree, leaf, begin, end);
@@ -169,12 +160,11 @@ static int visit_all(const struct box_tree *tree, uint32_t node, uint32_t begin,
 
     if (node >= tree->leaves)
         return visit_below(tree, &leaf, 1, 0, tree->count);
-    return visit_all(tree, 2 * node, begin, split(begin, end)) ||
-           visit_all(tree, 2 * node + 1, split(begin, end), end);
+    return visit_all(tree, 2 * node, begin, split(begin, end)) || visit_all(tree, 2 * node + 1, split(begin, end), end);
 }
 
-status box_tree_pairs(const struct world_box *boxes, const uint8_t *asks, uint32_t count,
-                      box_tree_visit *visit, void *user, struct error *err)
+status box_tree_pairs(const struct render_box *boxes, const uint8_t *asks, uint32_t count, box_tree_visit *visit,
+                      void *user, struct error *err)
 {
     struct box_tree tree = {.boxes = boxes, .asks = asks, .count = count, .leaves = 1,
                             .visit = visit, .user = user};

@@ -25,10 +25,7 @@ static void acquire(void)
         ;
 }
 
-static void release(void)
-{
-    atomic_flag_clear_explicit(&lock, memory_order_release);
-}
+static void release(void) { atomic_flag_clear_explicit(&lock, memory_order_release); }
 
 static struct image_share **bucket_of(const struct digest *digest)
 {
@@ -86,9 +83,8 @@ static struct image_share *publish(struct image_share *fresh)
     return share;
 }
 
-status image_share_get(struct image_share **out, const struct digest *digest, unsigned uses,
-                       const uint8_t *data, size_t size_bytes, const char *name,
-                       struct error *err)
+status image_share_get(struct image_share **out, const struct digest *digest, unsigned uses, const uint8_t *data,
+                       size_t size_bytes, const char *name, struct error *err)
 {
     struct image_share *fresh;
     status s;
@@ -97,8 +93,7 @@ status image_share_get(struct image_share **out, const struct digest *digest, un
     if (*out)
         return STATUS_OK;
     fresh = mem_calloc(1, sizeof *fresh);
-    if (!fresh)
-        return error_no_memory(err, "a texture");
+    NEED(fresh, err, "a texture");
     fresh->digest = *digest;
     fresh->uses = uses;
     s = texture_image_new(&fresh->image, data, size_bytes, name, err);
@@ -130,10 +125,7 @@ void image_share_put(struct image_share *share)
         share_free(share);
 }
 
-struct texture_image *image_share_image(const struct image_share *share)
-{
-    return share->image;
-}
+struct texture_image *image_share_image(const struct image_share *share) { return share->image; }
 
 int image_share_has(const struct digest *digest, unsigned uses)
 {

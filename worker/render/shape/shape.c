@@ -3,6 +3,7 @@
 #define ROW_MESH(prefix)
 #define ROW_WHOLE(prefix)                                                               \
     .bounds = prefix##_bounds, .crossings = prefix##_crossings, .same = prefix##_same,  \
+    .near_triangle = prefix##_near_triangle, .near_same = prefix##_near_same,           \
     .place = prefix##_place, .cover = prefix##_cover, .fits = prefix##_fits,            \
     .create = prefix##_new,
 #define ROW(KIND, prefix, STANDS_IN, FACES)                          \

@@ -5,10 +5,12 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* The vertices lie on the sphere to this share. */
 #define FIT_SHARE 1e-5
+/* Of the squared distance from the centre: far more than a double's rounding. */
+#define CLEAR_SHARE 1e-9
 
 /* ---- rays that start or end on it ------------------------------------------------------------- */
 
@@ -21,8 +23,8 @@ double sphere_end(const void *face, const double origin[3], const double directi
     return t < chord.middle ? chord.middle - chord.half : chord.middle + chord.half;
 }
 
-void sphere_plane(const void *face, const double origin[3], const double direction[3], double t,
-                  double point[3], double normal[3])
+void sphere_plane(const void *face, const double origin[3], const double direction[3], double t, double point[3],
+                  double normal[3])
 {
     const struct sphere_shape *sphere = face;
     double end = t > 0 ? sphere_end(face, origin, direction, t) : 0;
@@ -54,14 +56,29 @@ void sphere_bounds(const struct shape *shape, double margin, double low[3], doub
     }
 }
 
+/* Most lines miss it by far, or have passed it: the discriminant says so up to its rounding, without a
+ * division. */
+static int is_clear_of(const struct sphere_shape *sphere, const double origin[3], const double direction[3])
+{
+    double to_origin[3], along, outside, distance2, length2 = exact_dot(direction, direction);
+
+    exact_sub(origin, sphere->centre, to_origin);
+    along = exact_dot(to_origin, direction);
+    distance2 = exact_dot(to_origin, to_origin);
+    outside = distance2 * (1 - CLEAR_SHARE) - sphere->radius * sphere->radius;
+    return outside > 0 && (along > 0 || outside * length2 > along * along);
+}
+
 /* A line that leaves the sphere outwards never meets it again, and inwards meets its far side. */
-int sphere_crossings(const struct shape *shape, const double origin[3], const double direction[3],
-                     const double *off, struct shape_crossing out[SHAPE_CROSSINGS_MAX])
+int sphere_crossings(const struct shape *shape, const double origin[3], const double direction[3], const double *off,
+                     struct shape_crossing out[SHAPE_CROSSINGS_MAX])
 {
     const struct sphere_shape *sphere = sphere_of(shape);
     struct sphere_chord chord;
     double normal[3];
 
+    if (!off && SAFEGUARD(SPHERE_NEAREST_POINT) && is_clear_of(sphere, origin, direction))
+        return 0;
     sphere_chord_find(sphere, origin, direction, &chord);
     if (off) {
         exact_sub(origin, sphere->centre, normal);
@@ -77,12 +94,65 @@ int sphere_same(const struct shape *a_, const struct shape *b_)
 {
     const struct sphere_shape *a = sphere_of(a_), *b = sphere_of(b_);
 
-    return a->radius == b->radius && a->centre[0] == b->centre[0] &&
-           a->centre[1] == b->centre[1] && a->centre[2] == b->centre[2];
+    return a->radius == b->radius && a->centre[0] == b->centre[0] && a->centre[1] == b->centre[1] &&
+           a->centre[2] == b->centre[2];
 }
 
-void sphere_place(const struct shape *shape, const double origin[3], const double direction[3],
-                  uint32_t side, double place[3], double normal[3])
+/* A box around the ball, if it has a middle. */
+static void ball_bounds(const double middle[3], double radius, double low[3], double high[3])
+{
+    for (int a = 0; a < 3 && isfinite(radius) && isfinite(exact_dot(middle, middle)); a++) {
+        low[a] = middle[a] - radius;
+        high[a] = middle[a] + radius;
+    }
+}
+
+/* What is near lies in a slice of the ball of `radius + reach`, around the foot of the centre on the triangle's
+ * plane. */
+int sphere_near_triangle(const struct shape *shape, const double corner[3][3], double reach, double low[3],
+                         double high[3])
+{
+    const struct sphere_shape *sphere = sphere_of(shape);
+    double n[3], to[3], foot[3], height, left2, n2, farthest2 = 0, outer = sphere->radius + reach;
+
+    exact_normal(corner, n);
+    n2 = exact_dot(n, n);
+    for (int k = 2; k >= 0; k--) {
+        exact_sub(corner[k], sphere->centre, to);
+        farthest2 = fmax(farthest2, exact_dot(to, to));
+    }
+    height = exact_dot(to, n); /* of corner 0, times the normal's length */
+    left2 = outer * outer - height * height / n2;
+    if (left2 < 0 || (reach < sphere->radius && farthest2 < (sphere->radius - reach) * (sphere->radius - reach)))
+        return 0;
+    for (int a = 0; a < 3; a++)
+        foot[a] = sphere->centre[a] + height / n2 * n[a];
+    ball_bounds(foot, sqrt(left2) + reach, low, high);
+    return 1;
+}
+
+/* Around the circle in which they meet: x is its centre's distance from that of `a`, on the line between the two,
+ * and what is near has at most x +- give. */
+int sphere_near_same(const struct shape *a_, const struct shape *b_, double reach, double low[3], double high[3])
+{
+    const struct sphere_shape *a = sphere_of(a_), *b = sphere_of(b_);
+    const double outer = a->radius + reach;
+    double to[3], middle[3], apart, x, give;
+
+    exact_sub(b->centre, a->centre, to);
+    apart = sqrt(exact_dot(to, to));
+    if (apart > a->radius + b->radius + reach || apart < fabs(a->radius - b->radius) - reach)
+        return 0;
+    x = (apart * apart + a->radius * a->radius - b->radius * b->radius) / (2 * apart);
+    give = reach * (outer + b->radius) / apart;
+    for (int k = 0; k < 3; k++)
+        middle[k] = a->centre[k] + x / apart * to[k];
+    ball_bounds(middle, sqrt(fmax(outer * outer - x * x + 2 * fabs(x) * give, 0)), low, high);
+    return 1;
+}
+
+void sphere_place(const struct shape *shape, const double origin[3], const double direction[3], uint32_t side,
+                  double place[3], double normal[3])
 {
     const struct sphere_shape *sphere = sphere_of(shape);
     struct sphere_chord chord;
@@ -128,8 +198,7 @@ static uint32_t cell_towards(uint32_t rows, const double p[3], uint32_t *count)
 
     round += round < 0 ? 1.0f : 0.0f;
     column = (uint32_t)(round * (real)(2 * rows));
-    return cell_triangle(rows, row < rows ? row : rows - 1,
-                         column < 2 * rows ? column : 2 * rows - 1, count);
+    return cell_triangle(rows, row < rows ? row : rows - 1, column < 2 * rows ? column : 2 * rows - 1, count);
 }
 
 static double determinant(const double a[3], const double b[3], const double c[3])
@@ -141,10 +210,9 @@ static double determinant(const double a[3], const double b[3], const double c[3
 }
 
 /* Weights of the corners where the line from the centre meets the triangle; the least of them. */
-static double weights_towards(const struct world_mesh *mesh, uint32_t triangle, const double p[3],
-                              double weight[3])
+static double weights_towards(const struct render_mesh *mesh, uint32_t triangle, const double p[3], double weight[3])
 {
-    const uint32_t *vertex = world_vertices(mesh, triangle);
+    const uint32_t *vertex = triangle_vertices(mesh, triangle);
     double corner[3][3], sum;
 
     for (int k = 0; k < 3; k++)
@@ -158,7 +226,7 @@ static double weights_towards(const struct world_mesh *mesh, uint32_t triangle, 
     return fmin(weight[0], fmin(weight[1], weight[2]));
 }
 
-uint32_t sphere_cover(const struct world_mesh *mesh, const double p[3], double weight[3])
+uint32_t sphere_cover(const struct render_mesh *mesh, const double p[3], double weight[3])
 {
     uint32_t count, first = cell_towards(mesh_rows(mesh->triangle_count), p, &count);
     double other[3];
@@ -174,7 +242,7 @@ uint32_t sphere_cover(const struct world_mesh *mesh, const double p[3], double w
 
 /* ---- which meshes stand in for one ------------------------------------------------------------ */
 
-int sphere_fits(const struct world_mesh *mesh, const struct scene_mesh *description)
+int sphere_fits(const struct render_mesh *mesh, const struct scene_mesh *description)
 {
     double radius = (double)description->bounds_max[2];
 
@@ -184,7 +252,7 @@ int sphere_fits(const struct world_mesh *mesh, const struct scene_mesh *descript
         double middle[3] = {0, 0, 0}, weight[3];
 
         for (int k = 0; k < 3; k++) {
-            const float32 *p = mesh->positions + 3 * (size_t)world_vertices(mesh, t)[k];
+            const float32 *p = mesh->positions + 3 * (size_t)triangle_vertices(mesh, t)[k];
             double square = 0;
             for (int a = 0; a < 3; a++) {
                 square += (double)p[a] * (double)p[a];
@@ -200,9 +268,9 @@ int sphere_fits(const struct world_mesh *mesh, const struct scene_mesh *descript
 }
 
 /* Does its winding face the centre? */
-static int winds_inwards(const struct world_mesh *mesh)
+static int winds_inwards(const struct render_mesh *mesh)
 {
-    const uint32_t *vertex = world_vertices(mesh, 0);
+    const uint32_t *vertex = triangle_vertices(mesh, 0);
     double corner[3][3], n[3];
 
     for (int k = 0; k < 3; k++)
@@ -212,7 +280,7 @@ static int winds_inwards(const struct world_mesh *mesh)
     return exact_dot(corner[0], n) < 0;
 }
 
-struct shape *sphere_new(const struct world_mesh *mesh, const struct scene_mesh *description,
+struct shape *sphere_new(const struct render_mesh *mesh, const struct scene_mesh *description,
                          const struct transform_d *to_world, double scale)
 {
     struct sphere_shape *sphere = mem_calloc(1, sizeof *sphere);

@@ -1,13 +1,11 @@
-/* sphere: a whole sphere, and a line that meets it, in double precision. Private to worker/render.
- * Side 0 is outside.
+/* sphere: a whole sphere, and a line that meets it, in double precision. Private to worker/render. Side 0 is outside.
  *
- * The point of the line nearest to the centre decides whether and where the line meets the sphere
- * (Haines, Gunther and Akenine-Moeller 2019, "Precision Improvements for Ray/Sphere Intersection",
- * Ray Tracing Gems, chapter 7): the discriminant of the textbook's quadratic would cancel for a
- * small sphere far away. The error is about 2^-50 of the distance and the radius.
+ * The point of the line nearest to the centre decides whether and where the line meets the sphere (Haines, Gunther and
+ * Akenine-Moeller 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, chapter 7): the
+ * discriminant of the textbook's quadratic would cancel for a small sphere far away. The error is about 2^-50 of the
+ * distance and the radius.
  */
-#ifndef AZULEJO_RENDER_SPHERE_H
-#define AZULEJO_RENDER_SPHERE_H
+#pragma once
 
 #include "common/base/safeguard.h"
 #include "worker/render/base/exact.h"
@@ -32,8 +30,8 @@ struct sphere_chord {
 
 /* The square of half the chord, in metres: by the nearest point. Without the safeguard: by the
  * textbook's discriminant, in float. */
-static inline double sphere_inside(const struct sphere_shape *sphere, const double foot[3],
-                                   const double to_origin[3], const double direction[3])
+static inline double sphere_inside(const struct sphere_shape *sphere, const double foot[3], const double to_origin[3],
+                                   const double direction[3])
 {
     real b, c;
 
@@ -57,5 +55,3 @@ static inline void sphere_chord_find(const struct sphere_shape *sphere, const do
     out->meets = inside >= 0;
     out->half = out->meets ? sqrt(inside / length2) : 0;
 }
-
-#endif

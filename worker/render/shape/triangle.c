@@ -15,8 +15,8 @@ double triangle_end(const void *face, const double origin[3], const double direc
     return end > 0 && end < INFINITY ? end : t;
 }
 
-void triangle_plane(const void *face, const double origin[3], const double direction[3], double t,
-                    double point[3], double normal[3])
+void triangle_plane(const void *face, const double origin[3], const double direction[3], double t, double point[3],
+                    double normal[3])
 {
     const double(*corner)[3] = face;
 
@@ -27,7 +27,4 @@ void triangle_plane(const void *face, const double origin[3], const double direc
     memcpy(point, corner[0], sizeof corner[0]);
 }
 
-void triangle_corners(const void *face, double corner[3][3])
-{
-    memcpy(corner, face, 3 * sizeof corner[0]);
-}
+void triangle_corners(const void *face, double corner[3][3]) { memcpy(corner, face, 3 * sizeof corner[0]); }

@@ -4,25 +4,33 @@
 
 #include "common/base/safeguard.h"
 #include "worker/render/base/exact.h"
-#include "worker/render/world.h"
-#include "worker/render/surface/world_motion.h"
+#include "worker/render/render_scene.h"
+#include "worker/render/surface/render_motion.h"
 #include "worker/render/surface/surface_shape.h"
 
-void world_triangle(const struct render_scene *scene, const struct world_instance *instance,
-                    uint32_t triangle, real time, struct vec3 corner[3])
+void triangle_of_instance(const struct render_scene *scene, const struct render_instance *instance, uint32_t triangle,
+                          real time, struct vec3 corner[3])
 {
-    const struct world_mesh *mesh = &scene->meshes[instance->mesh];
+    const struct render_mesh *mesh = &scene->meshes[instance->mesh];
+    const uint32_t *vertex = triangle_vertices(mesh, triangle);
+    const float32 *positions = instance->instance_positions;
     double c[3][3];
 
-    world_corners(scene, instance, world_vertices(mesh, triangle), time, c);
+    if (positions && !instance_is_moving(instance)) { /* floats already */
+        for (int k = 0; k < 3; k++) {
+            const float32 *p = positions + 3 * (size_t)vertex[k];
+            corner[k] = vec3_make(p[0], p[1], p[2]);
+        }
+        return;
+    }
+    corners_of_triangle(scene, instance, vertex, time, c);
     for (int k = 0; k < 3; k++)
         corner[k] = vec3_make((real)c[k][0], (real)c[k][1], (real)c[k][2]);
 }
 
-/* The longest edge, and a lower bound of the distance to the nearest: the smallest weight times the smallest
- * height. */
-static inline void surface_set_edges(double u, double v, double double_area, const double e1[3],
-                                     const double e2[3], struct surface *s)
+/* The longest edge, and a lower bound of the distance to the nearest: the smallest weight times the smallest height. */
+static inline void surface_set_edges(double u, double v, double double_area, const double e1[3], const double e2[3],
+                                     struct surface *s)
 {
     double a = exact_dot(e1, e1), b = exact_dot(e2, e2), ab = exact_dot(e1, e2);
     double c = a + b - 2 * ab, w = 1 - u - v, least, longest;
@@ -48,16 +56,15 @@ static inline void surface_set_place(const struct ray *ray, const double p[3], s
 }
 
 /* Does the mesh's winding, in the world, call the side counter-clockwise from which it is not? */
-static inline double surface_winding(const struct world_instance *instance)
+static inline double surface_winding(const struct render_instance *instance)
 {
     return instance->flipped && SAFEGUARD(MIRRORED_WINDING) ? -1 : 1;
 }
 
-void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
-                      const struct hit *hit, struct surface *s)
+void surface_from_hit(const struct render_scene *scene, const struct ray *ray, const struct hit *hit, struct surface *s)
 {
-    double c[3][3], e1[3], e2[3], n[3], to_origin[3], pvec[3], qvec[3], p[3], d[3], o[3];
-    double determinant, u, v, length, sign;
+    double c[3][3], e1[3], e2[3], n[3], to_origin[3], m[3], p[3], d[3], o[3];
+    double along, u, v, length, sign;
 
     exact_vec(ray->direction, d);
     exact_origin(ray, o);
@@ -74,23 +81,26 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
         return;
     }
     s->triangle = hit->triangle;
-    s->vertex = world_vertices(s->mesh, hit->triangle);
-    world_corners(scene, s->instance, s->vertex, ray->time, c);
+    s->vertex = triangle_vertices(s->mesh, hit->triangle);
+    corners_of_triangle(scene, s->instance, s->vertex, ray->time, c);
     exact_sub(c[1], c[0], e1);
     exact_sub(c[2], c[0], e2);
     exact_sub(o, c[0], to_origin);
     exact_cross(e1, e2, n);
     length = sqrt(exact_dot(n, n));
 
-    /* Moeller-Trumbore in double; the clamp only removes rounding errors at an edge. */
-    exact_cross(d, e2, pvec);
-    exact_cross(to_origin, e1, qvec);
-    determinant = exact_dot(e1, pvec);
-    if (determinant != 0 && isfinite(1 / determinant)) {
-        u = exact_dot(to_origin, pvec) / determinant;
-        v = exact_dot(d, qvec) / determinant;
-        u = u < 0 ? 0 : u > 1 ? 1 : u;
-        v = v < 0 ? 0 : v > 1 - u ? 1 - u : v;
+    /* Moeller-Trumbore in double, by the normal, which is needed anyway, and one more cross product; the clamp only
+     * removes rounding errors at an edge. */
+    along = exact_dot(n, d);
+    if (fabs(along) > 0x1p-1024) { /* 1 / along is finite */
+        const double scale = 1 / along;
+        exact_cross(d, to_origin, m);
+        u = exact_dot(e2, m) * scale;
+        v = -exact_dot(e1, m) * scale;
+        u = u > 0 ? u : 0;
+        u = u < 1 ? u : 1;
+        v = v > 0 ? v : 0;
+        v = v < 1 - u ? v : 1 - u;
     } else {
         u = v = 1.0 / 3;
     }
@@ -101,15 +111,14 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray,
     s->t = (real)((p[0] - o[0]) * d[0] + (p[1] - o[1]) * d[1] + (p[2] - o[2]) * d[2]);
     surface_set_place(ray, p, s);
     s->area = (real)(0.5 * length);
-    s->contacts = world_near_boundary(scene, s->p);
     surface_set_edges(u, v, length, e1, e2, s);
+    s->contacts = render_near_face(scene, s->instance, hit->triangle, s->p, s->inset);
 
     sign = surface_winding(s->instance);
-    s->front = exact_dot(n, d) * sign < 0;
-    sign = s->front ? sign : -sign;
+    s->front = along * sign < 0;
+    sign = (s->front ? sign : -sign) / length;
     if (length > 0)
-        s->ng = vec3_make((real)(n[0] / length * sign), (real)(n[1] / length * sign),
-                          (real)(n[2] / length * sign));
+        s->ng = vec3_make((real)(n[0] * sign), (real)(n[1] * sign), (real)(n[2] * sign));
     else
         s->ng = vec3_neg(ray->direction);
 }

@@ -4,17 +4,14 @@
  * surface_shade.c    the shading frame and the material's values there
  * surface_texture.c  texture lookups; alpha and emission of a point
  */
-#ifndef AZULEJO_RENDER_SURFACE_PARTS_H
-#define AZULEJO_RENDER_SURFACE_PARTS_H
+#pragma once
 
-#include "worker/render/base/has.h"
+#include "worker/render/base/gate.h"
 #include "worker/render/surface/surface.h"
-#include "worker/render/world.h"
+#include "worker/render/render_scene.h"
 
 /* Does a texture count in this slot, or the factor alone? */
-static inline int world_slot_is_read(const struct world_slot *slot)
+static inline int slot_is_read(const struct render_slot *slot)
 {
-    return HAS(TEXTURE) && slot->image;
+    return calls_for(EFFECTS_ALL, EFFECT_TEXTURE) && slot->image;
 }
-
-#endif

@@ -4,20 +4,19 @@
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/scene/material.h"
+#include "worker/render/base/fault.h"
 #include "worker/render/base/profile_scope.h"
 #include "worker/render/surface/surface_parts.h"
-#include "worker/render/surface/world_motion.h"
+#include "worker/render/surface/render_motion.h"
 
 /* The cosine to which a shading normal that faces away is bent. */
 #define BEND_COSINE REAL(1e-3)
 
 /* ---- the normal ----------------------------------------------------------------------------- */
 
-static struct vec3 surface_interpolate(const float32 *values, size_t stride,
-                                       const uint32_t vertex[3], real b1, real b2)
+static struct vec3 surface_interpolate(const float32 *values, size_t stride, const uint32_t vertex[3], real b1, real b2)
 {
-    const float32 *a = values + stride * vertex[0], *b = values + stride * vertex[1],
-                *c = values + stride * vertex[2];
+    const float32 *a = values + stride * vertex[0], *b = values + stride * vertex[1], *c = values + stride * vertex[2];
     real b0 = 1 - b1 - b2;
 
     return vec3_make(b0 * a[0] + b1 * b[0] + b2 * c[0], b0 * a[1] + b1 * b[1] + b2 * c[1],
@@ -25,8 +24,7 @@ static struct vec3 surface_interpolate(const float32 *values, size_t stride,
 }
 
 /* Mixed between the steps of a mesh that moves. Apart, for most do not. */
-static __attribute__((noinline)) struct vec3 surface_moving(const struct surface *s,
-                                                            const float32 *const *motion,
+static __attribute__((noinline)) struct vec3 surface_moving(const struct surface *s, const float32 *const *motion,
                                                             size_t stride)
 {
     struct vec3 from, to;
@@ -42,25 +40,22 @@ static __attribute__((noinline)) struct vec3 surface_moving(const struct surface
 static inline struct vec3 surface_deformed(const struct surface *s, const float32 *opening,
                                            const float32 *const *motion, size_t stride)
 {
-    if (HAS(DEFORMATION) && motion)
+    if (calls_for(EFFECTS_ALL, EFFECT_DEFORMATION) && motion)
         return surface_moving(s, motion, stride);
     return surface_interpolate(opening, stride, s->vertex, s->b1, s->b2);
 }
 
 /* A texture's texel at the hit; most of a material's textures are read at one place. */
-static struct texel surface_texel(const struct surface *s, const struct world_slot *slot)
+static struct texel surface_texel(const struct surface *s, const struct render_slot *slot)
 {
     if (slot->shares_place) {
         PROFILE_EFFECT(TEXTURE);
         return texture_read(slot->image, &slot->texture, &s->place, slot->color);
     }
-    return world_slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, slot->color);
+    return slot_lookup(slot, s->mesh, s->vertex, s->b1, s->b2, s->footprint, slot->color);
 }
 
-static const float32 *surface_tangents(const struct surface *s)
-{
-    return world_tangents(s->instance, s->mesh);
-}
+static const float32 *surface_tangents(const struct surface *s) { return instance_tangents(s->instance, s->mesh); }
 
 /* The tangent at the hit, world, unit and perpendicular to `n`; black where there is none. */
 static struct vec3 surface_tangent(const struct surface *s, struct vec3 n)
@@ -68,7 +63,7 @@ static struct vec3 surface_tangent(const struct surface *s, struct vec3 n)
     struct vec3 t = surface_deformed(s, surface_tangents(s), s->instance->motion_tangents, 4);
 
     if (!s->instance->skinned) {
-        struct transform to_world = world_to_world_at(s->instance, s->time);
+        struct transform to_world = instance_to_world_at(s->instance, s->time);
         t = transform_vector(&to_world, t);
     }
     return vec3_normalize(vec3_mad(t, n, -vec3_dot(n, t)));
@@ -84,12 +79,12 @@ static real surface_handedness(const struct surface *s)
 /* Only meshes with tangents say which way a normal map lies. */
 static int surface_takes_normal_maps(const struct render_scene *scene, const struct surface *s)
 {
-    return ACTIVE(scene, NORMAL_MAP) && s->mesh->tangents;
+    return calls_for(scene->effects, EFFECT_NORMAL_MAP) && s->mesh->tangents;
 }
 
 /* A normal map's normal, world, on the front side; `n` where there is no tangent. */
-static struct vec3 surface_mapped_normal(const struct surface *s, const struct world_slot *slot,
-                                         real scale, struct vec3 n)
+static struct vec3 surface_mapped_normal(const struct surface *s, const struct render_slot *slot, real scale,
+                                         struct vec3 n)
 {
     struct vec3 t = surface_tangent(s, n), b, front_ng = s->front ? s->ng : vec3_neg(s->ng);
     struct texel texel;
@@ -100,9 +95,9 @@ static struct vec3 surface_mapped_normal(const struct surface *s, const struct w
         return n;
     texel = surface_texel(s, slot);
     b = vec3_scale(vec3_cross(n, t), surface_handedness(s));
-    b = vec3_normalize(vec3_add(vec3_add(vec3_scale(t, (texel.r * 2 - 1) * scale),
-                                         vec3_scale(b, (texel.g * 2 - 1) * scale)),
-                                vec3_scale(n, texel.b * 2 - 1)));
+    b = vec3_normalize(
+        vec3_add(vec3_add(vec3_scale(t, (texel.r * 2 - 1) * scale), vec3_scale(b, (texel.g * 2 - 1) * scale)),
+                 vec3_scale(n, texel.b * 2 - 1)));
     if (vec3_is_black(b))
         return n;
     cosine = vec3_dot(b, front_ng);
@@ -113,10 +108,10 @@ static struct vec3 surface_mapped_normal(const struct surface *s, const struct w
 static inline struct vec3 surface_normal_to_world(const struct surface *s, struct vec3 n)
 {
     if (SAFEGUARD(NORMAL_OF_STRETCHED)) {
-        struct transform to_object = world_to_object_at(s->instance, s->time);
+        struct transform to_object = instance_to_object_at(s->instance, s->time);
         return transform_normal(&to_object, n);
     } else {
-        struct transform to_world = world_to_world_at(s->instance, s->time);
+        struct transform to_world = instance_to_world_at(s->instance, s->time);
         return transform_vector(&to_world, n);
     }
 }
@@ -125,7 +120,7 @@ static inline struct vec3 surface_normal_to_world(const struct surface *s, struc
 static struct vec3 surface_vertex_normal(const struct surface *s)
 {
     struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n;
-    const float32 *normals = world_normals(s->instance, s->mesh);
+    const float32 *normals = instance_normals(s->instance, s->mesh);
 
     if (!normals || s->instance->shape)
         return front_ng;
@@ -139,11 +134,9 @@ static struct vec3 surface_vertex_normal(const struct surface *s)
     return vec3_dot(n, front_ng) < 0 ? vec3_neg(n) : n; /* normals that disagree with the winding */
 }
 
-/* To the ray's side, and bent: first a normal that faces away from wo, then, where something
- * reflects, one whose mirror direction would dive under the geometric surface (the black rims of
- * coarse smooth meshes). */
-static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, struct vec3 wo,
-                                       int reflects)
+/* To the ray's side, and bent: first a normal that faces away from wo, then, where something reflects, one whose mirror
+ * direction would dive under the geometric surface (the black rims of coarse smooth meshes). */
+static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, struct vec3 wo, int reflects)
 {
     struct vec3 mirror;
     real cosine;
@@ -169,23 +162,17 @@ static struct vec3 surface_bent_normal(const struct surface *s, struct vec3 n, s
 
 /* ---- the material's values ------------------------------------------------------------------ */
 
-static struct vec3 rgb(const float32 color[3])
-{
-    return vec3_make(color[0], color[1], color[2]);
-}
+static struct vec3 rgb(const float32 color[3]) { return vec3_make(color[0], color[1], color[2]); }
 
-static real square(real x)
-{
-    return x * x;
-}
+static real square(real x) { return x * x; }
 
 /* Factor times one channel of the texture; 0 where the factor is. */
-static real surface_scalar(const struct surface *s, real factor, const struct world_slot *slot,
-                            int channel /* enum material_channel */)
+static real surface_scalar(const struct surface *s, real factor, const struct render_slot *slot,
+                           int channel /* enum material_channel */)
 {
     struct texel texel;
 
-    if (factor == 0 || !world_slot_is_read(slot))
+    if (factor == 0 || !slot_is_read(slot))
         return factor;
     texel = surface_texel(s, slot);
     return factor * (channel == CHANNEL_RED     ? texel.r
@@ -198,13 +185,12 @@ static real surface_scalar(const struct surface *s, real factor, const struct wo
 #define SURFACE_FACTOR(s, name) \
     surface_scalar(s, (s)->material->m.name, &(s)->material->name, CHANNEL_OF_##name)
 
-static struct vec3 surface_color(const struct surface *s, const float32 factor[3],
-                                 const struct world_slot *slot)
+static struct vec3 surface_color(const struct surface *s, const float32 factor[3], const struct render_slot *slot)
 {
     struct vec3 color = rgb(factor);
     struct texel texel;
 
-    if (!world_slot_is_read(slot) || vec3_is_black(color))
+    if (!slot_is_read(slot) || vec3_is_black(color))
         return color;
     texel = surface_texel(s, slot);
     return vec3_mul(color, vec3_make(texel.r, texel.g, texel.b));
@@ -226,10 +212,10 @@ static void surface_base(const struct scene_material *m, struct bsdf_params *par
 /* The same times the textures. */
 static void surface_base_textures(struct surface *s, struct bsdf_params *params)
 {
-    const struct world_material *material = s->material;
+    const struct render_material *material = s->material;
     const struct scene_material *m = &material->m;
 
-    world_slot_place(material->lead, s->mesh, s->vertex, s->b1, s->b2, s->footprint, &s->place);
+    slot_place(material->lead, s->mesh, s->vertex, s->b1, s->b2, s->footprint, &s->place);
     params->base_color = surface_color(s, m->base_color, &material->base_color);
     if (material->metallic_roughness.image) {
         struct texel texel = surface_texel(s, &material->metallic_roughness);
@@ -246,13 +232,12 @@ static void surface_base_textures(struct surface *s, struct bsdf_params *params)
 /* What a layer is read from. */
 struct surface_view {
     const struct render_scene *scene;
-    struct vec3 wo;             /* unit, world */
-    struct vec3 vertex_normal;  /* as surface_vertex_normal */
+    struct vec3 wo;            /* unit, world */
+    struct vec3 vertex_normal; /* as surface_vertex_normal */
 };
 
 /* Strength and direction of the anisotropy: the frame's x is turned along it. */
-static void surface_anisotropy(const struct surface_view *view, struct surface *s,
-                               struct bsdf_params *params)
+static void surface_anisotropy(const struct surface_view *view, struct surface *s, struct bsdf_params *params)
 {
     const struct scene_material *m = &s->material->m;
     struct vec3 t, b;
@@ -264,7 +249,7 @@ static void surface_anisotropy(const struct surface_view *view, struct surface *
     t = surface_tangent(s, s->basis.n);
     if (vec3_is_black(t))
         return;
-    if (world_slot_is_read(&s->material->anisotropy)) {
+    if (slot_is_read(&s->material->anisotropy)) {
         struct texel texel = surface_texel(s, &s->material->anisotropy);
         x = texel.r * 2 - 1;
         y = texel.g * 2 - 1;
@@ -276,8 +261,7 @@ static void surface_anisotropy(const struct surface_view *view, struct surface *
         x = c * x0 - sine * y;
         y = sine * x0 + c * y;
     }
-    b = vec3_scale(vec3_cross(s->basis.n, t),
-                   s->front ? surface_handedness(s) : -surface_handedness(s));
+    b = vec3_scale(vec3_cross(s->basis.n, t), s->front ? surface_handedness(s) : -surface_handedness(s));
     t = vec3_normalize(vec3_add(vec3_scale(t, x), vec3_scale(b, y)));
     if (vec3_is_black(t) || !(strength > 0))
         return;
@@ -286,8 +270,7 @@ static void surface_anisotropy(const struct surface_view *view, struct surface *
     params->alpha_stretched = params->alpha + (1 - params->alpha) * strength * strength;
 }
 
-static void surface_conductor(const struct surface_view *view, struct surface *s,
-                              struct bsdf_params *params)
+static void surface_conductor(const struct surface_view *view, struct surface *s, struct bsdf_params *params)
 {
     (void)view;
     params->conductor = 1;
@@ -299,41 +282,37 @@ static void surface_conductor(const struct surface_view *view, struct surface *s
  * unless that is mapped. */
 static struct vec3 surface_coat_normal(const struct surface_view *view, const struct surface *s)
 {
-    const struct world_material *material = s->material;
+    const struct render_material *material = s->material;
     struct vec3 n = view->vertex_normal;
 
     if (!surface_takes_normal_maps(view->scene, s))
         return vec3_make(0, 0, 1);
     if (material->clearcoat_normal.image)
-        n = surface_mapped_normal(s, &material->clearcoat_normal,
-                                  material->m.clearcoat_normal_scale, n);
+        n = surface_mapped_normal(s, &material->clearcoat_normal, material->m.clearcoat_normal_scale, n);
     else if (!(material->flags & MATERIAL_NORMAL_MAP))
         return vec3_make(0, 0, 1);
     return vec3_normalize(basis_to_local(&s->basis, surface_bent_normal(s, n, view->wo, 1)));
 }
 
-static void surface_clearcoat(const struct surface_view *view, struct surface *s,
-                              struct bsdf_params *params)
+static void surface_clearcoat(const struct surface_view *view, struct surface *s, struct bsdf_params *params)
 {
     params->clearcoat_alpha = square(SURFACE_FACTOR(s, clearcoat_roughness));
     params->clearcoat_ior = s->material->m.clearcoat_ior;
     params->clearcoat_normal = surface_coat_normal(view, s);
 }
 
-static void surface_sheen(const struct surface_view *view, struct surface *s,
-                          struct bsdf_params *params)
+static void surface_sheen(const struct surface_view *view, struct surface *s, struct bsdf_params *params)
 {
-    const struct world_material *material = s->material;
+    const struct render_material *material = s->material;
 
     (void)view;
     params->sheen_color = surface_color(s, material->m.sheen_color, &material->sheen_color);
     params->sheen_alpha = square(SURFACE_FACTOR(s, sheen_roughness));
 }
 
-static void surface_iridescence(const struct surface_view *view, struct surface *s,
-                                struct bsdf_params *params)
+static void surface_iridescence(const struct surface_view *view, struct surface *s, struct bsdf_params *params)
 {
-    const struct world_material *material = s->material;
+    const struct render_material *material = s->material;
     const struct scene_material *m = &material->m;
 
     (void)view;
@@ -341,18 +320,16 @@ static void surface_iridescence(const struct surface_view *view, struct surface 
     params->iridescence_thickness_nm =
         m->iridescence_thickness_min_nm +
         (m->iridescence_thickness_max_nm - m->iridescence_thickness_min_nm) *
-            surface_scalar(s, 1, &material->iridescence_thickness,
-                           CHANNEL_OF_iridescence_thickness_min_nm);
+            surface_scalar(s, 1, &material->iridescence_thickness, CHANNEL_OF_iridescence_thickness_min_nm);
 }
 
-static void surface_diffuse_transmission(const struct surface_view *view, struct surface *s,
-                                         struct bsdf_params *params)
+static void surface_diffuse_transmission(const struct surface_view *view, struct surface *s, struct bsdf_params *params)
 {
-    const struct world_material *material = s->material;
+    const struct render_material *material = s->material;
 
     (void)view;
-    params->diffuse_transmission_color = surface_color(
-        s, material->m.diffuse_transmission_color, &material->diffuse_transmission_color);
+    params->diffuse_transmission_color =
+        surface_color(s, material->m.diffuse_transmission_color, &material->diffuse_transmission_color);
 }
 
 /* X(effect, function, does the material `m` have it?), in the order in which they are read: the
@@ -372,22 +349,21 @@ static void surface_diffuse_transmission(const struct surface_view *view, struct
     (0 SURFACE_LAYERS(SURFACE_LAYER_BIT) BSDF_FACTOR_MAP(SURFACE_FACTOR_BIT, SURFACE_FACTOR_NAME))
 
 /* Apart, or what they keep in registers would be saved for every surface. */
-static __attribute__((noinline)) void surface_layers(const struct render_scene *scene,
-                                                     struct surface *s, struct vec3 wo,
-                                                     struct bsdf_params *params)
+static __attribute__((noinline)) void surface_layers(const struct render_scene *scene, struct surface *s,
+                                                     struct vec3 wo, struct bsdf_params *params)
 {
     const struct scene_material *m = &s->material->m;
     const struct surface_view view = {scene, wo, surface_vertex_normal(s)};
 
 #define SURFACE_FACTOR_READ(effect, name)       \
-    if (ACTIVE(scene, effect) && m->name > 0) { \
+    if (calls_for(scene->effects, EFFECT_##effect) && m->name > 0) { \
         PROFILE_EFFECT(effect);                   \
         params->name = SURFACE_FACTOR(s, name); \
     }
     BSDF_FACTOR_MAP(SURFACE_FACTOR_READ, SURFACE_FACTOR_NAME)
 #undef SURFACE_FACTOR_READ
 #define SURFACE_LAYER_READ(effect, function, has) \
-    if (ACTIVE(scene, effect) && (has)) {         \
+    if (calls_for(scene->effects, EFFECT_##effect) && (has)) {         \
         PROFILE_EFFECT(effect);                     \
         function(&view, s, params);               \
     }
@@ -403,7 +379,7 @@ void surface_resolve_mix(const struct render_scene *scene, struct surface *s, re
 {
     /* A mix refers to lower materials only, so this ends. */
     while (s->material->m.kind == MATERIAL_MIX) {
-        const struct world_material *mix = s->material;
+        const struct render_material *mix = s->material;
         real amount = surface_scalar(s, mix->m.mix_amount, &mix->mix, CHANNEL_OF_mix_amount);
         int second;
 
@@ -417,10 +393,10 @@ void surface_resolve_mix(const struct render_scene *scene, struct surface *s, re
 }
 
 /* The shading normal on the ray's side. */
-static struct vec3 surface_normal(const struct render_scene *scene, const struct surface *s,
-                                  struct vec3 wo, const struct bsdf_params *params)
+static struct vec3 surface_normal(const struct render_scene *scene, const struct surface *s, struct vec3 wo,
+                                  const struct bsdf_params *params)
 {
-    const struct world_material *material = s->material;
+    const struct render_material *material = s->material;
     int mapped = material->flags & MATERIAL_NORMAL_MAP && surface_takes_normal_maps(scene, s);
     struct vec3 n;
     int reflects;
@@ -428,28 +404,30 @@ static struct vec3 surface_normal(const struct render_scene *scene, const struct
     if (!s->mesh->normals && !mapped)
         return s->ng;
     /* A Lambert reflector has no mirror direction: its normal is what the file says. */
-    reflects = params->metallic > 0 || params->specular > 0 || params->transmission > 0 ||
-               material->flags & MATERIAL_LAYERED;
+    reflects =
+        params->metallic > 0 || params->specular > 0 || params->transmission > 0 || material->flags & MATERIAL_LAYERED;
     n = surface_vertex_normal(s);
     if (mapped)
         n = surface_mapped_normal(s, &material->normal, material->m.normal_scale, n);
     return surface_bent_normal(s, n, wo, reflects);
 }
 
-void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo,
-                   struct bsdf_params *params)
+void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo, struct bsdf_params *params)
 {
+    PROFILE_STAGE(SURFACE);
     memset(params, 0, sizeof *params);
     surface_base(&s->material->m, params);
     params->inside = params->refractive && !s->front;
-    params->single_scattering = !ACTIVE(scene, MULTIPLE_SCATTERING);
-    if (HAS(TEXTURE) && s->material->lead)
+    params->single_scattering = !calls_for(scene->effects, EFFECT_MULTIPLE_SCATTERING);
+    if (calls_for(EFFECTS_ALL, EFFECT_TEXTURE) && s->material->lead)
         surface_base_textures(s, params);
-    if (ACTIVE(scene, VERTEX_COLOR) && s->mesh->colors)
+    if (calls_for(scene->effects, EFFECT_VERTEX_COLOR) && s->mesh->colors)
         params->base_color = vec3_mul(params->base_color, surface_vertex_color(s));
     s->basis = basis_from_normal(surface_normal(scene, s, wo, params));
-    if ((KERNEL_EFFECTS & SURFACE_LAYER_EFFECTS) && s->material->flags & MATERIAL_LAYERED)
+    if (calls_for(EFFECTS_ALL, SURFACE_LAYER_EFFECTS) && s->material->flags & MATERIAL_LAYERED)
         surface_layers(scene, s, wo, params);
+    if (FAULT(NAN_BASIS))
+        s->basis.n.x = NAN;
 }
 
 struct vec3 surface_vertex_color(const struct surface *s)

@@ -3,7 +3,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "common/base/log.h"
+#include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/base/safeguard.h"
 #include "common/image/color.h"
@@ -37,16 +37,13 @@ static int is_opaque(const struct texture_image *image)
     return 1;
 }
 
-static status decode_integers(struct texture_image *image, const uint8_t *data, size_t size_bytes,
-                              const char *name, struct error *err)
+static status decode_integers(struct texture_image *image, const uint8_t *data, size_t size_bytes, const char *name,
+                              struct error *err)
 {
     static const enum texture_layout layouts[4] = {TEXTURE_GREY8, TEXTURE_GREY_ALPHA8,
                                                    TEXTURE_RGB8, TEXTURE_RGBA8};
     struct image8 *pixels = &image->integers;
-    status st = image_decode_8(pixels, data, size_bytes, name, err);
-
-    if (st != STATUS_OK)
-        return st;
+    TRY(image_decode_8(pixels, data, size_bytes, name, err));
     image->width = pixels->width;
     image->height = pixels->height;
     image->channels = pixels->channels;
@@ -57,21 +54,17 @@ static status decode_integers(struct texture_image *image, const uint8_t *data, 
         return STATUS_OK;
     /* A power function per channel in every lookup would cost more than tracing the ray. */
     image->srgb16 = mem_alloc_array(TEXTURE_CODES_16, sizeof *image->srgb16);
-    if (!image->srgb16)
-        return error_no_memory(err, "a texture's sRGB table");
+    NEED(image->srgb16, err, "a texture's sRGB table");
     for (int i = 0; i < TEXTURE_CODES_16; i++)
         image->srgb16[i] = srgb_decode((float32)i / 65535.0f);
     return STATUS_OK;
 }
 
-static status decode_floats(struct texture_image *image, const uint8_t *data, size_t size_bytes,
-                            const char *name, struct error *err)
+static status decode_floats(struct texture_image *image, const uint8_t *data, size_t size_bytes, const char *name,
+                            struct error *err)
 {
     struct image_repairs repairs = {0};
-    status st = image_decode_float(&image->floats, data, size_bytes, name, &repairs, err);
-
-    if (st != STATUS_OK)
-        return st;
+    TRY(image_decode_float(&image->floats, data, size_bytes, name, &repairs, err));
     if (repairs.nan_pixels || repairs.negative_pixels || repairs.infinite_pixels)
         log_warn("texture %s: %" PRIu64 " NaN and %" PRIu64 " negative pixels read as 0, %" PRIu64
                  " infinite ones as the largest finite value",
@@ -105,32 +98,25 @@ static void collapse_constant(struct texture_image *image)
         image->integers.pixels = less;
 }
 
-status texture_image_new(struct texture_image **out, const uint8_t *data, size_t size_bytes,
-                         const char *name, struct error *err)
+status texture_image_new(struct texture_image **out, const uint8_t *data, size_t size_bytes, const char *name,
+                         struct error *err)
 {
     struct texture_image *image = mem_calloc(1, sizeof *image);
+    enum image_format format;
     status st;
 
     *out = NULL;
-    if (!image)
-        return error_no_memory(err, "a texture");
-    switch (image_format_of(data, size_bytes)) {
-    case IMAGE_PNG:
-    case IMAGE_JPEG:
-    case IMAGE_WEBP:
-        st = decode_integers(image, data, size_bytes, name, err);
-        break;
-    case IMAGE_HDR:
-    case IMAGE_EXR:
+    NEED(image, err, "a texture");
+    format = image_format_of(data, size_bytes);
+    if (image_format_is_float(format))
         st = decode_floats(image, data, size_bytes, name, err);
-        break;
-    default:
-        st = error_set(
-            err, STATUS_ERR_INPUT,
-            "%s: not a readable image: it does not begin like PNG, JPEG, WebP, Radiance HDR or "
-            "OpenEXR; convert it to PNG or EXR",
-            name);
-    }
+    else if (format != IMAGE_UNKNOWN)
+        st = decode_integers(image, data, size_bytes, name, err);
+    else
+        st = error_set(err, STATUS_ERR_INPUT,
+                       "%s: not a readable image: it does not begin like PNG, JPEG, WebP, TGA, Radiance HDR, "
+                       "OpenEXR or PFM; convert it to PNG or EXR",
+                       name);
     if (st != STATUS_OK) {
         texture_image_free(image);
         return st;
@@ -143,8 +129,7 @@ status texture_image_new(struct texture_image **out, const uint8_t *data, size_t
     return STATUS_OK;
 }
 
-status texture_image_filter(struct texture_image *image, unsigned uses, const char *name,
-                            struct error *err)
+status texture_image_filter(struct texture_image *image, unsigned uses, const char *name, struct error *err)
 {
     int floats = image->layout == TEXTURE_FLOAT;
 
@@ -189,10 +174,7 @@ size_t texture_image_bytes(const struct texture_image *image)
            (image->srgb16 ? TEXTURE_CODES_16 * sizeof(float32) : 0);
 }
 
-int texture_image_is_opaque(const struct texture_image *image)
-{
-    return image->opaque;
-}
+int texture_image_is_opaque(const struct texture_image *image) { return image->opaque; }
 
 /* ---- coordinates -------------------------------------------------------------------------- */
 
@@ -208,10 +190,7 @@ static inline real floor_small(real x)
 }
 
 /* May it be wrapped? Overflowing transforms of texture coordinates give infinities. */
-static inline int is_coordinate(real x)
-{
-    return real_abs(x) <= REAL(3.4e38) || !SAFEGUARD(TEXTURE_COORDINATE);
-}
+static inline int is_coordinate(real x) { return real_abs(x) <= REAL(3.4e38) || !SAFEGUARD(TEXTURE_COORDINATE); }
 
 /* Wrap a coordinate of any size into 0..1 of the image, both ends possible: -1e-9 modulo 1 rounds
  * to 1. A coordinate that is not finite becomes 0. */
@@ -221,13 +200,9 @@ static inline real wrap_coordinate(real x, enum scene_wrap wrap)
         return 0.0f;
     switch (wrap) {
     case WRAP_BLACK: /* inside; the outside is handled before */
-    case WRAP_CLAMP:
-        return x < 0.0f ? 0.0f : x > 1.0f ? 1.0f : x;
-    case WRAP_MIRROR:
-        x -= 2.0f * floor_small(0.5f * x);
-        return x > 1.0f ? 2.0f - x : x;
-    default:
-        return x - floor_small(x);
+    case WRAP_CLAMP: return x < 0.0f ? 0.0f : x > 1.0f ? 1.0f : x;
+    case WRAP_MIRROR: x -= 2.0f * floor_small(0.5f * x); return x > 1.0f ? 2.0f - x : x;
+    default: return x - floor_small(x);
     }
 }
 
@@ -270,8 +245,7 @@ static inline int is_outside(real x, enum scene_wrap wrap)
     return wrap == WRAP_BLACK && real_abs(x) <= REAL(3.4e38) && !(x >= 0.0f && x <= 1.0f);
 }
 
-static inline void place_in(struct texture_taps *taps, uint32_t width, struct texel_pair x,
-                            struct texel_pair y)
+static inline void place_in(struct texture_taps *taps, uint32_t width, struct texel_pair x, struct texel_pair y)
 {
     size_t row0 = (size_t)y.first * width, row1 = (size_t)y.second * width;
 
@@ -285,20 +259,16 @@ static inline void place_in(struct texture_taps *taps, uint32_t width, struct te
 
 /* `u` and `v` are wrapped already. */
 static inline void place_in_level(struct texture_taps *taps, const struct texture_image *image,
-                                  const struct scene_texture *texture, uint32_t level, real u,
-                                  real v)
+                                  const struct scene_texture *texture, uint32_t level, real u, real v)
 {
     const struct texture_level *at = &image->levels[level];
 
-    place_in(taps, at->width, pair_of(u, at->width, texture->wrap_u),
-             pair_of(v, at->height, texture->wrap_v));
+    place_in(taps, at->width, pair_of(u, at->width, texture->wrap_u), pair_of(v, at->height, texture->wrap_v));
 }
 
 /* Rare: outside the image, or not interpolated. */
-static __attribute__((noinline)) void place_special(struct texture_place *out,
-                                                    const struct texture_image *image,
-                                                    const struct scene_texture *texture, real u,
-                                                    real v)
+static __attribute__((noinline)) void place_special(struct texture_place *out, const struct texture_image *image,
+                                                    const struct scene_texture *texture, real u, real v)
 {
     struct texel_pair x = {0, 0, 0.0f}, y = {0, 0, 0.0f};
 
@@ -311,9 +281,9 @@ static __attribute__((noinline)) void place_special(struct texture_place *out,
 
 /* Interpolate between the two levels whose texel widths enclose the beam's width. Level and weight
  * are the exponent and fraction of a float: log2, with straight lines between the powers of two. */
-static inline __attribute__((always_inline)) void
-place_of(struct texture_place *out, const struct texture_image *image,
-         const struct scene_texture *texture, int filtered, real u, real v, real footprint)
+static inline __attribute__((always_inline)) void place_of(struct texture_place *out, const struct texture_image *image,
+                                                           const struct scene_texture *texture, int filtered, real u,
+                                                           real v, real footprint)
 {
     real texels_wide = footprint * image->longest;
 
@@ -352,20 +322,17 @@ static inline int is_srgb(const struct scene_texture *texture, int srgb)
     return texture->encoding == ENCODING_BY_SLOT ? srgb : texture->encoding == ENCODING_SRGB;
 }
 
-void texture_place(struct texture_place *out, const struct texture_image *image,
-                   const struct scene_texture *texture, real u, real v, real footprint, int srgb)
+void texture_place(struct texture_place *out, const struct texture_image *image, const struct scene_texture *texture,
+                   real u, real v, real footprint, int srgb)
 {
-    place_of(out, image, texture, pyramid_of(image, is_srgb(texture, srgb)) != NULL, u, v,
-             footprint);
+    place_of(out, image, texture, pyramid_of(image, is_srgb(texture, srgb)) != NULL, u, v, footprint);
 }
 
-int texture_shares_place(const struct texture_image *a, const struct scene_texture *texture_a,
-                         int srgb_a, const struct texture_image *b,
-                         const struct scene_texture *texture_b, int srgb_b)
+int texture_shares_place(const struct texture_image *a, const struct scene_texture *texture_a, int srgb_a,
+                         const struct texture_image *b, const struct scene_texture *texture_b, int srgb_b)
 {
-    return a->width == b->width && a->height == b->height &&
-           texture_a->wrap_u == texture_b->wrap_u && texture_a->wrap_v == texture_b->wrap_v &&
-           texture_a->nearest == texture_b->nearest &&
+    return a->width == b->width && a->height == b->height && texture_a->wrap_u == texture_b->wrap_u &&
+           texture_a->wrap_v == texture_b->wrap_v && texture_a->nearest == texture_b->nearest &&
            !pyramid_of(a, is_srgb(texture_a, srgb_a)) == !pyramid_of(b, is_srgb(texture_b, srgb_b));
 }
 
@@ -375,9 +342,8 @@ int texture_shares_place(const struct texture_image *a, const struct scene_textu
 typedef real lanes __attribute__((vector_size(4 * sizeof(real))));
 
 /* The texel number `index`, colour decoded. `layout` is a constant where this is inlined. */
-static inline __attribute__((always_inline)) lanes
-fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t index,
-      const float32 *color)
+static inline __attribute__((always_inline)) lanes fetch(const void *texels, enum texture_layout layout,
+                                                         uint32_t channels, size_t index, const float32 *color)
 {
     const uint8_t *b = texels;
     const float32 *f = texels;
@@ -391,12 +357,8 @@ fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t 
         real grey = color[b[2 * index]];
         return (lanes){grey, grey, grey, linear8[b[2 * index + 1]]};
     }
-    case TEXTURE_RGB8:
-        b += 3 * index;
-        return (lanes){color[b[0]], color[b[1]], color[b[2]], 1.0f};
-    case TEXTURE_RGBA8:
-        b += 4 * index;
-        return (lanes){color[b[0]], color[b[1]], color[b[2]], linear8[b[3]]};
+    case TEXTURE_RGB8: b += 3 * index; return (lanes){color[b[0]], color[b[1]], color[b[2]], 1.0f};
+    case TEXTURE_RGBA8: b += 4 * index; return (lanes){color[b[0]], color[b[1]], color[b[2]], linear8[b[3]]};
     case TEXTURE_16: {
         const uint16_t *w = (const uint16_t *)texels + channels * index;
         uint16_t g = channels < 3 ? w[0] : w[1], bl = channels < 3 ? w[0] : w[2];
@@ -406,22 +368,17 @@ fetch(const void *texels, enum texture_layout layout, uint32_t channels, size_t 
             return (lanes){color[w[0]], color[g], color[bl], alpha};
         return (lanes){(real)w[0] / 65535.0f, (real)g / 65535.0f, (real)bl / 65535.0f, alpha};
     }
-    default:
-        f += channels * index;
-        return (lanes){f[0], f[1], f[2], channels == 4 ? f[3] : 1.0f};
+    default: f += channels * index; return (lanes){f[0], f[1], f[2], channels == 4 ? f[3] : 1.0f};
     }
 }
 
 /* Equal ends give exactly that value, so an opaque texture stays opaque. */
-static inline lanes lerp(lanes a, lanes b, real t)
-{
-    return a + (b - a) * t;
-}
+static inline lanes lerp(lanes a, lanes b, real t) { return a + (b - a) * t; }
 
 /* `texels` are those of the taps' level. */
-static inline __attribute__((always_inline)) lanes
-filter(const void *texels, enum texture_layout layout, uint32_t channels,
-       const struct texture_taps *taps, const float32 *color)
+static inline __attribute__((always_inline)) lanes filter(const void *texels, enum texture_layout layout,
+                                                          uint32_t channels, const struct texture_taps *taps,
+                                                          const float32 *color)
 {
     lanes a = fetch(texels, layout, channels, taps->index[0], color);
     lanes b = fetch(texels, layout, channels, taps->index[1], color);
@@ -466,17 +423,15 @@ struct texel texture_read(const struct texture_image *image, const struct scene_
     case TEXTURE_RGB8: result = filter_levels(texels, TEXTURE_RGB8, 3, place, color8); break;
     case TEXTURE_RGBA8: result = filter_levels(texels, TEXTURE_RGBA8, 4, place, color8); break;
     case TEXTURE_GREY8: result = filter_levels(texels, TEXTURE_GREY8, 1, place, color8); break;
-    case TEXTURE_GREY_ALPHA8:
-        result = filter_levels(texels, TEXTURE_GREY_ALPHA8, 2, place, color8);
-        break;
+    case TEXTURE_GREY_ALPHA8: result = filter_levels(texels, TEXTURE_GREY_ALPHA8, 2, place, color8); break;
     case TEXTURE_16: result = filter_levels(texels, TEXTURE_16, channels, place, color16); break;
     default: result = filter_levels(texels, TEXTURE_FLOAT, channels, place, NULL); break;
     }
     return (struct texel){result[0], result[1], result[2], result[3]};
 }
 
-struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture,
-                            real u, real v, real footprint, int srgb)
+struct texel texture_lookup(const struct texture_image *image, const struct scene_texture *texture, real u, real v,
+                            real footprint, int srgb)
 {
     struct texture_place place;
 

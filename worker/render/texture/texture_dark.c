@@ -14,10 +14,10 @@ enum { BLOCKS_A_SIDE_MAX = 512 };
 #define TEXELS_SLACK 2
 
 struct texture_dark {
-    uint32_t size[2];   /* texels */
+    uint32_t size[2]; /* texels */
     uint32_t blocks[2];
-    uint32_t shift;     /* a block is 2^shift texels wide */
-    uint32_t *lit;      /* [blocks[1] + 1][blocks[0] + 1] blocks with light above and to the left */
+    uint32_t shift; /* a block is 2^shift texels wide */
+    uint32_t *lit;  /* [blocks[1] + 1][blocks[0] + 1] blocks with light above and to the left */
 };
 
 static int texel_is_lit(const struct texture_image *image, size_t index)
@@ -26,10 +26,9 @@ static int texel_is_lit(const struct texture_image *image, size_t index)
     size_t first = index * image->channels;
 
     for (uint32_t c = 0; c < colors; c++) {
-        if (image->layout == TEXTURE_FLOAT
-                ? !(((const float32 *)image->texels)[first + c] == 0)
-            : image->layout == TEXTURE_16 ? ((const uint16_t *)image->texels)[first + c] != 0
-                                          : ((const uint8_t *)image->texels)[first + c] != 0)
+        if (image->layout == TEXTURE_FLOAT ? !(((const float32 *)image->texels)[first + c] == 0)
+            : image->layout == TEXTURE_16  ? ((const uint16_t *)image->texels)[first + c] != 0
+                                           : ((const uint8_t *)image->texels)[first + c] != 0)
             return 1;
     }
     return 0;
@@ -45,15 +44,13 @@ static void mark_row(struct texture_dark *dark, const struct texture_image *imag
             row[x >> dark->shift] = 1;
 }
 
-status texture_dark_new(struct texture_dark **out, const struct texture_image *image,
-                        struct error *err)
+status texture_dark_new(struct texture_dark **out, const struct texture_image *image, struct error *err)
 {
     struct texture_dark *dark = mem_calloc(1, sizeof *dark);
     size_t stride;
 
     *out = NULL;
-    if (!dark)
-        return error_no_memory(err, "where a texture is dark");
+    NEED(dark, err, "where a texture is dark");
     dark->size[0] = image->width;
     dark->size[1] = image->height;
     while ((image->width - 1) >> dark->shift >= BLOCKS_A_SIDE_MAX ||
@@ -85,8 +82,8 @@ void texture_dark_free(struct texture_dark *dark)
 }
 
 /* The first and last block of the texels that lookups in the range read. */
-static void block_range(const struct texture_dark *dark, int axis, enum scene_wrap wrap,
-                        const double range[2], uint32_t out[2])
+static void block_range(const struct texture_dark *dark, int axis, enum scene_wrap wrap, const double range[2],
+                        uint32_t out[2])
 {
     double size = (double)dark->size[axis];
     double slack = TEXELS_SLACK + size * COORDINATE_SLACK * (fabs(range[0]) + fabs(range[1]));
@@ -104,8 +101,8 @@ static void block_range(const struct texture_dark *dark, int axis, enum scene_wr
     out[1] = (uint32_t)last >> dark->shift;
 }
 
-int texture_dark_in(const struct texture_dark *dark, const struct scene_texture *texture,
-                    const double u[2], const double v[2])
+int texture_dark_in(const struct texture_dark *dark, const struct scene_texture *texture, const double u[2],
+                    const double v[2])
 {
     size_t stride = (size_t)dark->blocks[0] + 1;
     uint32_t x[2], y[2];

@@ -1,7 +1,6 @@
 /* texture_data: a decoded image and its MIP pyramids, shared by texture.c (loading, lookups) and
  * texture_pyramid.c (making the levels). Private to the two. */
-#ifndef AZULEJO_RENDER_TEXTURE_DATA_H
-#define AZULEJO_RENDER_TEXTURE_DATA_H
+#pragma once
 
 #include "common/image/image.h"
 #include "worker/render/texture/texture.h"
@@ -22,7 +21,7 @@ enum texture_layout {
 
 struct texture_level {
     uint32_t width, height;
-    size_t first;             /* texel number in the pyramid, which begins with level 1 */
+    size_t first; /* texel number in the pyramid, which begins with level 1 */
 };
 
 struct texture_image {
@@ -30,15 +29,15 @@ struct texture_image {
     uint32_t texel_bytes;
     enum texture_layout layout;
     int opaque;
-    const void *texels;       /* level 0: uint8_t, uint16_t or float; points into one of the two */
-    const float32 *srgb8;       /* decoding table of 8-bit values, static */
-    float32 *srgb16;          /* of 16-bit values; TEXTURE_16 only, owned */
+    const void *texels;   /* level 0: uint8_t, uint16_t or float; points into one of the two */
+    const float32 *srgb8; /* decoding table of 8-bit values, static */
+    float32 *srgb16;      /* of 16-bit values; TEXTURE_16 only, owned */
     struct image8 integers;
     struct image floats;
-    real longest;            /* longer side, in texels */
-    uint32_t last_level;      /* the level of 1 x 1 */
+    real longest;        /* longer side, in texels */
+    uint32_t last_level; /* the level of 1 x 1 */
     struct texture_level levels[TEXTURE_LEVELS_MAX];
-    void *pyramid[2];         /* averaged as data, as sRGB colour; NULL: not made; owned. Float
+    void *pyramid[2]; /* averaged as data, as sRGB colour; NULL: not made; owned. Float
                                  images have only the one for data */
 };
 
@@ -53,5 +52,3 @@ void texture_levels(struct texture_image *image);
 
 /* Make image->pyramid[color]. ERR_NO_MEMORY. */
 status texture_pyramid_make(struct texture_image *image, int color, struct error *err) MUST_CHECK;
-
-#endif

@@ -1,9 +1,8 @@
-/* A level has half the sides of the level below, rounded down. Each of its texels is the mean of
- * the area that it covers there; for odd sides that is three texels of unequal weight. Means are of
- * decoded values in float on all levels: only what is stored is rounded to the image's depth, so
- * roundings do not accumulate. Colour is averaged as it is, not weighted by alpha, since lookups do
- * not weight it either; normals are averaged as data and not normalised. Rows are passed on as they
- * become complete, so the work needs only a few rows of memory. */
+/* A level has half the sides of the level below, rounded down. Each of its texels is the mean of the area that it
+ * covers there; for odd sides that is three texels of unequal weight. Means are of decoded values in float on all
+ * levels: only what is stored is rounded to the image's depth, so roundings do not accumulate. Colour is averaged as it
+ * is, not weighted by alpha, since lookups do not weight it either; normals are averaged as data and not normalised.
+ * Rows are passed on as they become complete, so the work needs only a few rows of memory. */
 #include <float.h>
 #include <string.h>
 
@@ -24,8 +23,8 @@ struct maker {
     const struct texture_image *image;
     int color;
     struct level_sums sums[TEXTURE_LEVELS_MAX]; /* [0] is unused */
-    float32 border[256];        /* decoded value above which the 8-bit sRGB code is larger than i */
-    uint8_t guess[GUESSES];   /* code of i / GUESSES: a lower bound where the search starts */
+    float32 border[256];                        /* decoded value above which the 8-bit sRGB code is larger than i */
+    uint8_t guess[GUESSES];                     /* code of i / GUESSES: a lower bound where the search starts */
 };
 
 void texture_levels(struct texture_image *image)
@@ -144,8 +143,7 @@ static void store_row(const struct maker *m, uint32_t level, uint32_t y, const f
 
 /* ---- one row down ------------------------------------------------------------------------- */
 
-/* How much of source cell i of `from` falls into target cell k of `to`, as a share of the latter.
- * */
+/* How much of source cell i of `from` falls into target cell k of `to`, as a share of the latter. */
 static float32 overlap(uint64_t i, uint64_t k, uint64_t from, uint64_t to)
 {
     uint64_t begin = i * to > k * from ? i * to : k * from;
@@ -219,8 +217,7 @@ status texture_pyramid_make(struct texture_image *image, int color, struct error
     for (uint32_t level = 1; level <= image->last_level; level++)
         total += 3 * (size_t)image->levels[level].width * image->channels;
     rows = mem_alloc_array(total, sizeof *rows);
-    image->pyramid[color] =
-        mem_alloc_array(last->first + 1, image->channels * texture_value_bytes(image));
+    image->pyramid[color] = mem_alloc_array(last->first + 1, image->channels * texture_value_bytes(image));
     if (!m || !rows || !image->pyramid[color]) {
         mem_free(image->pyramid[color]);
         image->pyramid[color] = NULL;

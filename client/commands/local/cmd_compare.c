@@ -1,0 +1,103 @@
+/* azulejo compare: are two pictures the same, and if not, how far apart? */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "client/commands/command.h"
+#include "client/views/compare.h"
+#include "client/follow/job_info.h"
+#include "common/base/buffer.h"
+#include "common/system/file.h"
+
+static status picture_load(const char *path, struct image *out, struct error *err)
+{
+    struct buffer data = BUFFER_INIT;
+    struct image_repairs repairs = {0};
+    status result = file_read(path, IMAGE_BYTES_MAX, &data, err);
+
+    THEN(result, image_decode_hdr(out, data.data, data.size, path, &repairs, err));
+    buffer_release(&data);
+    if (result == STATUS_OK && repairs.nan_pixels + repairs.infinite_pixels + repairs.negative_pixels)
+        fprintf(stderr,
+                "warning: %s: %" PRIu64 " NaN, %" PRIu64 " infinite, %" PRIu64
+                " negative pixels were repaired before comparing\n",
+                path, repairs.nan_pixels, repairs.infinite_pixels, repairs.negative_pixels);
+    return result;
+}
+
+static void print_text(const struct comparison *c)
+{
+    if (c->identical) {
+        printf("identical: every one of %" PRIu64 " pixels has the same bits\n", c->pixels);
+        return;
+    }
+    printf("different: %" PRIu64 " of %" PRIu64 " pixels\n", c->differing_pixels, c->pixels);
+    printf("  largest absolute difference  %.6g at column %u, row %u\n", c->max_absolute, c->worst_x,
+           c->worst_y);
+    printf("  largest relative difference  %.6g\n", c->max_relative);
+    printf("  mean squared error           %.6g\n", c->mse);
+    printf("  relative MSE                 %.6g  (root: %.4g %%)\n", c->relative_mse,
+           100 * sqrt(c->relative_mse));
+    printf("  means, relative difference   %+.4g %%  %+.4g %%  %+.4g %%  (R G B)\n",
+           100 * c->mean_relative[0], 100 * c->mean_relative[1], 100 * c->mean_relative[2]);
+    printf("  PSNR of the sRGB pictures    %.2f dB\n", c->psnr_db);
+}
+
+static json_t *comparison_json(const struct comparison *c)
+{
+    return json_pack("{s:b, s:I, s:I, s:o, s:o, s:[i, i], s:o, s:o, s:[o, o, o], s:o}", "identical", c->identical,
+                     "pixels", (json_int_t)c->pixels, "differing_pixels", (json_int_t)c->differing_pixels,
+                     "max_absolute", json_number(c->max_absolute), "max_relative", json_number(c->max_relative),
+                     "worst_pixel", (int)c->worst_x, (int)c->worst_y, "mse", json_number(c->mse), "relative_mse",
+                     json_number(c->relative_mse), "mean_relative", json_number(c->mean_relative[0]),
+                     json_number(c->mean_relative[1]), json_number(c->mean_relative[2]), "psnr_db",
+                     json_number(c->psnr_db));
+}
+
+static status run(const struct command *command, int argc, char *const *argv, int *exit_code, struct error *err)
+{
+    double max_relative_mse = -1;
+    int json = 0, done;
+    const struct option table[] = {
+        {"max-relmse", 0, OPTION_REAL, &max_relative_mse, "X",
+         "exit with 0 when the relative MSE is at most this (default: only when identical)", 0, 1e30,
+         NULL},
+        {"json", 0, OPTION_FLAG, &json, NULL, "print JSON", 0, 0, NULL},
+        {0},
+    };
+    struct image a = {0}, b = {0};
+    struct comparison comparison;
+    struct positionals rest;
+    status result = command_parse(command, table, argc, argv, 2, 2, &rest, &done, err);
+
+    if (result != STATUS_OK || done)
+        return result;
+    result = picture_load(rest.items[0], &a, err);
+    THEN(result, picture_load(rest.items[1], &b, err));
+    if (result == STATUS_OK) {
+        image_compare(&a, &b, &comparison);
+        if (!comparison.same_size)
+            result = error_set(err, STATUS_ERR_INPUT, "%s has %ux%u pixels, %s has %ux%u", rest.items[0], a.width,
+                               a.height, rest.items[1], b.width, b.height);
+        else if (json)
+            result = json_print(comparison_json(&comparison), err);
+        else
+            print_text(&comparison);
+    }
+    if (result == STATUS_OK)
+        *exit_code = max_relative_mse >= 0 ? !(comparison.relative_mse <= max_relative_mse) : !comparison.identical;
+    image_release(&b);
+    image_release(&a);
+    return result;
+}
+
+const struct command command_compare = {
+    .name = "compare",
+    .group = COMMAND_PICTURES,
+    .usage = "azulejo compare PICTURE REFERENCE [OPTION]...",
+    .summary = "tell how far two EXR or HDR pictures are apart",
+    .description = "Compare two EXR or Radiance HDR pictures. Exit status 0 when they are the same to the bit (or\n"
+                   "within --max-relmse), 1 when they differ. The relative MSE is pbrt's,\n"
+                   "mean((a-b)^2 / (b^2 + 0.01)).",
+    .run = run,
+};

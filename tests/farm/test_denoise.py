@@ -1,0 +1,146 @@
+"""--denoise: a layer beside the raw picture, whose bits stay; the same bits on any farm; switched without rendering."""
+import os
+
+from exr import read_exr
+from farm import ROOT, Farm, Tests, read_bytes, wait_for
+from jobs import expect
+from png import Png
+
+tests = Tests()
+BOX = os.path.join(ROOT, "scenes", "cornell", "cornell-area.gltf")
+SIZE = ("--size", "64x64", "--spp", "8")
+LAYER = ("denoised.R", "denoised.G", "denoised.B")
+GUIDES = ("Denoising Albedo.R", "Denoising Normal.X", "emission.G")
+
+
+def raw(picture):
+    return [picture.channels[c] for c in "RGB"]
+
+
+def layer(picture):
+    return [picture.channels[c] for c in LAYER]
+
+
+def squared_error(codes, truth):
+    """In codes of the display, by pixel and channel."""
+    return sum((a - b) ** 2 for row, right in zip(codes, truth) for a, b in zip(row, right)) / sum(map(len, truth))
+
+
+def display(path):
+    return Png(read_bytes(path)).codes
+
+
+@tests.add
+def beside_the_raw_picture():
+    """the raw channels keep their bits, the layer and the PNG have less than a quarter of their squared error"""
+    with Farm() as farm:
+        for name, options in (("plain", ()), ("clean", ("--denoise", "on")), ("fast", ("--denoise", "fast")),
+                              ("truth", ("--spp", "512"))):
+            farm.cli("render", BOX, *SIZE, "--size", "96x96", *options, "-o", name, connect=False, expect=0)
+        plain, clean, fast = (read_exr(farm.path(n + ".exr")) for n in ("plain", "clean", "fast"))
+        expect(sorted(plain.channels) == ["B", "G", "R"], "what is not asked for is not there")
+        expect(raw(plain) == raw(clean) == raw(fast), "raw bits")
+        expect(all(c in clean.channels for c in LAYER + GUIDES), sorted(clean.channels))
+        expect(layer(clean) != raw(clean) and layer(clean) != layer(fast), "three pictures")
+        expect(clean.attributes["azulejo:denoiseMethod"] == b"full" and
+               fast.attributes["azulejo:denoiseMethod"] == b"fast", "methods")
+        expect(clean.number("azulejo:denoiseVersion") >= 1, "version")
+        expect(clean.attributes["azulejo:denoiseGuides"] == b"albedo, normal, emission", "guides")
+        truth = display(farm.path("truth.png"))
+        noise = squared_error(display(farm.path("plain.png")), truth)
+        for name in ("clean", "fast"):
+            expect(squared_error(display(farm.path(name + ".png")), truth) < noise / 4, name)
+        # The command of the header makes the same file again.
+        expect(b"--denoise on" in clean.attributes["azulejo:command"], clean.attributes["azulejo:command"])
+        # tonemap takes the layer, or says that it is missing.
+        farm.cli("tonemap", "clean.exr", "-o", "mapped.png", "--denoise", "on", connect=False, expect=0)
+        expect(display(farm.path("mapped.png")) == display(farm.path("clean.png")), "mapped")
+        refused = farm.cli("tonemap", "plain.exr", "-o", "mapped.png", "--denoise", "on", connect=False)
+        expect(refused.code != 0 and "denoised.R" in refused.err, refused.err)
+
+
+@tests.add
+def the_same_bits_anywhere():
+    """one worker of one thread, three of several, and a coordinator that was killed give the same layer"""
+    pictures = []
+    for threads in ((1,), (1, 2, 2)):
+        with Farm() as farm:
+            farm.start_coordinator()
+            number = farm.submit(BOX, *SIZE, "--spp", "64", "--denoise", "on")
+            for count in threads:
+                farm.start_worker(threads=count)
+            if len(threads) > 1:
+                wait_for(lambda: int(farm.job(number)["samples_done"]) > 0 or farm.job(number)["state"] == "done", "a start")
+                farm.coordinator.kill()
+                farm.restart_coordinator()
+            farm.wait_for_job(number)
+            pictures.append(read_exr(farm.fetch(number)[0]))
+    first, second = pictures
+    expect(layer(first) == layer(second) and raw(first) == raw(second), "bits")
+    expect(all(first.channels[c] == second.channels[c] for c in GUIDES), "guides")
+
+
+@tests.add
+def switched_afterwards():
+    """develop turns it on and off without rendering, also after a restart; both errors are told; previews take it"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        size = (*SIZE, "--spp", "32")
+        wanted = farm.submit(BOX, *size, "--denoise", "on")
+        plain = farm.submit(BOX, *size)
+        guided = farm.submit(BOX, *size, "--aov", "denoising,emission")
+        for number in (wanted, plain, guided):
+            farm.wait_for_job(number)
+        farm.workers[0].kill()
+        info = farm.job(wanted)
+        expect(info["output"]["denoise"] == "on" and "denoising-albedo" in info["settings"]["aovs"], info["settings"])
+        expect(info["now"]["denoised"]["rmse_percent"] > 0, info["now"])
+        shown = farm.cli("show", wanted, expect=0).out
+        expect(" raw, " in shown and " denoised" in shown, shown)
+        expect("denoised" not in farm.job(plain)["now"], "a figure of what was not made")
+        noisy, clean = (display([p for p in farm.fetch(n, "f%d" % n) if p.endswith(".png")][0]) for n in (plain, wanted))
+        expect(noisy != clean, "the PNG")
+
+        def developed(number, *options):
+            said = farm.cli("develop", number, *options, "-o", "again/p.png", "--force", expect=0).out
+            return display(farm.path("again", "p.png")), said
+
+        expect(developed(wanted, "--denoise", "off")[0] == noisy, "off")
+        expect(developed(wanted, "--denoise", "on")[0] == clean, "on again")
+        # Rendered with what guides it: the same bits, made of the kept film.
+        expect(developed(guided, "--denoise", "on")[0] == clean, "of the kept film")
+        expect(farm.job(guided)["now"]["denoised"]["rmse_percent"] > 0, "its figures")
+        codes, _ = developed(plain, "--denoise", "on")
+        expect(codes != noisy and codes != clean, "by colours alone")
+        said = farm.cli("develop", plain, "--denoise", "on", expect=0).out
+        expect("by colours alone" in said, said)
+        farm.coordinator.stop()
+        farm.restart_coordinator()
+        expect(farm.job(guided)["now"]["denoised"]["rmse_percent"] > 0, "its figures after a restart")
+        expect(developed(wanted, "--denoise", "off")[0] == noisy, "off after a restart")
+        # One who looks gets it, and the job's pictures stay.
+        farm.cli("fetch", plain, "--preview", "look.png", "--denoise", "on", expect=0)
+        farm.cli("fetch", plain, "--preview", "raw.png", "--denoise", "off", expect=0)
+        expect(display(farm.path("raw.png")) == noisy and display(farm.path("look.png")) != noisy, "a preview")
+
+
+@tests.add
+def what_is_small_or_odd():
+    """one pixel, one sample, a region, alpha, halves: an answer each time"""
+    with Farm() as farm:
+        for name, options in (("pixel", ("--size", "1x1")), ("sample", ("--spp", "1")), ("line", ("--size", "3x40")),
+                              ("region", ("--region", "9,7,21,18")), ("alpha", ("--alpha",)), ("half", ("--half",)),
+                              ("deep", ("--max-depth", "0"))):
+            farm.cli("render", BOX, *SIZE, *options, "--denoise", "on", "-o", name, connect=False, expect=0)
+            picture = read_exr(farm.path(name + ".exr"))
+            expect(all(c in picture.channels for c in LAYER), name)
+            if name == "sample":  # there is one group only, so nothing is known
+                expect(layer(picture) == raw(picture), name)
+            if name == "half":
+                expect(picture.kinds["denoised.R"] == 1, name)
+        refused = farm.cli("render", BOX, *SIZE, "--denoise", "much", "-o", "x", connect=False)
+        expect(refused.code == 2 and "off" in refused.err and "fast" in refused.err, refused.err)
+
+
+tests.run()

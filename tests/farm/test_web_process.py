@@ -1,0 +1,363 @@
+"""azulejo-web is a process of its own: whatever becomes of it, pictures and jobs stay what they are, and it comes back."""
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import time
+
+sys.dont_write_bytecode = True  # no __pycache__ in the sources
+from farm import BIN, PATIENCE, Failure, Farm, Program, Tests, wait_for
+from jobs import LongJob, Outcome, expect, expect_same, wait_mid_frame, wait_slowly
+from page import Page, need_page
+from websocket import Closed, WebSocket
+
+tests = Tests()
+LONG = LongJob(1.5)
+LIBRARIES = re.compile(r"libwebsockets|libcurl|libjansson")
+
+
+def children(pid):
+    with open("/proc/%d/task/%d/children" % (pid, pid), encoding="ascii") as source:
+        return [int(word) for word in source.read().split()]
+
+
+def name_of(pid):
+    try:
+        with open("/proc/%d/comm" % pid, encoding="ascii") as source:
+            return source.read().strip()
+    except OSError:
+        return ""
+
+
+def web_of(farm):
+    """The number of the page's process; None: it does not run."""
+    return next((p for p in children(farm.coordinator.pid) if name_of(p) == "azulejo-web"), None)
+
+
+def state_of(pid):
+    """"T": stopped; "": it is gone."""
+    try:
+        with open("/proc/%d/stat" % pid, encoding="ascii") as source:
+            return source.read().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return ""
+
+
+def begin(farm, *options):
+    """A coordinator with its page, a worker, and the picture of an undisturbed job."""
+    need_page()
+    page = Page(farm.start_coordinator(*options))
+    farm.start_worker(threads=1)
+    farm.wait_for_workers(1)
+    if not LONG.spp:
+        LONG.measure(farm)
+    number = LONG.submit(farm)
+    farm.wait_for_job(number)
+    return page, Outcome(farm, number, "undisturbed")
+
+
+def finish(farm, number, reference, what):
+    farm.wait_for_job(number)
+    expect_same(farm, Outcome(farm, number, "disturbed"), reference, what)
+
+
+def answers(page):
+    try:
+        return page.get("/readyz", token="", limit_s=2).status == 200
+    except (OSError, http.client.HTTPException):
+        return False
+
+
+def listen(page):
+    """A WebSocket that is told what changes."""
+    ws = WebSocket(page.host, "/api/v1/live", page.token)
+    ws.send({"resume": None})
+    return ws
+
+
+def next_event(ws, name, limit_s=30):
+    end = time.monotonic() + limit_s * PATIENCE
+    while time.monotonic() < end:
+        got = ws.receive(limit_s=1)
+        if got and got[0] == "text" and json.loads(got[1])["event"] == name:
+            return json.loads(got[1])
+    raise Failure("no event '%s'" % name)
+
+
+@tests.add
+def libraries():
+    """the coordinator has no library of HTTP or JSON; the page's program has no file of the store open"""
+    with Farm() as farm:
+        need_page()
+        Page(farm.start_coordinator())
+        web = web_of(farm)
+        with open("/proc/%d/maps" % farm.coordinator.pid, encoding="utf-8") as source:
+            expect(not LIBRARIES.search(source.read()), "a library of the page in the coordinator")
+        with open("/proc/%d/maps" % web, encoding="utf-8") as source:
+            expect(LIBRARIES.search(source.read()), "the libraries are in its own program")
+        folder = "/proc/%d/fd" % web
+        held = [os.readlink(os.path.join(folder, fd)) for fd in os.listdir(folder)]
+        expect(not [f for f in held if f.startswith(farm.store) and not f.startswith(os.path.join(farm.store, "imports"))], held)
+        with open("/proc/%d/status" % web, encoding="ascii") as source:
+            expect("NoNewPrivs:\t1" in source.read(), "it could get privileges")
+        with open("/proc/%d/limits" % web, encoding="ascii") as source:
+            limits = dict(re.findall(r"^Max (core file size|address space|open files) +(\S+)", source.read(), re.M))
+        expect(limits["core file size"] == "0" and limits["open files"].isdigit(), limits)
+        if "address" not in os.environ.get("SANITIZE", "") and "thread" not in os.environ.get("SANITIZE", ""):
+            expect(limits["address space"] == str(4 << 30), limits)
+        for word in (farm.key, "azt_"):  # a secret is in no command line
+            with open("/proc/%d/cmdline" % web, "rb") as source:
+                expect(word.encode() not in source.read(), word)
+
+
+@tests.add
+def files():
+    """a program that it runs for an upload, and so it itself, reads no file of the store"""
+    with Farm() as farm:
+        need_page()
+        seen = os.path.join(farm.store, "imports", "seen")
+        program = farm.path("reader")
+        with open(program, "w", encoding="utf-8") as out:
+            out.write("#!/bin/sh\nfor f in web.token audit.log queue.sqlite; do\n"
+                      "  if head -c 1 '%s'/$f >/dev/null 2>&1; then echo \"azulejo submit: read $f\" >&2; exit 3; fi\ndone\n"
+                      "if echo x >'%s/here' 2>/dev/null; then echo 'azulejo submit: wrote' >&2; exit 3; fi\n"
+                      "echo 'azulejo submit: nothing could be read' >&2\nexit 3\n" % (farm.store, farm.store))
+        os.chmod(program, stat.S_IRWXU)
+        page = Page(farm.start_coordinator("--client-program", program))
+        number = page.post("/api/v1/imports").json()["import"]
+        expect(page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % number, body=b"{}").status == 201, "an upload")
+        answer = page.post("/api/v1/imports/%s" % number, {"scene": "a.gltf"})
+        if "kept from this program" in farm.coordinator.log_text():
+            return  # the kernel has no Landlock
+        # Behind its wall (web/base/wall.h) even the script's shell cannot start.
+        expect(re.search(r"nothing could be read|status 12[67]", answer.json()["detail"]), answer)
+        expect(not os.path.exists(seen), "no file")
+
+
+@tests.add
+def killed():
+    """killed in mid-frame, the page changes no bit of the picture; it is started again where it was, and pages that
+    were open go on"""
+    with Farm() as farm:
+        page, reference = begin(farm)
+        ws = listen(page)
+        next_event(ws, "begin")
+        number = LONG.submit(farm)
+        wait_mid_frame(farm, number)
+        first = web_of(farm)
+        os.kill(first, signal.SIGKILL)
+        try:
+            while ws.receive(limit_s=10):
+                pass
+            raise Failure("its connections did not end")
+        except (Closed, OSError):
+            pass
+        wait_slowly(farm, lambda: web_of(farm) not in (None, first) and answers(page), "the page to come back at its address")
+        farm.workers[0].signal(signal.SIGSTOP)
+        expect(page.get("/api/v1/session").json()["role"] == "admin", "the token is what it was")
+        again = listen(page)
+        next_event(again, "begin")
+        farm.workers[0].signal(signal.SIGCONT)
+        expect(str(next_event(again, "job")["data"]["job"]) == str(number), "what goes on is told")
+        finish(farm, number, reference, "a page that was killed")
+        log = farm.coordinator.log_text()
+        expect("azulejo-web has ended (signal 9): it is started again" in log, log)
+        for _ in range(3):  # again and again: each time later
+            last = web_of(farm)
+            os.kill(last, signal.SIGKILL)
+            wait_for(lambda: web_of(farm) not in (None, last) and answers(page), "the page")
+        expect(farm.coordinator.stop() == 0, "the coordinator's end")
+
+
+@tests.add
+def standing_still():
+    """stopped (SIGSTOP) while a job is rendered and ends, the page changes nothing, holds up nobody, and goes on; a
+    coordinator ends without waiting for it"""
+    with Farm() as farm:
+        page, reference = begin(farm)
+        number = LONG.submit(farm)
+        wait_mid_frame(farm, number)
+        web = web_of(farm)
+        os.kill(web, signal.SIGSTOP)
+        wait_for(lambda: state_of(web) == "T", "it to stand still")
+        began = time.monotonic()
+        farm.cli("list", expect=0)
+        farm.cli("token", "create", "--role", "view", "--name", "hall", expect=0)
+        expect(time.monotonic() - began < 10 * PATIENCE, "a client waited for the page")
+        finish(farm, number, reference, "a page that stood still")
+        expect(state_of(web) in ("T", ""), "it stood still to the end, or until it was given up")
+        if web_of(farm) == web:
+            os.kill(web, signal.SIGCONT)
+        wait_for(lambda: answers(page), "it to go on")
+        expect(page.get("/api/v1/jobs/%d" % number).json()["jobs"][0]["state"] == "done", "it knows of the end")
+        os.kill(web_of(farm), signal.SIGSTOP)
+        began = time.monotonic()
+        expect(farm.coordinator.stop() == 0, "the coordinator's end")
+        expect(time.monotonic() - began < 15 * PATIENCE, "it waited for its page")
+
+
+@tests.add
+def held_up():
+    """a page that stands still for long is killed and started again"""
+    with Farm() as farm:
+        need_page()
+        page = Page(farm.start_coordinator())
+        web = web_of(farm)
+        os.kill(web, signal.SIGSTOP)
+        wait_for(lambda: web_of(farm) not in (None, web) and answers(page), "another one", 90)
+        expect("does not answer" in farm.coordinator.log_text(), farm.coordinator.log_text())
+
+
+@tests.add
+def with_its_coordinator():
+    """killed, a coordinator leaves no page behind"""
+    with Farm() as farm:
+        need_page()
+        page = Page(farm.start_coordinator())
+        web = web_of(farm)
+        farm.coordinator.kill()
+        wait_for(lambda: name_of(web) != "azulejo-web" or state_of(web) == "Z", "the page to end")
+        expect(not answers(page), "it answers")
+
+
+@tests.add
+def by_hand():
+    """started by hand, with a key of its role, it serves a coordinator with --web-apart, also after that was
+    started again"""
+    with Farm() as farm:
+        need_page()
+        farm.start_coordinator("--web-apart")
+        key = farm.path("web.key")
+        farm.cli("keygen", "--role", "web", "--from", farm.key, "-o", key, expect=0)
+        wrong = farm.path("client.key")
+        farm.cli("keygen", "--role", "client", "--from", farm.key, "-o", wrong, expect=0)
+        words = [os.path.join(BIN, "azulejo-web"), "--coordinator", farm.address, "--web", "127.0.0.1:0", "--folder",
+                 farm.path("page"), "--key"]
+        refused = subprocess.run(words + [wrong], capture_output=True, text=True, check=False)
+        expect(refused.returncode == 5 and "role web" in refused.stderr, refused)
+        web = Program("web", words + [key], farm.path("web.log"))
+        farm.programs.append(web)
+        page = Page(farm.coordinator)
+        expect(page.get("/api/v1/farm").json()["address"] == farm.address, "the farm")
+        secret = page.post("/api/v1/tokens", {"name": "desk", "role": "view"}).json()["secret"]
+        expect(page.get("/api/v1/jobs", token=secret).status == 200, "a new token is known at once")
+        ws = listen(page)
+        next_event(ws, "begin")
+        farm.coordinator.kill()
+        wait_for(lambda: page.get("/readyz", token="").status == 503, "it to notice")
+        farm.restart_coordinator("--web-apart")
+        next_event(ws, "reset")
+        wait_for(lambda: answers(page), "it to be back")
+        expect(page.get("/api/v1/jobs", token=secret).status == 200, "the token is what it was")
+        expect(web.stop() == 0, "its end")
+        farm.cli("list", expect=0)
+
+
+@tests.add
+def killed_before_it_listens():
+    """a page's program that is killed while it starts is started again: the coordinator, which was asked for a page, goes on"""
+    with Farm() as farm:
+        need_page()
+        alone, program = farm.path("azulejo-coordinator"), farm.path("azulejo-web")
+        shutil.copy(os.path.join(BIN, "azulejo-coordinator"), alone)
+        with open(program, "w", encoding="utf-8") as out:
+            out.write("#!/bin/sh\nif mkdir '%s'; then kill -9 $$; fi\nexec '%s' \"$@\"\n" %
+                      (farm.path("was-here"), os.path.join(BIN, "azulejo-web")))
+        os.chmod(program, 0o755)
+        page = Page(farm.start_coordinator("--web", "127.0.0.1:0", program=alone))
+        expect(page.get("/healthz").status == 200, "no page")
+        expect("ended before it listened (signal 9): it is started again" in farm.coordinator.log_text(), farm.coordinator.log_text())
+        with open(program, "w", encoding="utf-8") as out:
+            out.write("#!/bin/sh\nkill -9 $$\n")
+        farm.coordinator.stop()
+        try:
+            farm.start_coordinator("--web", "127.0.0.1:0", program=alone).wait_line("page: ")
+            raise AssertionError("it started")
+        except Failure as failure:
+            expect("signal 9" in str(failure), failure)
+
+
+@tests.add
+def missing():
+    """without its program a page that was asked for is an error, else only a warning"""
+    with Farm() as farm:
+        need_page()
+        alone = farm.path("azulejo-coordinator")
+        shutil.copy(os.path.join(BIN, "azulejo-coordinator"), alone)
+        farm.start_coordinator(program=alone)
+        farm.cli("list", expect=0)
+        wait_for(lambda: "no page: " in farm.coordinator.log_text(), "the warning")
+        farm.coordinator.stop()
+        try:
+            farm.start_coordinator("--web", "127.0.0.1:0", program=alone)
+            farm.coordinator.wait_line("page: ")
+            raise AssertionError("it started")
+        except Failure as failure:
+            expect("azulejo-web" in str(failure), failure)
+
+
+@tests.add
+def hangs_at_the_start():
+    """a page's program that never answers: the farm runs meanwhile, over a restart, and ends when it is told to"""
+    with Farm() as farm:
+        need_page()
+        alone = farm.path("azulejo-coordinator")
+        shutil.copy(os.path.join(BIN, "azulejo-coordinator"), alone)
+        with open(farm.path("azulejo-web"), "w", encoding="ascii") as script:
+            script.write("#!/bin/sh\nexec sleep 1000\n")
+        os.chmod(farm.path("azulejo-web"), 0o755)
+        farm.start_coordinator(program=alone)
+        farm.start_worker(threads=1)
+        job = farm.submit(farm.scene(), "--size", "32x32", "--spp", "100000")
+        wait_for(lambda: farm.job(job)["samples_done"] > 32 * 32 * 64, "samples")
+        expect(farm.coordinator.stop() == 0, "SIGTERM")
+        farm.start_coordinator(program=alone, listen=farm.address)
+        expect(farm.job(job)["samples_done"] > 32 * 32 * 64, "the samples of before")
+        expect("the page is at" not in farm.coordinator.log_text(), farm.coordinator.log_text())
+
+
+@tests.add
+def another_farms_key():
+    """by hand with the key of another farm it says what is wrong, and goes on trying"""
+    with Farm() as farm:
+        need_page()
+        farm.start_coordinator("--web-apart")
+        farm.cli("keygen", "-o", "other.key", expect=0)
+        farm.cli("keygen", "--role", "web", "--from", "other.key", "-o", "web.key", expect=0)
+        web = Program("azulejo-web", [os.path.join(BIN, "azulejo-web"), "--coordinator", farm.address, "--web", "127.0.0.1:0",
+                                      "--key", farm.path("web.key")], farm.path("web.log"))
+        farm.programs.append(web)
+        wait_for(lambda: "is not of this farm" in farm.coordinator.log_text(), "the coordinator's reason")
+        wait_for(lambda: " warn azulejo-web: the coordinator cannot be reached: " in web.log_text(), "its own")
+        expect("belongs to another farm" in web.log_text() and web.process.poll() is None, web.log_text())
+
+
+@tests.add
+def hangs_when_started_again():
+    """a page's program that is started again and never answers is killed in its turn"""
+    with Farm() as farm:
+        need_page()
+        alone, web, real = farm.path("azulejo-coordinator"), farm.path("azulejo-web"), os.path.join(BIN, "azulejo-web")
+        shutil.copy(os.path.join(BIN, "azulejo-coordinator"), alone)
+        shutil.copy(real, web)
+        farm.start_coordinator("--web", "127.0.0.1:0", program=alone)
+        farm.coordinator.wait_line("page: ")
+        first = web_of(farm)
+        with open(web + ".new", "w", encoding="ascii") as script:
+            script.write("#!/bin/sh\nexec sleep 1000\n")
+        os.chmod(web + ".new", 0o755)
+        os.rename(web + ".new", web)
+        os.kill(first, signal.SIGKILL)
+        wait_for(lambda: "sleep" in map(name_of, children(farm.coordinator.pid)), "the one that hangs")
+        shutil.copy(real, web + ".new")
+        os.rename(web + ".new", web)
+        wait_for(lambda: farm.coordinator.log_text().count("azulejo-coordinator: the page is at") == 2, "the page again")
+
+
+if __name__ == "__main__":
+    tests.run()
