@@ -37,6 +37,13 @@ FIND = """(() => {
       }
       return [...document.querySelectorAll(what)].filter(shown);
     },
+    hits: (e, top) => !!top && (e.contains(top) || top.contains(e) || [...(e.labels || [])].some(l => l.contains(top))),
+    /* Where the next press lands: window.pressHit says whether on this element. */
+    watch(what) {
+      const e = this.all(what)[0];
+      window.pressHit = null;
+      addEventListener('pointerdown', p => { window.pressHit = !!e && this.hits(e, p.target); }, {capture: true, once: true});
+    },
     place(what) {
       const e = this.all(what)[0];
       if (!e) return null;
@@ -45,8 +52,7 @@ FIND = """(() => {
       const x = r.x + r.width / 2, y = r.y + r.height / 2;
       const top = document.elementFromPoint(x, y);
       return {x, y, left: r.x, top: r.y, width: r.width, height: r.height, disabled: !!e.disabled,
-              covered: !(top && (e.contains(top) || top.contains(e) ||
-                                 [...(e.labels || [])].some(l => l.contains(top)))),
+              covered: !this.hits(e, top),
               by: top ? top.outerHTML.slice(0, 200) : 'nothing'};
     }
   };
@@ -336,8 +342,19 @@ class Page:
             {"type": kind, "x": x, "y": y, "button": button, "clickCount": clicks, "buttons": held}, **more))
 
     def click(self, what, limit_s=15, button="left", times=1):
-        at = self.place(what, limit_s)
-        self.click_at(at["x"], at["y"], button, times)
+        """What moves away between the look and the press is pressed again; a person would, too."""
+        end = time.monotonic() + limit_s * PATIENCE
+        while True:
+            at = self.place(what, limit_s)
+            self.js("%s.watch(%s)" % (FIND, json.dumps(what)))
+            self.click_at(at["x"], at["y"], button, times)
+            try:
+                if self.js("window.pressHit") is not False or times > 1:
+                    return
+            except Failure:  # the press has opened another page
+                return
+            if time.monotonic() > end:
+                raise Failure("'%s' moves away from each press" % what)
 
     def click_at(self, x, y, button="left", times=1):
         held = {"left": 1, "right": 2, "middle": 4}[button]

@@ -29,6 +29,7 @@ def until(farm, page, job, wanted):
     wait_for(lambda: state(farm, job) == wanted, "job %d to be %s" % (job, wanted), 30)
     page.wait("document.querySelector('[data-job=\"%d\"]')?.classList.contains('%s')" % (job, wanted),
               "the page to show job %d as %s" % (job, wanted))
+    settled(page)
 
 
 def show(farm, page, job):
@@ -118,7 +119,6 @@ def verbs_of_waiting_and_finished_jobs():
         confirm(page, "Extend")
         wait_for(lambda: int(info(farm, done)["samples_done"]) == 16 * 32 * 32, "16 samples a pixel")
         until(farm, page, done, "done")
-        settled(page)
         verb(page, "Develop")
         field(page, "Operator", "gamma")
         confirm(page, "Develop")
