@@ -143,7 +143,7 @@ unsteady=0
 while read -r line; do
     before=$(awk '{ f += $2 } END { print f + 0 }' "$counts")
     # shellcheck disable=SC2086  # the words of a command
-    run_one $line
+    (run_one $line)  # a shell of its own, whose times are this test's
     if [ "$(awk '{ f += $2 } END { print f + 0 }' "$counts")" -eq "$before" ]; then
         echo "unsteady ${line%% *} (failed once, passed alone); both logs are in $logs"
         unsteady=$((unsteady + 1))
