@@ -59,7 +59,7 @@ static status parse_limit(const char *text, struct retention_policy *policy, str
                      text);
 }
 
-static status retention_options(const char *keep, const char *keep_failed, const char *keep_blobs,
+static status retention_options(const char *keep, const char *keep_failed, const char *keep_blobs, const char *age_wait,
                                 const char *store_limit, struct retention_policy *policy, struct error *err)
 {
     status s = STATUS_OK;
@@ -70,6 +70,8 @@ static status retention_options(const char *keep, const char *keep_failed, const
         s = duration_parse("--keep-failed", keep_failed, &policy->keep_failed_s, err);
     if (s == STATUS_OK && keep_blobs)
         s = duration_parse("--keep-blobs", keep_blobs, &policy->keep_blobs_s, err);
+    if (s == STATUS_OK && age_wait)
+        s = duration_parse("--age-wait", age_wait, &policy->age_wait_s, err);
     if (s == STATUS_OK && store_limit)
         s = parse_limit(store_limit, policy, err);
     return s;
@@ -215,7 +217,7 @@ static void outlast_signals(void)
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
-    const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *store_limit = NULL;
+    const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *age_wait = NULL, *store_limit = NULL;
     const char *level = "info", *log_format = NULL, *completion = NULL, *ready_file = NULL, *precision = "float";
     struct server_options options = {.policy = RETENTION_POLICY_DEFAULT, .scrub_rate = SCRUB_RATE_DEFAULT};
     const char *half_life = NULL, *longest_wait = NULL;
@@ -239,6 +241,8 @@ int main(int argc, char **argv)
          "the same for jobs that failed or were cancelled (default: as --keep)", 0, 0, NULL},
         {"keep-blobs", 0, OPTION_STRING, &keep_blobs, "TIME",
          "remove scenes and their files that no job needs, so long after a client named them last (1d)", 0, 0, NULL},
+        {"age-wait", 0, OPTION_STRING, &age_wait, "TIME",
+         "nothing is removed by age before the clock went evenly for so long, after a start and after a jump (1h)", 0, 0, NULL},
         {"store-limit", 0, OPTION_STRING, &store_limit, "SIZE",
          "above this (500G, or 80% of the disk) remove films, then pictures, of the jobs that ended first (default: no limit)",
          0, 0, NULL},
@@ -339,7 +343,7 @@ int main(int argc, char **argv)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s': only 'backup DIR' and 'restore DIR' are known",
                       rest.items[0]);
     THEN(s, address_parse(listen, "", 0, host, sizeof host, &options.port, &err));
-    THEN(s, retention_options(keep, keep_failed, keep_blobs, store_limit, &options.policy, &err));
+    THEN(s, retention_options(keep, keep_failed, keep_blobs, age_wait, store_limit, &options.policy, &err));
     THEN(s, parse_length("--half-life", half_life, ORDER_HALF_LIFE_S, &options.order.half_life_s, &err));
     THEN(s, parse_length("--longest-wait", longest_wait, ORDER_LONGEST_WAIT_S, &options.order.longest_wait_s, &err));
     THEN(s, load_key(key_path, &key, &err));

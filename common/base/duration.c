@@ -48,3 +48,14 @@ const char *duration_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
     snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 "%s", seconds / units[unit].seconds, units[unit].unit);
     return out;
 }
+
+const char *duration_words(char out[DURATION_TEXT_SIZE], int64_t seconds)
+{
+    int64_t unit = seconds >= 2 * 86400 ? 86400 : seconds >= 2 * 3600 ? 3600 : 1;
+
+    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 " %s", seconds / unit,
+             unit == 86400  ? "days"
+             : unit == 3600 ? "hours"
+                            : "s");
+    return out;
+}

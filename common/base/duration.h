@@ -16,3 +16,5 @@ status duration_parse_ms(const char *option, const char *text, uint64_t least_ms
 status duration_parse(const char *option, const char *text, int64_t *seconds, struct error *err) MUST_CHECK;
 /* In the largest unit of which it is a multiple, as "30d"; fills `out` and returns it. */
 const char *duration_text(char out[DURATION_TEXT_SIZE], int64_t seconds);
+/* Rounded down to what people would say: "31 days", "5 hours", "40 s". */
+const char *duration_words(char out[DURATION_TEXT_SIZE], int64_t seconds);

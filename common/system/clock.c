@@ -12,6 +12,8 @@ static uint64_t read_clock_ns(clockid_t id)
 
 uint64_t clock_monotonic_ns(void) { return read_clock_ns(CLOCK_MONOTONIC); }
 
+uint64_t clock_boot_ns(void) { return read_clock_ns(CLOCK_BOOTTIME); }
+
 uint64_t clock_thread_cpu_ns(void) { return read_clock_ns(CLOCK_THREAD_CPUTIME_ID); }
 
 int64_t clock_wall_ns(void) { return (int64_t)read_clock_ns(CLOCK_REALTIME); }

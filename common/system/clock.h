@@ -7,6 +7,7 @@
 #define NS_PER_MS 1000000ull
 
 uint64_t clock_monotonic_ns(void);
+uint64_t clock_boot_ns(void);       /* as that one, and goes on while the machine is suspended */
 uint64_t clock_thread_cpu_ns(void); /* CPU time of the calling thread */
 int64_t clock_wall_ns(void);        /* since 1970-01-01 UTC */
 int64_t clock_wall_s(void);         /* seconds since 1970-01-01 UTC */

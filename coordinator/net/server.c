@@ -369,6 +369,7 @@ status server_run(const struct server_options *options, struct error *err)
     server->key = options->key;
     server->store = options->store;
     server->collector.policy = options->policy;
+    age_clock_begin(&server->collector.clock, options->policy.age_wait_s, clock_wall_s(), clock_boot_ns());
     server->precision = options->precision ? options->precision : "float";
     server->fingerprint = elementary_fingerprint_of(server->precision);
     if (uv_loop_init(&server->loop) != 0) {

@@ -378,11 +378,12 @@ status web_token_renew(struct web_tokens *tokens, uint64_t token, int64_t now_s,
 
 void web_tokens_tick(struct web_tokens *tokens, int64_t now_s)
 {
-    for (size_t i = 0; i < tokens->count; i++)
-        if (!tokens->marks[i].ended && !is_valid(&tokens->rows[i], now_s)) {
-            tokens->marks[i].ended = 1;
+    for (size_t i = 0; i < tokens->count; i++) {
+        int ended = !is_valid(&tokens->rows[i], now_s), before = tokens->marks[i].ended;
+        tokens->marks[i].ended = ended; /* a clock that was ahead for a moment ends no token for good */
+        if (ended && !before)
             tokens->ended(tokens->user, tokens->rows[i].number, 0);
-        }
+    }
 }
 
 const struct token_row *web_tokens_next_used(struct web_tokens *tokens)

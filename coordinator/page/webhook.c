@@ -18,6 +18,7 @@ struct event {
     struct event *next;
     uint64_t id; /* in the store; 0: not there yet */
     int64_t at;
+    uint64_t since_ns; /* in this run */
     char body[];
 };
 
@@ -55,7 +56,7 @@ static struct event *event_new(uint64_t id, int64_t at, const char *body)
     struct event *event = mem_alloc(sizeof *event + size);
 
     if (event) {
-        *event = (struct event){.id = id, .at = at};
+        *event = (struct event){.id = id, .at = at, .since_ns = clock_monotonic_ns()};
         memcpy(event->body, body, size);
     }
     return event;
@@ -204,7 +205,7 @@ static void note_attempt(struct webhooks *webhooks, struct hook *hook, status s,
     snprintf(hook->last_error, sizeof hook->last_error, "%.255s", why->text);
     hook->next_ns = now_ns + (uint64_t)hook->wait_s * NS_PER_SECOND;
     hook->wait_s = 2 * hook->wait_s < WEBHOOK_WAIT_MAX_S ? 2 * hook->wait_s : WEBHOOK_WAIT_MAX_S;
-    if (clock_wall_s() - hook->first->at < WEBHOOK_AGE_S)
+    if (now_ns - hook->first->since_ns < WEBHOOK_AGE_S * NS_PER_SECOND)
         return;
     hook->counts.given_up++;
     log_warn("webhook %" PRIu64 ": an event was not taken for a day, and is given up: %s", hook->row.number, why->text);

@@ -99,6 +99,21 @@ status collect_plan(struct retention_plan *plan, const struct farm *farm, const 
     return s;
 }
 
+int64_t collect_newest(const struct farm *farm, const struct retention_policy *policy, size_t *due)
+{
+    int64_t newest_s = 0;
+
+    *due = 0;
+    for (size_t i = 0; i < farm->queue.count; i++) {
+        const struct job *job = farm->queue.all[i];
+        int64_t keep_s = retention_keep_s(policy, job->state == JOB_STATE_FAILED || job->state == JOB_STATE_CANCELLED);
+        int64_t last_s = job->finished_at > job->submitted_at ? job->finished_at : job->submitted_at;
+        newest_s = last_s > newest_s ? last_s : newest_s;
+        *due += job_state_ended(job->state) && keep_s > 0 && farm->wall_s - job->finished_at >= keep_s;
+    }
+    return newest_s;
+}
+
 /* ---- its steps ------------------------------------------------------------------------------- */
 
 /* The kept films of done frames. */

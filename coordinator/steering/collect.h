@@ -19,6 +19,9 @@ status collect_plan(struct retention_plan *plan, const struct farm *farm, const 
                     const struct footprint *footprint, const struct blob_user *users, size_t user_count,
                     collect_read_fn *is_read, void *user, struct error *err) MUST_CHECK;
 
+/* The latest moment that the queue knows of; *due: jobs that are to go by their age now, and whose age is not 0. */
+int64_t collect_newest(const struct farm *farm, const struct retention_policy *policy, size_t *due);
+
 /* What became of a step. */
 enum collect_result { COLLECT_NOTHING, COLLECT_FILMS, COLLECT_JOB };
 /* Do it, unless the job is no longer what the plan took it for. ERR_IO, ERR_REFUSED (a backup): nothing was removed. */

@@ -77,6 +77,18 @@ static status add_step(struct planning *p, struct candidate *c, int whole, enum 
     return STATUS_OK;
 }
 
+int64_t retention_keep_s(const struct retention_policy *policy, int failed)
+{
+    return failed && policy->keep_failed_s >= 0 ? policy->keep_failed_s : policy->keep_s;
+}
+
+void retention_ages_wait(struct retention_policy *policy)
+{
+    policy->keep_failed_s = retention_keep_s(policy, 1) > 0 ? INT64_MAX : retention_keep_s(policy, 1);
+    if (policy->keep_s > 0)
+        policy->keep_s = INT64_MAX;
+}
+
 static status plan_ages(struct planning *p, const struct retention_policy *policy, int64_t now_s, uint64_t *freed)
 {
     status s = STATUS_OK;
@@ -84,7 +96,7 @@ static status plan_ages(struct planning *p, const struct retention_policy *polic
     for (size_t i = 0; i < p->count && s == STATUS_OK; i++) {
         const struct retention_job *job = p->candidates[i].job;
         int failed = job->failed && policy->keep_failed_s >= 0;
-        int64_t keep_s = failed ? policy->keep_failed_s : policy->keep_s, age_s = now_s - job->ended_at;
+        int64_t keep_s = retention_keep_s(policy, job->failed), age_s = now_s - job->ended_at;
         if (!job->ended || job->busy || keep_s < 0 || age_s < keep_s)
             continue;
         s = add_step(p, &p->candidates[i], 1, RETENTION_AGE, freed);
@@ -183,18 +195,6 @@ status retention_make(struct retention_plan *plan, const struct retention_policy
 
 /* ---- words ----------------------------------------------------------------------------------- */
 
-/* "31 days", "5 hours", "40 s". */
-static const char *age_text(char out[DURATION_TEXT_SIZE], int64_t seconds)
-{
-    int64_t unit = seconds >= 2 * 86400 ? 86400 : seconds >= 2 * 3600 ? 3600 : 1;
-
-    snprintf(out, DURATION_TEXT_SIZE, "%" PRId64 " %s", seconds / unit,
-             unit == 86400  ? "days"
-             : unit == 3600 ? "hours"
-                            : "s");
-    return out;
-}
-
 void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_plan *plan,
                     const struct retention_step *step, const struct retention_policy *policy)
 {
@@ -203,7 +203,7 @@ void retention_text(char out[RETENTION_TEXT_MAX + 1], const struct retention_pla
 
     switch (step->reason) {
     case RETENTION_AGE:
-        snprintf(out, RETENTION_TEXT_MAX + 1, "it ended %s ago (--keep%s %s)", age_text(age, step->age_s),
+        snprintf(out, RETENTION_TEXT_MAX + 1, "it ended %s ago (--keep%s %s)", duration_words(age, step->age_s),
                  step->failed ? "-failed" : "", duration_text(keep, step->keep_s));
         return;
     case RETENTION_OWNER:

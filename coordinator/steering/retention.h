@@ -26,17 +26,23 @@ struct retention_policy {
     double store_share;            /* of the disk's bytes; 0: none */
     uint64_t owner_limit;          /* bytes of films and pictures; 0: none */
     int64_t keep_blobs_s;          /* of blobs that no job needs, since a client last named them */
+    int64_t age_wait_s;            /* age_clock.h */
 };
 /* Nothing is removed but blobs that no job has needed for a day. */
 #define RETENTION_POLICY_DEFAULT \
     { \
-        .keep_s = -1, .keep_failed_s = -1, .keep_blobs_s = 86400 \
+        .keep_s = -1, .keep_failed_s = -1, .keep_blobs_s = 86400, .age_wait_s = 3600 \
     }
 
 /* Of the two limits of the store the smaller one; 0: none. */
 uint64_t retention_store_limit(const struct retention_policy *policy, uint64_t disk_bytes);
 /* May films and pictures be removed to make room? */
 int retention_makes_room(const struct retention_policy *policy);
+
+/* How long a job is kept after its end; negative: for ever. */
+int64_t retention_keep_s(const struct retention_policy *policy, int failed);
+/* No job is old enough, but those that go at their end (a length of 0) need no clock. */
+void retention_ages_wait(struct retention_policy *policy);
 
 /* What a plan knows of a job. */
 struct retention_job {

@@ -365,7 +365,7 @@ def signed_out_elsewhere():
 def collected_from_the_page():
     """Collect removes the job whose time has come, says what it freed, and shows how long jobs are kept"""
     with WebFarm() as farm, Browser() as browser:
-        farm.start_coordinator("--keep", "1s", "--keep-blobs", "0s", "--keep-failed", "30d")
+        farm.start_coordinator("--keep", "1s", "--keep-blobs", "0s", "--keep-failed", "30d", "--age-wait", "0s")
         farm.start_worker()
         job = farm.submit(farm.scene(), "--size", "32x32", "--spp", "4", "--name", "old")
         farm.wait_for_job(job)

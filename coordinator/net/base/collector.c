@@ -79,7 +79,11 @@ static void collect_release(struct task *task)
  * whose sessions stay, do not count. */
 static int64_t blobs_cutoff(const struct server *server, int now)
 {
-    int64_t cutoff = blobs_now() - (now ? 0 : server->collector.policy.keep_blobs_s * 1000000000);
+    const struct collector *c = &server->collector;
+    int64_t keep_s = now ? 0 : c->policy.keep_blobs_s, cutoff = 0;
+
+    if (keep_s == 0 || !c->ages_wait)
+        cutoff = blobs_now() - keep_s * 1000000000;
 
     for (const struct session *s = server->sessions; s; s = s->next)
         if (s->blobs_since_ns && !(now && s->token) && s->blobs_since_ns - BLOB_TIME_STEP_NS < cutoff)
@@ -113,6 +117,33 @@ static const struct task_kind collect_kind = {"what takes the store's room",
                                               sizeof(struct collect_task), collect_run, collect_end,
                                               collect_release, 0};
 
+/* Do ages wait in the round that begins? The log says what they keep. */
+static void judge_ages(struct server *server)
+{
+    struct collector *c = &server->collector;
+    char text[AGE_CLOCK_TEXT_MAX + 1];
+    enum age_verdict verdict;
+    int64_t newest_s;
+    size_t due;
+    int asked = 0;
+
+    for (uint32_t i = 0; i < c->serving; i++)
+        asked |= c->asked[i].collect;
+    newest_s = collect_newest(&server->farm, &c->policy, &due);
+    verdict = age_clock_judge(&c->clock, newest_s, asked);
+    c->ages_wait = verdict != AGES_COUNT;
+    if (!c->ages_wait || due == 0 || (verdict == AGES_WAIT && c->announced_ns == c->clock.since_ns))
+        return;
+    age_clock_text(text, &c->clock, verdict, newest_s);
+    if (verdict == AGES_WAIT) {
+        c->announced_ns = c->clock.since_ns;
+        log_info("%zu job%s would go by age (--keep): %s", due, due == 1 ? "" : "s", text);
+    } else {
+        struct error why = {0};
+        note_held(c, error_set(&why, STATUS_ERR_REFUSED, "%s", text), &why);
+    }
+}
+
 static void begin_round(struct server *server, uint64_t now_ns)
 {
     struct collector *c = &server->collector;
@@ -132,6 +163,7 @@ static void begin_round(struct server *server, uint64_t now_ns)
         return;
     }
     t->policy = c->policy;
+    judge_ages(server);
     for (uint32_t i = 0; i < c->serving; i++)
         now |= c->asked[i].collect && c->asked[i].now;
     t->sweep.cutoff_ns = blobs_cutoff(server, now);
@@ -199,8 +231,10 @@ static void end_round(struct server *server, uint64_t now_ns)
     }
     c->round_removed = 0;
     c->rounds = 0;
-    if (may_remove(c))
-        c->next_ns = now_ns + period_ns(&c->policy);
+    if (may_remove(c)) {
+        uint64_t left_ns = c->ages_wait ? age_clock_left_ns(&c->clock) : 0, period = period_ns(&c->policy);
+        c->next_ns = now_ns + (left_ns > 0 && left_ns < period ? left_ns : period);
+    }
     answer(server, STATUS_OK, &none);
 }
 
@@ -209,11 +243,14 @@ static void collect_end(struct task *task)
     struct collect_task *t = (struct collect_task *)task;
     struct server *server = task->server;
     struct collector *c = &server->collector;
+    struct retention_policy policy = c->policy;
     struct error err = {0};
     uint64_t now_ns = clock_monotonic_ns();
     status s = task->result;
 
     c->running = 0;
+    if (c->ages_wait)
+        retention_ages_wait(&policy);
     store_clear_held(server->store); /* both remove, and exclude each other: what met this round's sweep, too, goes now */
     if (s != STATUS_OK) {
         log_warn("%s", task->error.text);
@@ -236,7 +273,7 @@ static void collect_end(struct task *task)
         note_held(c, t->swept, &t->why);
     }
     if (may_remove(c) && server->state == SERVER_LISTENING)
-        s = collect_plan(&c->plan, &server->farm, &c->policy, &c->footprint,
+        s = collect_plan(&c->plan, &server->farm, &policy, &c->footprint,
                          t->sweeps && t->swept == STATUS_OK ? t->sweep.users : NULL,
                          t->sweeps && t->swept == STATUS_OK ? t->sweep.count : 0, collector_is_read, server, &err);
     note_held(c, s, &err);
@@ -272,6 +309,11 @@ void collector_tick(struct server *server, uint64_t now_ns)
 {
     struct collector *c = &server->collector;
 
+    if (age_clock_look(&c->clock, server->farm.wall_s, clock_boot_ns())) {
+        char text[AGE_CLOCK_TEXT_MAX + 1];
+        age_clock_text(text, &c->clock, AGES_JUMPED, 0);
+        log_warn("%s", text);
+    }
     if (c->running)
         return;
     if (c->plan.count > 0) {

@@ -5,11 +5,12 @@
  *                                                  +--jobs were removed: their blobs may go--+
  *
  * A round measures the store's folders. Blobs are swept (sweep.h) if somebody asked for it, if a job was removed, once
- * a day, and if the store exceeds its limit. Removing happens on the loop's thread, where it is known what each job
+ * a day, and if the store exceeds its limit. Ages count by a clock that can be right (age_clock.h). Removing happens on the loop's thread, where it is known what each job
  * needs at that moment. A coordinator that is killed in between has removed less: the next round plans again.
  */
 #pragma once
 
+#include "coordinator/steering/age_clock.h"
 #include "coordinator/steering/collect.h"
 
 struct server;
@@ -27,6 +28,9 @@ enum {
 
 struct collector {
     struct retention_policy policy;
+    struct age_clock clock;
+    int ages_wait;              /* in this round nothing is removed by age */
+    uint64_t announced_ns;      /* of clock.since_ns: the log has said what waits */
     struct footprint footprint; /* as it was measured last */
     uint64_t measured_ns;       /* monotonic; 0: not yet */
     uint64_t next_ns;           /* the next round; 0: at once */
