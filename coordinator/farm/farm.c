@@ -49,6 +49,7 @@ status farm_init(struct farm *farm, struct store *store, uint64_t lease_ns, cons
     }
     if (farm->queue.count > 0)
         farm->last_old_job = farm->queue.all[farm->queue.count - 1]->id;
+    farm->told = epoch;
     lease_table_init(&farm->leases, epoch, lease_ns);
     return STATUS_OK;
 }

@@ -164,6 +164,7 @@ struct farm {
     struct job *to_develop; /* jobs with pictures to be made again, a list */
     struct job *developing; /* one of this job is being made */
     struct trouble trouble; /* the store cannot be used */
+    uint64_t told;          /* of the last message about a job (azulejo.proto, JobInfo) */
     uint64_t sync_ns;       /* what the last sync of films took */
     int resume_wanted;      /* films on disk are to be opened */
     int unsaved;            /* some job is `unsaved` */

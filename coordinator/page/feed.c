@@ -179,6 +179,8 @@ static void tell_if_new(struct feed *feed, Azulejo__Wire__FarmChange *change, ui
     if (now == *hash)
         return;
     *hash = now;
+    if (change->change_case == AZULEJO__WIRE__FARM_CHANGE__CHANGE_JOB)
+        change->job->told = ++feed->server->farm.told;
     tell(feed, change);
 }
 

@@ -159,6 +159,28 @@ def removed_while_asked_for():
 
 
 @tests.add
+def overtaken_by_an_answer():
+    """an event that was sent before an answer and comes after it does not bring the job's former state back"""
+    with Desk(jobs=1) as desk:
+        page = desk.open("#/job/1")
+        desk.rows([1])
+        page.wait("[...document.querySelectorAll('#side button')].some(b => b.textContent === 'Pause')")
+        page.js("import('/assets/state.js').then(({state}) => { window.former = structuredClone(state.job(1)); })")
+        page.click("=Pause")
+        page.wait("document.querySelector(\"li[data-job='1']\").className === 'paused'")
+        state = page.js("""import('/assets/state.js').then(({takeEvent, state}) => {
+            takeEvent('job', window.former);
+            return state.job(1).state;
+        })""")
+        expect(state == "paused", "the job is %s again" % state)
+        page.allow("WebSocket|ERR_|closed|503")
+        desk.farm.coordinator.kill()
+        desk.farm.restart_coordinator("--web", "127.0.0.1:%d" % desk.web.port)
+        desk.farm.cli("resume", 1, expect=0)
+        page.wait("document.querySelector(\"li[data-job='1']\").className === 'queued'", "news of the one that was started again")
+
+
+@tests.add
 def filters_and_links():
     """filter and words survive a reload; a link shows its job and frame, back the one before; a removed job is said"""
     with Desk(jobs=3) as desk:

@@ -64,11 +64,14 @@ export const nameOf = (name, job) => (/[^\s\p{C}\p{Default_Ignorable_Code_Point}
 
 /* Keys that only the answer about one job has (azulejo.proto) stay until it is asked again. */
 const ONLY_ALONE = ['done', 'developed', 'resting'];
-export function takeJob(info) {
-  const before = jobs.get(info.job);
-  info.name = nameOf(info.name, info.job);
-  if (before) for (const key of ONLY_ALONE) if (!info[key] && before[key]) info[key] = before[key];
-  jobs.set(info.job, info);
+/* Answers and events come by connections of their own: an older one may come after a newer one. `first`: of a list that begins
+ * what is known. */
+export function takeJob(info, first) {
+  const before = jobs.get(info.job), late = !first && before && BigInt(info.told || 0) < BigInt(before.told || 0);
+  const [now, other] = late ? [before, info] : [info, before];
+  now.name = nameOf(now.name, now.job);
+  if (other) for (const key of ONLY_ALONE) if (!now[key] && other[key]) now[key] = other[key];
+  jobs.set(now.job, now);
   if (touched) touched.add(info.job);
   const all = change().jobs;
   if (!all.has(info.job)) all.set(info.job, before && before.state);
@@ -124,7 +127,7 @@ export function load() {
   const take = (list) => {
     for (const info of list) {
       seen.add(info.job);
-      if (!touched.has(info.job)) { takeJob(info); touched.delete(info.job); }
+      if (!touched.has(info.job)) { takeJob(info, true); touched.delete(info.job); }
     }
   };
   loading = (async () => {

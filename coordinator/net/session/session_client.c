@@ -99,6 +99,7 @@ static status send_list(struct session *session, uint64_t request, struct job *c
     if (s == STATUS_OK) {
         for (size_t i = 0; i < count; i++) {
             job_report_make(&reports[i], &session->server->farm, jobs[i], now_ns);
+            reports[i].message.told = ++session->server->farm.told;
             pointers[i] = &reports[i].message;
         }
         if (count == 1)
