@@ -1,4 +1,5 @@
 /* builder: the end of an import, when the tables are handed over as a scene. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -102,15 +103,21 @@ static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
     return STATUS_OK;
 }
 
-/* A scene without light would be black. Unlit materials emit by themselves and need none. */
+/* Unlit materials emit by themselves and need no light. */
+static int is_unlit(const struct scene *scene)
+{
+    for (uint32_t i = 0; i < scene->instance_count; i++)
+        if (!scene->materials[scene->instances[i].material].unlit)
+            return 0;
+    return scene->instance_count > 0;
+}
+
+/* A scene without light would be black. */
 static int is_dark(const struct scene *scene)
 {
     const uint64_t lights = EFFECT_PUNCTUAL_LIGHT | EFFECT_ENVIRONMENT | EFFECT_EMISSIVE_MESH;
-    int needs_light = scene->instance_count == 0;
 
-    for (uint32_t i = 0; i < scene->instance_count && !needs_light; i++)
-        needs_light = !scene->materials[scene->instances[i].material].unlit;
-    return needs_light && !(scene_effects_default(scene, 0) & lights);
+    return !is_unlit(scene) && !(scene_effects_default(scene, 0) & lights);
 }
 
 static void light_evenly(struct builder *b)
@@ -125,19 +132,40 @@ static void light_evenly(struct builder *b)
                  b->no_light_hint);
 }
 
+/* Where the emission of surfaces is the scene's only light: how many instances shine, if none does so as a lamp. glTF's
+ * emissiveFactor and MTL's Ke of at most 1 are meant to be seen beside other light; lamps have a strength above that. */
+static uint32_t count_glowing(const struct scene *scene)
+{
+    uint32_t count = 0;
+
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        const float *emission = scene->materials[scene->instances[i].material].emission;
+        if (emission[0] > 1 || emission[1] > 1 || emission[2] > 1)
+            return 0;
+        count += emission[0] > 0 || emission[1] > 0 || emission[2] > 0;
+    }
+    return count;
+}
+
 /* Add what the file lacks for a picture, and say so: a camera was `added` if it had none. Lights without power are meant to be off. */
 static status complete(struct builder *b, int added, const struct import_options *options)
 {
-    int dark = is_dark(&b->out->scene), unlit = dark && !b->has_light && !b->environment.present;
-    int studio = unlit && strcmp(options->studio, "on") == 0 && b->out->scene.instance_count > 0;
+    const struct scene *scene = &b->out->scene;
+    int stated = b->has_light || b->environment.present, dark = is_dark(scene), unlit = dark && !stated;
+    uint32_t glowing = dark || stated || is_unlit(scene) ? 0 : count_glowing(scene);
+    int studio = (unlit || glowing > 0) && strcmp(options->studio, "on") == 0 && scene->instance_count > 0;
+    const char *off = glowing > 0 ? "none" : "an even white environment instead";
+    char only[64] = "";
 
+    if (glowing > 0)
+        snprintf(only, sizeof only, " but %u surface%s that glow%s", glowing, glowing == 1 ? "" : "s", glowing == 1 ? "s" : "");
     if (studio)
         TRY(studio_light(b));
     if (studio && added) {
         builder_warn(b, "no camera, no light",
-                     "the file has neither camera nor light: a camera that looks at the whole scene, a soft studio light and "
-                     "a grey ground were added (--studio off: an even white environment instead)%s%s",
-                     b->no_camera_hint, b->no_light_hint);
+                     "the file has neither camera nor light%s: a camera that looks at the whole scene, a soft studio light and "
+                     "a grey ground were added (--studio off: %s)%s%s",
+                     only, off, b->no_camera_hint, b->no_light_hint);
         return studio_ground(b, b->framed_center, b->framed_low_y, b->framed_distance);
     }
     if (added)
@@ -145,9 +173,9 @@ static status complete(struct builder *b, int added, const struct import_options
                      b->no_camera_hint);
     if (studio)
         builder_warn(b, "no light",
-                     "the file has no light: a soft studio light was added (give an environment map, or add lights to the "
-                     "file; --studio off: an even white environment)%s",
-                     b->no_light_hint);
+                     "the file has no light%s: a soft studio light was added (give an environment map, or add lights to the "
+                     "file; --studio off: %s)%s",
+                     only, off, b->no_light_hint);
     else if (unlit)
         light_evenly(b);
     else if (dark)

@@ -133,12 +133,13 @@ static void test_camera_only(void **state)
 static void test_what_needs_none(void **state)
 {
     static const char *const files[] = {
-        /* a lamp, a lamp of no power, a surface that shines, surfaces that are not lit */
+        /* a lamp, a lamp of no power, a surface that shines as a lamp, surfaces that are not lit */
         NODES("\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}") "," BOX
         ",\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[{\"type\":\"point\"}]}}",
         NODES("\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}") "," BOX
         ",\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[{\"type\":\"point\",\"intensity\":0}]}}",
-        NODES("\"name\":\"n\"") ",\"materials\":[{\"emissiveFactor\":[1,1,1]}],\"meshes\":[{\"primitives\":[{"
+        NODES("\"name\":\"n\"") ",\"materials\":[{\"emissiveFactor\":[1,1,1],\"extensions\":{"
+        "\"KHR_materials_emissive_strength\":{\"emissiveStrength\":1.1}}}],\"meshes\":[{\"primitives\":[{"
         "\"material\":0,\"indices\":1,\"attributes\":{\"POSITION\":0}}]}]",
         NODES("\"name\":\"n\"") ",\"materials\":[{\"extensions\":{\"KHR_materials_unlit\":{}}}],\"meshes\":[{\"primitives\":[{"
         "\"material\":0,\"indices\":1,\"attributes\":{\"POSITION\":0}}]}]",
@@ -156,6 +157,42 @@ static void test_what_needs_none(void **state)
     }
 }
 
+#define GLOWS ",\"materials\":[{\"emissiveFactor\":[0,0,1]}],\"meshes\":[{\"primitives\":[{" \
+              "\"material\":0,\"indices\":1,\"attributes\":{\"POSITION\":0}}]}]"
+
+/* A screen, or a lens of a headlight, does not light a model: its picture would be black but for them. */
+static void test_what_only_glows(void **state)
+{
+    struct import_result r;
+    float least, most;
+
+    (void)state;
+    import_box(NODES("\"name\":\"n\"") GLOWS, "on", &r);
+    assert_int_equal(r.scene.instance_count, 2); /* and the ground */
+    assert_int_equal(r.warning_count, 1);
+    assert_warned(&r, "neither camera nor light but 1 surface that glows");
+    assert_warned(&r, "--studio off: none");
+    read_map(&r, &least, &most);
+    import_result_release(&r);
+
+    import_box(NODES("\"camera\":0") GLOWS "," CAMERA, "on", &r);
+    assert_int_equal(r.scene.instance_count, 1);
+    assert_int_equal(r.warning_count, 1);
+    assert_warned(&r, "no light but 1 surface that glows: a soft studio light");
+    import_result_release(&r);
+
+    import_box(NODES("\"camera\":0") GLOWS "," CAMERA, "off", &r);
+    assert_false(r.scene.environment.present);
+    assert_int_equal(r.warning_count, 0);
+    import_result_release(&r);
+
+    import_box(NODES("\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}") GLOWS
+               ",\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[{\"type\":\"point\"}]}}", "on", &r);
+    assert_false(r.scene.environment.present);
+    assert_int_equal(r.scene.instance_count, 1);
+    import_result_release(&r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -163,6 +200,7 @@ int main(void)
         cmocka_unit_test(test_same_bits),
         cmocka_unit_test(test_camera_only),
         cmocka_unit_test(test_what_needs_none),
+        cmocka_unit_test(test_what_only_glows),
     };
 
     return cmocka_run_group_tests_name("studio", tests, NULL, NULL);
