@@ -276,5 +276,34 @@ def discarded_job():
         expect("preview" not in result.err, "there is no frame in work: %s" % result)
 
 
+@tests.add
+def limits_far_too_short():
+    """limits of a millisecond, alone and beside each other rule, at any size: each tile has samples, and the limit is named"""
+    sizes = (["--size", "16x16"], ["--size", "17x33"], ["--size", "640x400"], ["--size", "320x200", "--region", "17,5,200,150"])
+    limits = {"time": ["--time-limit", "0.001s"], "cores": ["--core-limit", "0.001s"]}
+    others = ([], ["--target-error", "1/255"], ["--allocation", "adaptive"], ["--allocation", "uniform"], ["--frames", "1-3"])
+    with Farm() as farm:
+        farm.start_coordinator()
+        for _ in range(2):
+            farm.start_worker(rests=False)
+        jobs = {}
+        for size in sizes:
+            for end, limit in limits.items():
+                for other in others if size is sizes[-1] else [[]]:
+                    jobs[farm.submit(farm.scene(), "--spp", "1000000", *size, *limit, *other)] = (end, size, other)
+            jobs[farm.submit(farm.scene(), "--spp", "1000000", *size, *limits["time"], *limits["cores"])] = ("time cores", size, "both")
+        for number, (end, size, other) in jobs.items():
+            farm.wait_for_job(number)
+            for cut in farm.job(number)["cut_frames"]:
+                expect(cut["tiles_empty"] == 0 and cut["samples_min"] > 0, (size, other, cut))
+                expect(cut["end"] in end.split(), (size, other, end, cut))
+            expect(len(farm.job(number)["cut_frames"]) == (3 if "--frames" in other else 1), (size, other, farm.job(number)))
+            for path in farm.fetch(number, "out-%d" % number):
+                if path.endswith(".exr"):
+                    picture = read_exr(path)
+                    expect(picture.number("azulejo:samplesMin") > 0 and picture.number("azulejo:tilesWithoutSamples") == 0,
+                           (size, end, other))
+
+
 if __name__ == "__main__":
     tests.run()
