@@ -95,7 +95,7 @@ def main():
     check = "--check" in sys.argv
     paths = [a for a in sys.argv[1:] if a != "--check"]
     if not paths:
-        paths = subprocess.run(["git", "ls-files", "*.c", "*.h"], check=True, capture_output=True,
+        paths = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", "*.c", "*.h"], check=True, capture_output=True,
                                text=True).stdout.split()
     wrong = 0
     batches = [paths[at:at + BATCH] for at in range(0, len(paths), BATCH)]
