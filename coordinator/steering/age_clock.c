@@ -58,7 +58,9 @@ void age_clock_text(char out[AGE_CLOCK_TEXT_MAX + 1], const struct age_clock *cl
                     int64_t newest_s)
 {
     char now[32], newest[32], jump[DURATION_TEXT_SIZE], wait[DURATION_TEXT_SIZE];
+    int64_t jump_s = llabs(clock->jump_s);
 
+    jump_s += jump_s > 3600 ? AGE_CLOCK_JUMP_S : 0; /* not "59 days" where a second is missing */
     utc_text(now, clock->wall_s);
     duration_text(wait, clock->wait_s);
     switch (verdict) {
@@ -70,7 +72,7 @@ void age_clock_text(char out[AGE_CLOCK_TEXT_MAX + 1], const struct age_clock *cl
     case AGES_JUMPED:
         snprintf(out, AGE_CLOCK_TEXT_MAX + 1,
                  "the clock jumped %s by %s, to %s: nothing is removed by age for %s from then on (--age-wait)",
-                 clock->jump_s < 0 ? "back" : "ahead", duration_words(jump, llabs(clock->jump_s)), now, wait);
+                 clock->jump_s < 0 ? "back" : "ahead", duration_words(jump, jump_s), now, wait);
         return;
     case AGES_WAIT:
         snprintf(out, AGE_CLOCK_TEXT_MAX + 1,

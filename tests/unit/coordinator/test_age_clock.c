@@ -72,6 +72,17 @@ static void a_jump_begins_the_wait_again(void **state)
     }
 }
 
+static void a_second_makes_no_day(void **state)
+{
+    struct age_clock clock = begun();
+    char text[AGE_CLOCK_TEXT_MAX + 1];
+
+    (void)state;
+    pass(&clock, 1, 1 - 60 * DAY);
+    age_clock_text(text, &clock, AGES_JUMPED, 0);
+    assert_non_null(strstr(text, "back by 60 days"));
+}
+
 static void nothing_counts_before_what_has_happened(void **state)
 {
     struct age_clock clock = begun();
@@ -93,6 +104,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_even_clock_is_believed_after_a_wait),
         cmocka_unit_test(a_jump_begins_the_wait_again),
+        cmocka_unit_test(a_second_makes_no_day),
         cmocka_unit_test(nothing_counts_before_what_has_happened),
     };
 
