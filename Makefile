@@ -461,7 +461,7 @@ test: tests layers circles fields words budget docs-check ## every test; the end
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh
 
 steady: tests ## which tests of farms and pages waver on a busy machine: N rounds in random order (N=3, SEED=1, ONLY=PATTERN)
-	@BUILD=$(BUILD) tests/steady.py --rounds $(or $(N),3) --seed $(or $(SEED),1) $(ONLY)
+	@BUILD=$(BUILD) tests/steady.py --rounds $(or $(N),3) --seed $(or $(SEED),1) $(if $(ONLY),'$(ONLY)')
 
 fault-loop: tests ## each call of worker and coordinator fails once, of every kind, until none is left (a quarter of an hour)
 	@BUILD=$(BUILD) FAULT_LOOP=all python3 tests/farm/test_fault_loop.py

@@ -183,12 +183,14 @@ class Clients:
     COMMANDS = ("submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend", "workers", "start",
                 "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "owners", "token",
                 "webhook", "key", "keygen")
+    PROGRAM = os.path.join(BUILD, "tests/farm/clients")  # an older release, which a benchmark measures, has none
     running = None
 
     @classmethod
     def take(cls, argv, environment):
         """Those that can run this command as its program would run; None: the program it is."""
-        if SANITIZED or BIN != SOUND or argv[1] not in cls.COMMANDS or sum(map(len, argv)) > 100000:
+        if SANITIZED or BIN != SOUND or argv[1] not in cls.COMMANDS or sum(map(len, argv)) > 100000 or \
+                not os.path.exists(cls.PROGRAM):
             return None
         if cls.running is None:
             cls.running = cls(environment)
@@ -206,7 +208,7 @@ class Clients:
         self.environment = environment
         self.socket, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with its:
-            self.process = subprocess.Popen([os.path.join(BUILD, "tests/farm/clients"), str(its.fileno())],
+            self.process = subprocess.Popen([self.PROGRAM, str(its.fileno())],
                                             stdin=subprocess.DEVNULL, env=environment, pass_fds=[its.fileno()])
         atexit.register(self.end)
 

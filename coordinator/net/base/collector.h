@@ -5,8 +5,9 @@
  *                                                  +--jobs were removed: their blobs may go--+
  *
  * A round measures the store's folders. Blobs are swept (sweep.h) if somebody asked for it, if a job was removed, once
- * a day, and if the store exceeds its limit. Ages count by a clock that can be right (age_clock.h). Removing happens on the loop's thread, where it is known what each job
- * needs at that moment. A coordinator that is killed in between has removed less: the next round plans again.
+ * a day, and if the store exceeds its limit. Ages count by a clock that can be right (age_clock.h). Removing happens on
+ * the loop's thread, where it is known what each job needs at that moment. A coordinator that is killed in between has
+ * removed less: the next round plans again.
  */
 #pragma once
 
