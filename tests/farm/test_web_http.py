@@ -4,11 +4,13 @@ import base64
 import hashlib
 import os
 import re
+import select
 import signal
 import socket
 import ssl
 import stat
 import struct
+import subprocess
 import sys
 import threading
 import time
@@ -351,6 +353,70 @@ def slow():
         polite.drop()
         for peer in (headers, body, reader, silent, stream, dumb):
             peer.close()
+
+
+def cpu_seconds(pid):
+    with open("/proc/%d/stat" % pid) as stat:
+        return sum(map(int, stat.read().rsplit(")", 1)[1].split()[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+def answers_to(peer, count, limit_s=30):
+    """What comes until so many answers are whole."""
+    got, found, end = bytearray(), 0, time.monotonic() + limit_s * PATIENCE
+    while found < count and time.monotonic() < end:
+        peer.settimeout(max(0.1, end - time.monotonic()))
+        data = peer.recv(65536)
+        if not data:
+            break
+        found += (got[-6:] + data).count(b"</html>")
+        got += data
+    return got
+
+
+@tests.add
+def more_than_was_asked_for():
+    """a client that says more, or that it says no more, before its answer is over costs no processor time"""
+    with Farm() as farm:
+        page = started(farm)
+        web = int(subprocess.check_output(["pgrep", "-P", str(farm.coordinator.pid), "azulejo-web"]))
+        stream = request_bytes(page, "/api/v1/events", more="authorization: Bearer %s\r\n" % page.token)
+        talks, ends, asks, half = (page.connect() for _ in range(4))
+        for peer in (talks, ends):
+            peer.sendall(stream)
+            expect(statuses(peer.recv(4096)) == [200], "a stream")
+        talks.sendall(b"x")
+        ends.shutdown(socket.SHUT_WR)
+        expect(is_closed(ends, 5), "a stream whose client says no more")
+        asks.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        asks.setblocking(False)
+        asked, one = 0, request_bytes(page, "/")
+        while asked < 3000 * len(one):  # until both sides are full
+            try:
+                asked += asks.send(one[asked % len(one):])
+            except BlockingIOError:
+                if wait_for_room(asks):
+                    continue
+                break
+        half.sendall(one)
+        half.shutdown(socket.SHUT_WR)
+        expect(statuses(answers_to(half, 1)) == [200], "the answer to one that says no more")
+        before, begun = cpu_seconds(web), time.monotonic()
+        while time.monotonic() < begun + 3:
+            expect(page.get("/healthz").status == 200, "others are answered")
+            time.sleep(0.1)
+        spent = cpu_seconds(web) - before
+        if not SANITIZED:
+            expect(spent < 0.15 * (time.monotonic() - begun), "%.1f s of processor time for those who wait" % spent)
+        asks.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        got = statuses(answers_to(asks, asked // len(one)))
+        expect(got == [200] * (asked // len(one)), "%d of %d answers" % (len(got), asked // len(one)))
+        for peer in (talks, ends, asks, half):
+            peer.close()
+
+
+def wait_for_room(peer):
+    """Can more be sent within half a second?"""
+    return bool(select.select([], [peer], [], 0.5)[1])
 
 
 @tests.add

@@ -10,6 +10,13 @@ enum { NEVER_S = 300000000 };
 
 _Static_assert(HTTP_PIECE_ROOM >= LWS_PRE, "the library's framing fits in front of a piece");
 
+static int and_pause(struct http_connection *c, int result)
+{
+    if (result == 0 && (c->state == HTTP_ANSWERING || c->state == HTTP_IDLE))
+        http_pause_reading(c);
+    return result;
+}
+
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user UNUSED, void *in, size_t size)
 {
     struct http_connection *c = wsi ? lws_get_opaque_user_data(wsi) : NULL;
@@ -19,10 +26,10 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     c->wsi = wsi;
     switch (reason) {
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE: return http_on_upgrade(c, in);
-    case LWS_CALLBACK_HTTP: return http_on_request(c);
+    case LWS_CALLBACK_HTTP: return and_pause(c, http_on_request(c));
     case LWS_CALLBACK_HTTP_BODY: return http_on_body(c, in, size);
     case LWS_CALLBACK_HTTP_BODY_COMPLETION: return http_on_body_end(c);
-    case LWS_CALLBACK_HTTP_WRITEABLE: return http_on_writable(c);
+    case LWS_CALLBACK_HTTP_WRITEABLE: return and_pause(c, http_on_writable(c));
     case LWS_CALLBACK_RAW_RX: return http_on_no_request(c, in, size);
     case LWS_CALLBACK_CLOSED_HTTP: http_request_gone(c); return 0;
     case LWS_CALLBACK_ESTABLISHED: return http_socket_open(c);
@@ -148,6 +155,8 @@ void http_tick(struct http *http, uint64_t now_ns)
         next = c->next;
         if (c->socket)
             http_socket_tick(c, now_ns);
+        else if (c->wsi && !c->is_ending)
+            (void)and_pause(c, 0);
         if (c->deadline_ns && now_ns >= c->deadline_ns)
             http_end_now(c);
         else if (c->was_refused)

@@ -2,6 +2,7 @@
 #include "web/api/request.h"
 
 #include <inttypes.h>
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -64,7 +65,7 @@ static void begin(struct web_request *request, unsigned code, const char *type, 
     if (!c || c->begun)
         return;
     c->begun = 1;
-    http_resume_body(c);
+    http_resume_reading(c);
     if (c->body_left > 0)
         c->close_after = c->lingers = 1; /* what is left of it is not wanted */
     c->no_body = c->is_head || code == 204 || code == 304;
@@ -95,6 +96,7 @@ void web_write(struct web_request *request, const void *data, size_t size)
 
     if (!c || !c->begun || c->no_body || size == 0)
         return;
+    http_resume_reading(c);
     if (c->out.bytes == 0)
         http_deadline(c, HTTP_STALL_MS);
     if (!c->is_chunked && !c->is_old && size > c->length_left)
@@ -127,6 +129,7 @@ void web_end(struct web_request *request)
         http_queue_add(&c->out, HTTP_PIECE_STREAM, "0\r\n\r\n", 5);
     c->close_after |= c->length_left > 0; /* the client sees that something is missing */
     c->ended = 1;
+    http_resume_reading(c);
     http_deadline(c, HTTP_STALL_MS);
     lws_callback_on_writable(c->wsi);
     http_request_over(c);
@@ -178,12 +181,34 @@ int http_on_writable(struct http_connection *c)
     return c->close_after || lws_http_transaction_completed(c->wsi) ? -1 : 0;
 }
 
-/* While a connection is not read, the library does not write to it either. */
-void http_resume_body(struct http_connection *c)
+/* While an answer is under way, or the last one has not left the kernel, the library reads nothing, and is called again
+ * and again, a processor full of calls, for what its client says meanwhile: more requests, anything else, or that it
+ * says no more. While nothing can be written, such a connection is not read. */
+void http_pause_reading(struct http_connection *c)
 {
-    if (!c->body_paused)
+    const int has_output = c->state == HTTP_IDLE || c->out.bytes > 0 || lws_partial_buffered(c->wsi);
+    struct pollfd now = {.fd = lws_get_socket_fd(c->wsi), .events = POLLIN | POLLOUT | POLLRDHUP};
+
+    if (c->is_dead || poll(&now, 1, 0) <= 0)
         return;
-    c->body_paused = 0;
+    if ((now.revents & (POLLERR | POLLHUP)) ||
+        ((now.revents & POLLRDHUP) && c->begun && c->is_chunked && !c->ended && !has_output)) {
+        http_kill(c); /* nobody waits for the next event of such a stream */
+    } else if (c->reading_paused) {
+        if (has_output && (now.revents & POLLOUT))
+            http_resume_reading(c);
+    } else if ((now.revents & (POLLIN | POLLRDHUP)) && !(has_output && (now.revents & POLLOUT))) {
+        c->reading_paused = 1;
+        lws_rx_flow_control(c->wsi, 0);
+    }
+}
+
+/* While a connection is not read, the library does not write to it either. */
+void http_resume_reading(struct http_connection *c)
+{
+    if (!c->reading_paused)
+        return;
+    c->reading_paused = 0;
     lws_rx_flow_control(c->wsi, 1);
 }
 
@@ -191,9 +216,9 @@ void web_pause_body(struct web_request *request, int paused)
 {
     struct http_connection *c = request->connection;
 
-    if (!c || c->state != HTTP_BODY || c->body_paused == paused)
+    if (!c || c->state != HTTP_BODY || c->reading_paused == paused)
         return;
-    c->body_paused = paused;
+    c->reading_paused = paused;
     http_deadline(c, paused ? 0 : HTTP_STALL_MS);
     lws_rx_flow_control(c->wsi, !paused);
 }

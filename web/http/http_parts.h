@@ -53,7 +53,8 @@ struct http_connection {
     int close_after;                /* the connection ends with this answer, */
     int lingers;                    /* and some of what still comes is skipped first */
     int body_over;                  /* the library has reported the end of the body */
-    int body_paused, running;       /* a socket's handlers on the stack */
+    int reading_paused;             /* it is not read: its handler is behind, or its answer is under way */
+    int running;                    /* a socket's handlers on the stack */
     int is_dead;                    /* to be ended; */
     int is_ending;                  /* the library ends it, once the loop has closed its socket */
     int was_refused;                /* by the library, when it was new */
@@ -121,8 +122,9 @@ int http_on_body_end(struct http_connection *c);
 int http_on_upgrade(struct http_connection *c, const char *to); /* 1: answered already */
 int http_on_no_request(struct http_connection *c, const char *data, size_t size); /* its first line is none that the library knows */
 /* ---- http_answer.c ---- */
-void http_resume_body(struct http_connection *c); /* if it is paused */
+void http_resume_reading(struct http_connection *c); /* if it is paused */
 int http_on_writable(struct http_connection *c);
+void http_pause_reading(struct http_connection *c); /* if need be, or resume it: of one that is IDLE or ANSWERING */
 /* ---- http_socket.c ---- */
 int http_socket_open(struct http_connection *c);
 void http_socket_heard(struct http_connection *c);

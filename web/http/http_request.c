@@ -319,9 +319,9 @@ static int end_pipeline(struct http_connection *c)
 {
     c->close_after = 1;
     if (!c->begun && c->request) {
-        if (!c->body_paused)
+        if (!c->reading_paused)
             lws_rx_flow_control(c->wsi, 0);
-        c->body_paused = 1; /* the answer's begin resumes it */
+        c->reading_paused = 1; /* the answer's begin resumes it */
         return c->is_dead ? -1 : 0;
     }
     while (c->out.bytes > 0 && !lws_send_pipe_choked(c->wsi) && http_on_writable(c) == 0)
@@ -340,7 +340,7 @@ int http_on_body_end(struct http_connection *c)
         return c->is_dead ? -1 : 0;
     c->state = HTTP_ANSWERING;
     http_deadline(c, 0);
-    http_resume_body(c);
+    http_resume_reading(c);
     if (!request->base.route->streams_body)
         return run_handler(c);
     if (request->base.on_body)
