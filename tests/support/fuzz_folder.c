@@ -6,9 +6,11 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "tests/support/scratch_folder.h"
+
 enum { PATH_SIZE = 128 };
 
-static char folder[PATH_SIZE / 2];
+static char folder[SCRATCH_PATH];
 
 static void clean_up(void)
 {
@@ -28,9 +30,7 @@ const char *fuzz_folder(void)
 {
     if (folder[0])
         return folder;
-    snprintf(folder, sizeof folder, "%s/azulejo-fuzz-XXXXXX", access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
-    if (!mkdtemp(folder))
-        abort();
+    scratch_folder(folder);
     atexit(clean_up);
     return folder;
 }

@@ -14,6 +14,7 @@
 #include "common/system/file.h"
 #include "common/base/memory.h"
 #include "tests/support/gltf_maker.h"
+#include "tests/support/scratch_folder.h"
 
 void pbrt_whole(const char *text, const char *folder, struct import_result *out)
 {
@@ -81,11 +82,12 @@ struct scene_material pbrt_material_of(const char *directive, struct import_resu
 
 char *pbrt_folder_make(void)
 {
-    char *folder = mem_strdup("/tmp/azulejo-pbrt-XXXXXX");
+    char folder[SCRATCH_PATH], *copy;
 
-    assert_non_null(folder);
-    assert_non_null(mkdtemp(folder));
-    return folder;
+    scratch_folder(folder);
+    copy = mem_strdup(folder);
+    assert_non_null(copy);
+    return copy;
 }
 
 void pbrt_folder_put(const char *folder, const char *name, const void *data, size_t size_bytes)

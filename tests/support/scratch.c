@@ -1,17 +1,16 @@
 #include "tests/support/scratch.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "common/system/file.h"
 
-char folder[32];
+char folder[SCRATCH_PATH];
 
 int folder_set_up(void **state)
 {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
+    scratch_folder(folder);
+    return 0;
 }
 
 int folder_tear_down(void **state)

@@ -1,7 +1,9 @@
-/* scratch: a folder of a test's own, which goes with all that is in it. */
+/* scratch: one folder for a test program, which goes with all that is in it. */
 #pragma once
 
-extern char folder[32]; /* its path */
+#include "tests/support/scratch_folder.h"
+
+extern char folder[SCRATCH_PATH]; /* its path */
 
 /* Fixtures of cmocka: the folder is made and removed. */
 int folder_set_up(void **state);

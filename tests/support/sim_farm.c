@@ -1,3 +1,4 @@
+#include "tests/support/scratch_folder.h"
 #include "tests/support/sim_farm.h"
 
 #include <math.h>
@@ -202,8 +203,7 @@ int sim_stored_set_up(void **state)
     struct sim_stored *f = calloc(1, sizeof *f);
 
     assert_non_null(f);
-    snprintf(f->folder, sizeof f->folder, "/tmp/azulejo-test-XXXXXX");
-    assert_non_null(mkdtemp(f->folder));
+    scratch_folder(f->folder);
     f->sim = calloc(1, sizeof *f->sim);
     assert_non_null(f->sim);
     begin(f);

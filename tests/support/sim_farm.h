@@ -11,6 +11,7 @@
 #include "coordinator/farm/farm.h"
 #include "coordinator/farm/merge.h"
 #include "coordinator/store/store.h"
+#include "tests/support/scratch_folder.h"
 
 enum { SIM_WORKERS_MAX = 8, SIM_UNITS_MAX = 4096, SIM_FREEZINGS_MAX = FRAMES_OPEN_MAX * GROUPS };
 
@@ -66,7 +67,7 @@ int sim_tear_down(void **state);
 /* A farm with a store in a folder of its own, and the same for cmocka: *state is a struct
  * sim_stored. */
 struct sim_stored {
-    char folder[64];
+    char folder[SCRATCH_PATH];
     struct store *store;
     struct sim *sim;
     unsigned workers; /* that the test has connected since the start */

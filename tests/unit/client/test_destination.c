@@ -13,6 +13,7 @@
 #include "client/follow/destination.h"
 #include "client/follow/fetch.h"
 #include "client/options/job_options.h"
+#include "tests/support/scratch_folder.h"
 
 static void expect(const char *out, uint32_t frames, unsigned formats, uint32_t frame, const char *extension,
                    const char *path)
@@ -102,12 +103,12 @@ static void frames_are_numbered(void **state)
 
 static void folders_are_proved(void **state)
 {
-    char folder[] = "/tmp/azulejo-test-XXXXXX";
+    char folder[SCRATCH_PATH];
     char path[64];
     struct error err = {0};
 
     (void)state;
-    assert_non_null(mkdtemp(folder));
+    scratch_folder(folder);
     snprintf(path, sizeof path, "%s/a/b", folder);
     assert_int_equal(fetch_check_folder(path, &err), STATUS_OK);
     /* Nothing is left behind: the folders can be removed at once. */

@@ -13,6 +13,7 @@
 
 #include "client/follow/picture_file.h"
 #include "common/system/file.h"
+#include "tests/support/scratch_folder.h"
 
 struct line {
     struct tonemap_options o;
@@ -180,14 +181,14 @@ static void files(void **state)
 {
     enum { WIDTH = 32, HEIGHT = 8 };
     const struct picture_options deep = {.bits = 16}, good = {.quality = 95};
-    char folder[] = "/tmp/azulejo-test-XXXXXX";
+    char folder[SCRATCH_PATH];
     char path[64];
     struct image image, back = {0};
     struct image8 coded;
     struct error err = {0};
 
     (void)state;
-    assert_non_null(mkdtemp(folder));
+    scratch_folder(folder);
     assert_int_equal(image_init(&image, WIDTH, HEIGHT, 3, &err), STATUS_OK);
     for (size_t i = 0; i < WIDTH * HEIGHT * 3; i++)
         image.pixels[i] = (float)(i / 3 % WIDTH) / (WIDTH - 1);

@@ -14,6 +14,7 @@
 
 #include "common/system/file.h"
 #include "coordinator/store/files/audit.h"
+#include "tests/support/scratch_folder.h"
 
 static const struct audit_actor person = {.who = "anna@ws3", .address = "10.0.0.7:512", .key = "client", .session = 4};
 
@@ -49,14 +50,14 @@ static long count_lines(const char *path, off_t *size)
 
 static void files_are_rotated_and_bounded(void **state)
 {
-    char folder[] = "/tmp/azulejo-audit-XXXXXX", long_text[1000], details[AUDIT_DETAILS_MAX + 1], name[32];
+    char folder[SCRATCH_PATH], long_text[1000], details[AUDIT_DETAILS_MAX + 1], name[32];
     struct error err = {0}, why = {.code = STATUS_ERR_REFUSED};
     struct audit a;
     off_t size;
     long written = 0, kept = 0;
 
     (void)state;
-    assert_non_null(mkdtemp(folder));
+    scratch_folder(folder);
     assert_int_equal(audit_init(&a, folder, &err), STATUS_OK);
     memset(long_text, 'x', sizeof long_text - 1);
     long_text[sizeof long_text - 1] = 0;
@@ -83,14 +84,14 @@ static void files_are_rotated_and_bounded(void **state)
 
 static void a_line_that_was_cut_is_ended(void **state)
 {
-    char folder[] = "/tmp/azulejo-audit-XXXXXX";
+    char folder[SCRATCH_PATH];
     struct error err = {0};
     struct audit a;
     FILE *file;
     off_t size;
 
     (void)state;
-    assert_non_null(mkdtemp(folder));
+    scratch_folder(folder);
     file = fopen(path_of(folder, "audit.log"), "w");
     fputs("{\"time\": \"2026-03-", file);
     fclose(file);
@@ -104,14 +105,14 @@ static void a_line_that_was_cut_is_ended(void **state)
 
 static void what_is_too_long_is_left_out(void **state)
 {
-    char folder[] = "/tmp/azulejo-audit-XXXXXX", details[AUDIT_DETAILS_MAX + 2];
+    char folder[SCRATCH_PATH], details[AUDIT_DETAILS_MAX + 2];
     struct audit_actor odd = {.key = "client"};
     struct error err = {0};
     struct audit a;
     off_t size;
 
     (void)state;
-    assert_non_null(mkdtemp(folder));
+    scratch_folder(folder);
     memset(details, ' ', sizeof details - 1);
     memcpy(details, "{}", 2);
     details[sizeof details - 1] = 0;

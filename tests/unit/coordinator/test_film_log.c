@@ -17,19 +17,20 @@
 #include "common/system/file.h"
 #include "coordinator/film/store_film.h"
 #include "tests/support/film_data.h"
+#include "tests/support/scratch_folder.h"
 
 enum { JOB = 7, FRAME = 3, TILES_MAX = 1024, LEVEL_BYTES = 180 };
 
-static char folder[64], work[96], copy[96], kept[96];
+static char folder[SCRATCH_PATH], work[96], copy[96], kept[96];
 
 static int make_folder(void **state)
 {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-film-log-%d", (int)getpid());
+    scratch_folder(folder);
     snprintf(work, sizeof work, "%s/work", folder);
     snprintf(copy, sizeof copy, "%s/copy", folder);
     snprintf(kept, sizeof kept, "%s/kept", folder);
-    return mkdir(folder, 0700);
+    return 0;
 }
 
 static int remove_folder(void **state)

@@ -20,18 +20,19 @@
 #include "protocol/azulejo.pb-c.h"
 #include "protocol/channel.h"
 #include "tests/support/film_data.h"
+#include "tests/support/scratch_folder.h"
 
 enum { WIDTH = 40, HEIGHT = 37, TILES = 3 * 3, SPP = 60, JOB = 7, FRAME = 3 };
 
-static char folder[64], kept[96], work[96];
+static char folder[SCRATCH_PATH], kept[96], work[96];
 
 static int make_folder(void **state)
 {
     (void)state;
-    snprintf(folder, sizeof folder, "/tmp/azulejo-film-reader-%d", (int)getpid());
+    scratch_folder(folder);
     snprintf(kept, sizeof kept, "%s/kept", folder);
     snprintf(work, sizeof work, "%s/work", folder);
-    return mkdir(folder, 0700);
+    return 0;
 }
 
 static int remove_folder(void **state)

@@ -15,6 +15,7 @@
 #include "coordinator/farm/forecast.h"
 #include "coordinator/job/history.h"
 #include "coordinator/store/store.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/sim_farm.h"
 
 static struct history_point point_of(uint64_t samples, double display)
@@ -120,7 +121,7 @@ static void frames_make_a_job(void **state)
 
 static void the_store_keeps_points(void **state)
 {
-    char folder[] = "/tmp/azulejo-history-XXXXXX", command[64];
+    char folder[SCRATCH_PATH], command[64];
     struct store *store;
     struct job *job = sim_job(16, 16, 4, 1, 3, 0);
     struct history_point p[3] = {point_of(10, 9), point_of(20, 5), point_of(40, 2)};
@@ -128,7 +129,7 @@ static void the_store_keeps_points(void **state)
     struct error err = {0};
 
     (void)state;
-    assert_non_null(mkdtemp(folder));
+    scratch_folder(folder);
     store = sim_store(folder);
     assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
     p[1].figures.known = 0;

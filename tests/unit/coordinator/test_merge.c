@@ -20,15 +20,10 @@
 #include "coordinator/store/store.h"
 #include "coordinator/film/store_film.h"
 #include "tests/support/figure.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/sim_farm.h"
 
 enum { WIDTH = 40, HEIGHT = 24, SPP = 100, FRAMES = 3 }; /* 6 tiles, edges on two sides, 8 passes of 2 groups */
-
-static void make_folder(char path[64])
-{
-    snprintf(path, 64, "/tmp/azulejo-test-XXXXXX");
-    assert_non_null(mkdtemp(path));
-}
 
 static void acknowledged_when_durable(void **state)
 {
@@ -468,11 +463,11 @@ static void random_crashes_lose_nothing(void **state)
 
     (void)state;
     for (uint64_t seed = 1; seed <= 25; seed++) {
-        char folder[64];
+        char folder[SCRATCH_PATH];
         struct sim *sim;
         struct store *store;
         const struct job *job;
-        make_folder(folder);
+        scratch_folder(folder);
         sim = random_farm(seed, folder, &crashes);
         job = queue_find(&sim->farm.queue, 1);
         if (job->state != JOB_STATE_DONE)
@@ -504,7 +499,7 @@ static size_t earliest(const struct sim_worker *worker)
 /* What was acknowledged is in the film after a crash. */
 static void acknowledged_results_survive(void **state)
 {
-    char folder[64];
+    char folder[SCRATCH_PATH];
     struct store *store;
     struct sim *sim;
     struct sim_worker *worker;
@@ -514,7 +509,7 @@ static void acknowledged_results_survive(void **state)
     size_t durable;
 
     (void)state;
-    make_folder(folder);
+    scratch_folder(folder);
     store = sim_store(folder);
     sim = sim_new(store, 1);
     sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
@@ -575,7 +570,7 @@ static void finish(struct sim *sim, struct sim_worker *worker, const struct job 
  * nothing is lost. */
 static void a_full_disk_keeps_the_film(void **state)
 {
-    char folder[64];
+    char folder[SCRATCH_PATH];
     struct store *store;
     struct sim *sim;
     struct sim_worker *worker;
@@ -583,7 +578,7 @@ static void a_full_disk_keeps_the_film(void **state)
     uint64_t wait_ms = TROUBLE_FIRST_MS;
 
     (void)state;
-    make_folder(folder);
+    scratch_folder(folder);
     store = sim_store(folder);
     sim = sim_new(store, 1);
     job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
@@ -620,7 +615,7 @@ static void a_full_disk_keeps_the_film(void **state)
  * is larger than the process may write. */
 static void a_failed_film_leaves_the_others_alone(void **state)
 {
-    char folder[64];
+    char folder[SCRATCH_PATH];
     struct store *store;
     struct sim *sim;
     struct sim_worker *worker;
@@ -628,7 +623,7 @@ static void a_failed_film_leaves_the_others_alone(void **state)
     struct rlimit old, little;
 
     (void)state;
-    make_folder(folder);
+    scratch_folder(folder);
     store = sim_store(folder);
     sim = sim_new(store, 1);
     large = sim_submit(sim, 320, 144, 1, 1, 1, 0); /* 180 tiles: 600 KB */

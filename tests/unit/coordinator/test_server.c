@@ -21,11 +21,12 @@
 #include "common/math/elementary.h"
 #include "common/scene/scene.h"
 #include "protocol/message.h"
+#include "tests/support/scratch_folder.h"
 
 enum { ANSWER_LIMIT_MS = 60000, INBOX_MAX = 512 };
 
 struct farm_process {
-    char folder[64], key_path[96], store[96], ready[96];
+    char folder[SCRATCH_PATH], key_path[96], store[96], ready[96];
     struct farm_key key;
     uint16_t port;
     pid_t process;
@@ -89,8 +90,8 @@ static int set_up(void **state)
     struct buffer text = BUFFER_INIT;
 
     (void)state;
-    snprintf(farm.folder, sizeof farm.folder, "/tmp/azulejo-test-XXXXXX");
-    if (!mkdtemp(farm.folder) || farm_key_generate(&farm.key, NULL) != STATUS_OK)
+    scratch_folder(farm.folder);
+    if (farm_key_generate(&farm.key, NULL) != STATUS_OK)
         return -1;
     snprintf(farm.key_path, sizeof farm.key_path, "%s/farm.key", farm.folder);
     snprintf(farm.store, sizeof farm.store, "%s/store", farm.folder);

@@ -26,6 +26,7 @@
 #include "web/base/wall.h"
 #include "web/uploads/child.h"
 #include "web/uploads/import_check.h"
+#include "tests/support/scratch_folder.h"
 
 /* ---- names -------------------------------------------------------------------------------- */
 
@@ -476,7 +477,7 @@ static void strangers_files_are_read_behind_a_wall(void **state)
 #ifdef __SANITIZE_ADDRESS__
     skip(); /* its runtime asks for what the wall forbids */
 #endif
-    char folder[] = "/tmp/azulejo-wall-XXXXXX", own[64], other[128], ports[2][16], self[4096] = "", *has;
+    char folder[SCRATCH_PATH], own[64], other[128], ports[2][16], self[4096] = "", *has;
     const char *arguments[] = {"test", "try-all", ports[0], ports[1], other, NULL};
     struct web_child_options how = options_of("");
     char kernel[64];
@@ -486,7 +487,7 @@ static void strangers_files_are_read_behind_a_wall(void **state)
 
     (void)state;
     assert_true(readlink("/proc/self/exe", self, sizeof self - 1) > 0);
-    assert_non_null(mkdtemp(folder));
+    scratch_folder(folder);
     snprintf(own, sizeof own, "%s/own", folder);
     snprintf(other, sizeof other, "%s/own/scene.gltf", folder);
     assert_int_equal(mkdir(own, 0700), 0);

@@ -17,16 +17,18 @@
 #include "common/base/memory.h"
 #include "common/image/image.h"
 #include "tests/support/gltf_maker.h"
+#include "tests/support/scratch_folder.h"
 #include "tests/support/starve.h"
 
-static char folder[] = "/tmp/azulejo-obj-XXXXXX";
+static char folder[SCRATCH_PATH];
 static char made[16][64]; /* files to delete */
 static int made_count;
 
 static int make_folder(void **state)
 {
     (void)state;
-    return mkdtemp(folder) ? 0 : -1;
+    scratch_folder(folder);
+    return 0;
 }
 
 static int delete_folder(void **state)

@@ -13,17 +13,17 @@
 
 #include "common/base/digest.h"
 #include "protocol/key.h"
+#include "tests/support/scratch_folder.h"
 
 #define ZEROS "0000000000000000000000000000000000000000000000000000000000000000"
 
-static char folder[] = "/tmp/azulejo-test-key-XXXXXX";
+static char folder[SCRATCH_PATH];
 static char path[sizeof folder + 16];
 
 static int make_folder(void **state)
 {
     (void)state;
-    if (!mkdtemp(folder))
-        return -1;
+    scratch_folder(folder);
     snprintf(path, sizeof path, "%s/key", folder);
     return 0;
 }

@@ -12,15 +12,15 @@
 #include <cmocka.h>
 
 #include "worker/key_file.h"
+#include "tests/support/scratch_folder.h"
 
-static char folder[] = "/tmp/azulejo-test-key-file-XXXXXX";
+static char folder[SCRATCH_PATH];
 static char path[sizeof folder + 16], fresh[sizeof folder + 16];
 
 static int make_folder(void **state)
 {
     (void)state;
-    if (!mkdtemp(folder))
-        return -1;
+    scratch_folder(folder);
     snprintf(path, sizeof path, "%s/key", folder);
     snprintf(fresh, sizeof fresh, "%s/new", folder);
     return 0;

@@ -17,9 +17,10 @@
 #include "tests/support/scene_builder.h"
 #include "worker/cache/cache_writer.h"
 #include "worker/scene_cache.h"
+#include "tests/support/scratch_folder.h"
 
 struct stage {
-    char folder[64];
+    char folder[SCRATCH_PATH];
     struct scene_builder builder;
     struct scene_node node;
     struct scene_channel channel;
@@ -73,8 +74,7 @@ static struct stage *stage_new(int moves)
 
     assert_non_null(s);
     log_setup("test", LOG_LEVEL_ERROR);
-    snprintf(s->folder, sizeof s->folder, "/tmp/azulejo-test-scenes-XXXXXX");
-    assert_non_null(mkdtemp(s->folder));
+    scratch_folder(s->folder);
     assert_int_equal(blob_cache_open(&s->blobs, s->folder, 1 << 30, NULL), STATUS_OK);
     assert_int_equal(pool_new(&s->pool, 2, ignore, NULL, NULL), STATUS_OK);
     callbacks.user = s;
