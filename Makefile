@@ -166,7 +166,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-blender test-slurm test-web blender-addon accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fault-loop chaos steady fuzz bench bench-effects bench-denoise bench-preview bench-accuracy bench-scale bench-farm bench-page studio-day layers circles fields words budget tables docs-check docs-html gallery test-docs numerics invariance transforms precision install uninstall dist clean tests lint format layout new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-blender test-slurm test-web blender-addon accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fault-loop chaos check test-elsewhere steady fuzz bench bench-effects bench-denoise bench-preview bench-accuracy bench-scale bench-farm bench-page studio-day layers circles fields words budget tables docs-check docs-html gallery test-docs numerics invariance transforms precision install uninstall dist clean tests lint format layout new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -460,8 +460,14 @@ endif
 test: tests layers circles fields words budget docs-check ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh
 
-steady: tests ## which tests of farms and pages waver on a busy machine: N rounds in random order (N=3, SEED=1, ONLY=PATTERN)
-	@BUILD=$(BUILD) tests/steady.py --rounds $(or $(N),3) --seed $(or $(SEED),1) $(if $(ONLY),'$(ONLY)')
+check: tests layers fields words budget ## what has changed since it last passed, the quickest first, and a few farms: two minutes at most
+	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh --changed
+
+test-elsewhere: ## HEAD built and tested in an odd place: umask, names of folders, TMPDIR, time zone, language, date (20 minutes)
+	@tests/elsewhere.sh $(if $(ONLY),'$(ONLY)')
+
+steady: tests ## which tests of farms and pages waver on a busy machine: N rounds in random order (N=3, SEED=1, ONLY=PATTERN, LATE=database, sync or answer)
+	@BUILD=$(BUILD) tests/steady.py --rounds $(or $(N),3) --seed $(or $(SEED),1) $(if $(LATE),--late $(LATE)) $(if $(ONLY),'$(ONLY)')
 
 fault-loop: tests ## each call of worker and coordinator fails once, of every kind, until none is left (a quarter of an hour)
 	@BUILD=$(BUILD) FAULT_LOOP=all python3 tests/farm/test_fault_loop.py

@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # Run every test and end with "N passed, N failed". A test is a program or script that prints TAP lines ("ok N - name",
 # "not ok N - name"); one that prints none, dies or runs past its limit counts as one failure. BUILD names the build tree.
-# tests/run.sh PATTERN runs only the tests whose path matches.
+# tests/run.sh PATTERN runs only the tests whose path matches. tests/run.sh --changed (make check) runs, for about a minute
+# and a half, the quickest first, programs and files that are not as they were when they last passed, and a few farms
+# whatever has changed.
 #
 # Programs compute, in one lane a core and with less priority; farms and pages mostly wait, in lanes of their own beside
 # them. The slowest begin first: as in the last run in this tree, else in tests/slowest.txt.
@@ -18,7 +20,12 @@ export ASAN_OPTIONS=${ASAN_OPTIONS:-detect_leaks=1:abort_on_error=0:allocator_ma
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
 export TSAN_OPTIONS=${TSAN_OPTIONS:-suppressions=$PWD/tests/support/tsan.supp:halt_on_error=0:exitcode=66}
 export LSAN_OPTIONS=${LSAN_OPTIONS:-suppressions=$PWD/tests/support/lsan.supp}
+SECONDS=0
+changed_only=0
+[ "${1:-}" != --changed ] || { changed_only=1; shift; }
 pattern=${1:-.}
+smoke='^tests/farm/test_(fault_loop|health|keys|previews|region|rot|scene_files|stalled_disk|web_metrics)\.py$'
+CHANGED_S=90  # after so long none begins
 limit_s=${TEST_LIMIT_S:-900}
 UNSTEADY_MAX=2
 again='^tests/(farm|web|blender|unit)/'
@@ -31,13 +38,16 @@ logs=$BUILD/test-logs
 counts=$logs/counts
 times=$logs/times
 failed_once=$logs/failed-once
+left_out=$logs/left-out
+passed_as=$logs/passed-as
 # Not by a wrapper that looks for it each time, as pyenv's does.
 python=$(python3 -c 'import sys; print(sys.executable)')
-mkdir -p "$logs"
+mkdir -p "$logs" "$passed_as"
 cat tests/slowest.txt "$times" >"$logs/times-before" 2>/dev/null
 : >"$counts"
 : >"$times"
 : >"$failed_once"
+: >"$left_out"
 
 # A build without the page (make WEB=0) skips its tests, by name.
 skip_web() {
@@ -69,6 +79,7 @@ run_one() {
     [ "$rc" -ne 124 ] || how="time-out after $limit_s s, $ok ok"
     if [ "$bad" -eq 0 ]; then
         echo "ok   $name ($ok)"
+        what_runs "$@" >"$passed_as/${name//\//_}"
     elif [ "$alone" -eq 0 ] && [[ $name =~ $again ]]; then
         mv "$log" "${log%.log}.first.log"
         echo "$name $*" >>"$failed_once"
@@ -82,6 +93,24 @@ $(faults_of "$log")"
     echo "$ok $bad $skip" >>"$counts"
 }
 
+# The digest of the program or file in a command.
+what_runs() {
+    local word
+    for word; do
+        [[ $word == "$BUILD"/* || $word == tests/*.py ]] && { sha256sum "$word"; return; }
+    done
+}
+
+# Of the commands from standard input those whose program or file is not as it was when it last passed; of farms those
+# of the smoke test, too.
+not_as_passed() {
+    local name rest
+    while read -r name rest; do
+        # shellcheck disable=SC2086  # the words of a command
+        [[ $name =~ $smoke ]] || ! what_runs $rest | cmp -s - "$passed_as/${name//\//_}" && echo "$name $rest"
+    done
+}
+
 faults_of() {
     grep -vE '^[[:space:]]*ok |^# [|]' "$1" | tail -n 60 | sed 's/^/    /'
 }
@@ -91,6 +120,7 @@ run_lanes() {
     local lanes=$1 line
     while read -r line; do
         while [ "$(jobs -rp | wc -l)" -ge "$lanes" ]; do wait -n; done
+        [ "$changed_only" = 0 ] || [ "$SECONDS" -lt "$CHANGED_S" ] || { echo "${line%% *}" >>"$left_out"; continue; }
         # shellcheck disable=SC2086  # the words of a command
         run_one $line &
     done
@@ -134,8 +164,11 @@ list_farms() {
 }
 
 alone=0
-list_farms | slowest_first | run_lanes "$farm_lanes" &
-list_programs | slowest_first | run_lanes "$compute_lanes" &
+in_order() {
+    if [ "$changed_only" = 1 ]; then not_as_passed | slowest_first | tac; else slowest_first; fi
+}
+list_farms | in_order | run_lanes "$farm_lanes" &
+list_programs | in_order | run_lanes "$compute_lanes" &
 wait
 
 alone=1
@@ -154,6 +187,7 @@ if [ "$unsteady" -gt "$UNSTEADY_MAX" ]; then
     echo "0 1 0" >>"$counts"
 fi
 
+[ ! -s "$left_out" ] || echo "left out, which make test runs: $(wc -l <"$left_out") files: $(sed 's,.*/,,' "$left_out" | tr '\n' ' ')"
 echo
 echo "The slowest: seconds, of them CPU"
 sort -rn "$times" | head -n 20 | awk '{ printf "%7.1f %6.1f  %s\n", $1, $2, $3 }'

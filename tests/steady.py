@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Which tests of farms and pages waver? Run them again and again, in random order and in lanes, on a machine that is made busy.
 
-    tests/steady.py [--rounds N] [--lanes L] [--seed S] [--calm] [PATTERN]
+    tests/steady.py [--rounds N] [--lanes L] [--seed S] [--calm] [--late WHAT] [PATTERN]
 
 Each round runs every file whose path matches once. Beside them two processes burn processor time and one fills the page
-cache; --calm leaves these out. The end is a table: file, runs, failures, the slowest in seconds. What a failed run
+cache; --calm leaves these out. --late makes changes of the store, syncs or answers late (FARM_LATE in tests/farm/farm.py). The end is a table: file, runs, failures, the slowest in seconds. What a failed run
 printed is kept in build/steady. The exit status says if all passed. BUILD names the build tree."""
 import argparse
 import collections
@@ -66,12 +66,15 @@ def main():
     parser.add_argument("--lanes", type=int, default=(os.cpu_count() or 1) + 1)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--calm", action="store_true")
+    parser.add_argument("--late", choices=("database", "sync", "answer"))
     parser.add_argument("pattern", nargs="?", default=".")
     options = parser.parse_args()
 
     os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
     os.environ.setdefault("BUILD", "build/release")
     os.environ.setdefault("FARM_PATIENCE", "3")  # as in tests/run.sh
+    if options.late:
+        os.environ["FARM_LATE"] = options.late
     files = [f for f in sorted(glob.glob("tests/farm/test_*.py") + glob.glob("tests/web/test_*.py"))
              if re.search(options.pattern, f) and not (options.pattern == "." and re.match(LONG, f))]
     if not files:

@@ -37,6 +37,12 @@ RESTING = os.path.join(BUILD, "tests", "farm", "resting")
 PATIENCE = float(os.environ.get(
     "FARM_PATIENCE", 5 if re.search("address|thread|undefined|debug", BUILD) else 1))
 SANITIZED = bool(re.search("address|thread|undefined", BUILD))  # memory says nothing then
+# What is late, by so much, to show which tests count on a moment (make steady LATE=): "database" (its changes are written
+# later), "sync" (fsync and fdatasync begin later), "answer" (a test learns its answers later, while the farm goes on).
+LATE, LATE_MS = os.environ.get("FARM_LATE"), {"database": 300, "sync": 100, "answer": 300}
+if LATE in ("database", "sync"):
+    os.environ["LD_PRELOAD"] = os.path.join(BUILD, "tests", "farm", "odd_disk.so")
+    os.environ["LATE_DISK"] = "%s,%d" % (LATE, LATE_MS[LATE])
 SANITIZER_MARKS = ("ERROR: AddressSanitizer", "ERROR: LeakSanitizer", "runtime error:",
                    "WARNING: ThreadSanitizer")
 
@@ -65,6 +71,12 @@ def wait_for(condition, what, limit_s=60.0):
         # How often we look, not how long it takes: seldom after a while.
         now = time.monotonic()
         time.sleep(min(max(0.01, 3 * (now - began), (now - start) / 8), 0.25))
+
+
+def answer_comes():
+    """Where a test gets an answer."""
+    if LATE == "answer":
+        time.sleep(LATE_MS[LATE] / 1000)
 
 
 def readable(fd, limit_s):
@@ -350,6 +362,7 @@ class Farm:
                 code, out, words = done.returncode, done.stdout, done.stderr
         except subprocess.TimeoutExpired:
             raise Failure("did not end: " + " ".join(argv))
+        answer_comes()
         result = Result(argv, code, out.decode("utf-8", "replace"), words.decode("utf-8", "replace"))
         for mark in SANITIZER_MARKS:
             if mark in result.err:

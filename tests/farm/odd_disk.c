@@ -11,6 +11,9 @@
  * SLOW_REMOVAL=MS,BYTES: freeing the room of a file larger than BYTES takes MS milliseconds, as on ext4 with
  * discard: where its last name goes, or the last descriptor of one without a name. While the file ODD_DISK-fast is there
  * it takes none.
+ *
+ * LATE_DISK=database,MS: each change of a database is written so much later; LATE_DISK=sync,MS: each fsync and fdatasync
+ * begins so much later (make steady LATE=).
  */
 #undef _FORTIFY_SOURCE
 #include <dlfcn.h>
@@ -90,6 +93,30 @@ static void stall(int fd)
     errno = code;
 }
 
+/* Wait before a call on the file, if calls of this kind are late. */
+static void wait_if_late(int fd, const char *kind)
+{
+    enum { CHANGE_NS = 50000000 }; /* pages of one change follow each other faster */
+    static _Thread_local long long waited_ns;
+    const char *how = getenv("LATE_DISK");
+    size_t length = strlen(kind);
+    struct timespec now;
+    char path[4096];
+    int code = errno;
+    long ms;
+
+    if (!how || strncmp(how, kind, length) != 0 || sscanf(how + length, ",%ld", &ms) != 1)
+        return;
+    fd_path(fd, path, sizeof path);
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    if (strcmp(kind, "sync") == 0 ||
+        (strstr(path, ".sqlite") && now.tv_sec * 1000000000LL + now.tv_nsec - waited_ns > CHANGE_NS))
+        nanosleep(&(struct timespec){ms / 1000, ms % 1000 * 1000000}, NULL);
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    waited_ns = now.tv_sec * 1000000000LL + now.tv_nsec;
+    errno = code;
+}
+
 static void *next(const char *name) { return dlsym(RTLD_NEXT, name); }
 
 #define CALL(flags) (((flags) & O_ACCMODE) != O_RDONLY || ((flags) & O_CREAT))
@@ -123,6 +150,7 @@ MKOSTEMP(mkostemp64)
         ssize_t (*real)(int, const void *, size_t, off_t) =                 \
             (ssize_t (*)(int, const void *, size_t, off_t))next(#name);     \
         stall(fd);                                                          \
+        wait_if_late(fd, "database");                                       \
         return fd_fault(fd) ? -1 : real(fd, data, size, at);                \
     }
 PWRITE(pwrite)
@@ -140,6 +168,7 @@ EXPORT int fsync(int fd)
     int (*real)(int) = (int (*)(int))next("fsync");
 
     stall(fd);
+    wait_if_late(fd, "sync");
     return fd_fault_of(fd, SYNCS) ? -1 : real(fd);
 }
 
@@ -148,6 +177,7 @@ EXPORT int fdatasync(int fd)
     int (*real)(int) = (int (*)(int))next("fdatasync");
 
     stall(fd);
+    wait_if_late(fd, "sync");
     return fd_fault_of(fd, SYNCS) ? -1 : real(fd);
 }
 

@@ -11,7 +11,7 @@ import re
 import socket
 import ssl
 
-from farm import BUILD, Failure, PATIENCE, Skip
+from farm import BUILD, Failure, PATIENCE, Skip, answer_comes
 
 
 def need_page():
@@ -64,7 +64,9 @@ class Page:
         try:
             link.request(method, path, body=body, headers=sent)
             answer = link.getresponse()
-            return Answer(answer.status, answer.headers, answer.read())
+            body = answer.read()
+            answer_comes()
+            return Answer(answer.status, answer.headers, body)
         finally:
             link.close()
 
