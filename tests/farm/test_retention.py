@@ -193,8 +193,7 @@ def fetched():
         tap.down_budget = None
         _, err = client.communicate(timeout=60)
         expect(client.returncode == 0 and len(os.listdir(farm.path("slow"))) >= 4, err)
-        wait_for(lambda: gc(farm) and not exists(farm, number), "it to go then")
-        expect(not pictures(farm, number), "its pictures")
+        wait_for(lambda: gc(farm) and not exists(farm, number) and not pictures(farm, number), "it and its pictures to go then")
 
 
 @tests.add
@@ -217,7 +216,7 @@ def ages():
         farm.restart_coordinator("--keep-failed", "0s")
         wait_for(lambda: not exists(farm, cancelled), "the cancelled job to go")
         expect(exists(farm, done) and exists(farm, active), "the others stay")
-        expect(not films(farm, cancelled) and not pictures(farm, cancelled), "its files")
+        wait_for(lambda: not films(farm, cancelled) and not pictures(farm, cancelled), "its files to go")
         expect("--keep-failed" in farm.coordinator.log_text(), farm.coordinator.log_text())
         farm.coordinator.stop()
         farm.restart_coordinator("--keep", "0s")
@@ -344,8 +343,7 @@ def killed():
         farm.restart_coordinator("--keep", "0s", *COLLECT_ALL)
         wait_for(lambda: not any(exists(farm, o) for o in others + [kept]), "all that has ended to go")
         for folder in ("films", "outputs"):
-            left = [n for n in os.listdir(farm.path("store", folder)) if not exists(farm, n)]
-            expect(not left, "%s without a job: %s" % (folder, left))
+            wait_for(lambda: all(exists(farm, n) for n in os.listdir(farm.path("store", folder))), folder + " without a job to go")
 
 
 def freed(farm, job):

@@ -142,8 +142,8 @@ def others_send_no_blobs():
         expect(read_bytes(path) == good, "it is still damaged")
         liar.say("put %s %s 0011" % (request, digest))  # too late, or never its own
         expect(farm.job(number)["state"] == "running", farm.job(number))
-        log = farm.coordinator.log_text()
-        expect("blob %.12s is back, from the cache of worker honest" % digest in log and "sent other bytes" in log, log)
+        wait_for(lambda: "blob %.12s is back, from the cache of worker honest" % digest in farm.coordinator.log_text(), "its line")
+        expect("sent other bytes" in farm.coordinator.log_text(), farm.coordinator.log_text())
 
 
 def outputs(farm, number, extension):

@@ -143,15 +143,14 @@ def tried_again():
         view = wait_for(lambda: (lambda v: v if v["failed"] == 1 else None)(listed(farm, number)), "its failure")
         expect("500" in view["last_error"] and view["waiting"] == 1, view)
         wait_for(lambda: len(receiver.got) >= 3, "the attempts", 30)
-        wait_for(lambda: listed(farm, number)["sent"] == 1, "its end")
+        view = wait_for(lambda: (lambda v: v if (v["sent"], v["waiting"]) == (1, 0) else None)(listed(farm, number)), "its end")
         expect([path for path, _, _ in receiver.got] == 3 * ["/hook"], "redirects are not followed")
         expect(len({e["delivery"] for e in receiver.events()}) == 1, receiver.events())
         expect(all(is_signed(h, b, secret) for _, h, b in receiver.got), "each is signed")
         stamps = [int(h["X-Azulejo-Timestamp"]) for _, h, _ in receiver.got]
         expect(stamps[0] < stamps[1] < stamps[2], stamps)
         expect(times[1] - times[0] > 1.5 and times[2] - times[1] > 3, times)
-        view = listed(farm, number)
-        expect((view["failed"], view["waiting"], view["last_error"]) == (2, 0, ""), view)
+        expect((view["failed"], view["last_error"]) == (2, ""), view)
 
 
 def stored(farm):
