@@ -9,9 +9,9 @@ import struct
 import subprocess
 import tempfile
 
-from farm import BUILD, PATIENCE, Clients, Failure, Skip, wait_for
+from farm import PATIENCE, Clients, Failure, Skip, wait_for, preloaded
 
-ODD_DISK = os.path.join(BUILD, "tests", "farm", "odd_disk.so")
+ODD_DISK = preloaded("odd_disk.so")
 CLONE_NEWNS = 0x20000
 
 

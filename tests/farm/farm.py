@@ -37,11 +37,23 @@ RESTING = os.path.join(BUILD, "tests", "farm", "resting")
 PATIENCE = float(os.environ.get(
     "FARM_PATIENCE", 5 if re.search("address|thread|undefined|debug", BUILD) else 1))
 SANITIZED = bool(re.search("address|thread|undefined", BUILD))  # memory says nothing then
+
+
+def preloaded(name):
+    """The path of a library of this folder for LD_PRELOAD, which parts paths at spaces and colons."""
+    path = os.path.join(BUILD, "tests", "farm", name)
+    if not re.search("[ :]", path) or not os.path.exists(path):
+        return path
+    folder = tempfile.mkdtemp(prefix="azulejo-preload-", dir="/var/tmp")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return shutil.copy(path, folder)
+
+
 # What is late, by so much, to show which tests count on a moment (make steady LATE=): "database" (its changes are written
 # later), "sync" (fsync and fdatasync begin later), "answer" (a test learns its answers later, while the farm goes on).
 LATE, LATE_MS = os.environ.get("FARM_LATE"), {"database": 300, "sync": 100, "answer": 300}
 if LATE in ("database", "sync"):
-    os.environ["LD_PRELOAD"] = os.path.join(BUILD, "tests", "farm", "odd_disk.so")
+    os.environ["LD_PRELOAD"] = preloaded("odd_disk.so")
     os.environ["LATE_DISK"] = "%s,%d" % (LATE, LATE_MS[LATE])
 SANITIZER_MARKS = ("ERROR: AddressSanitizer", "ERROR: LeakSanitizer", "runtime error:",
                    "WARNING: ThreadSanitizer")

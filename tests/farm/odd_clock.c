@@ -1,6 +1,7 @@
 /* odd_clock: preloaded into a program, gives it a wall clock that is wrong by as many seconds as the test says.
  *
- * ODD_CLOCK names a file of one int64_t, which is mapped and shared with the test. Durations stay right.
+ * ODD_CLOCK names a file of one int64_t, which is mapped and shared with the test. Durations stay right. With
+ * ODD_CLOCK_OF_ALL what the program starts has the same clock.
  */
 #include <dlfcn.h>
 #include <fcntl.h>
@@ -27,7 +28,8 @@ __attribute__((constructor)) static void begin(void)
     if (map != MAP_FAILED)
         wrong_s = map;
     *(void **)&real = dlsym(RTLD_NEXT, "clock_gettime");
-    unsetenv("LD_PRELOAD"); /* the page's program is not meant */
+    if (!getenv("ODD_CLOCK_OF_ALL"))
+        unsetenv("LD_PRELOAD"); /* the page's program is not meant */
 }
 
 EXPORT int clock_gettime(clockid_t id, struct timespec *out)

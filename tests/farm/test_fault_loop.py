@@ -11,11 +11,11 @@ import time
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
-from farm import BUILD, Failure, Farm, Skip, Tests
+from farm import Failure, Farm, Skip, Tests, preloaded
 from jobs import SLOW, SPHERES, expect
 
 tests = Tests()
-ODD_CALLS = os.path.join(BUILD, "tests", "farm", "odd_calls.so")
+ODD_CALLS = preloaded("odd_calls.so")
 KINDS = ["own", "alloc", "mmap", "thread", "open", "write", "sync", "name", "sql"]  # as in odd_calls.c, from 1
 SEED, CHOSEN = 28, 10
 FOUND = {"coordinator": [("alloc", 23), ("alloc", 24)], "worker": []}  # by the whole loop: no memory for OpenSSL's data

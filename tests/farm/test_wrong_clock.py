@@ -3,12 +3,12 @@ import mmap
 import os
 import struct
 
-from farm import BUILD, Farm, Skip, Tests, wait_for
+from farm import Farm, Skip, Tests, wait_for, preloaded
 from jobs import expect
 from keeping import SMALL, exists, gc, pictures
 
 tests = Tests()
-ODD_CLOCK = os.path.join(BUILD, "tests", "farm", "odd_clock.so")
+ODD_CLOCK = preloaded("odd_clock.so")
 DAY = 86400
 
 
