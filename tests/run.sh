@@ -33,7 +33,7 @@ again='^tests/(farm|web|blender|unit)/'
 [[ $BUILD =~ address|thread|undefined|debug ]] || export FARM_PATIENCE=${FARM_PATIENCE:-3}
 [[ $BUILD =~ address|thread|undefined ]] && again='^$'
 compute_lanes=${TEST_LANES:-$(nproc)}
-farm_lanes=${TEST_FARM_LANES:-$(($(nproc) + 1))}
+farm_lanes=${TEST_FARM_LANES:-$(($(nproc) + 2))}
 logs=$BUILD/test-logs
 counts=$logs/counts
 times=$logs/times

@@ -85,7 +85,7 @@ def textured_spheres():
 
 # ---- a job that is disturbed in the middle -------------------------------------------------
 
-LONG = LongJob(1.5 if not SLOW else 4.0, "65x49" if SLOW else "193x121")
+LONG = LongJob(3.0 if not SLOW else 4.0, "65x49" if SLOW else "193x121")
 
 
 def begin(farm, workers=1, coordinator=()):
@@ -136,7 +136,11 @@ def late_workers():
         begin(farm)
         number = LONG.submit(farm)
         wait_mid_frame(farm, number)
+        first = farm.workers[0]
+        first.signal(signal.SIGSTOP)  # the job may not end before they are there
         late = [farm.start_worker(threads=t) for t in (1, 2)]
+        wait_for(lambda: all((worker_of(farm, w) or {"units_done": 0})["units_done"] for w in late), "their part")
+        first.signal(signal.SIGCONT)
         finish(farm, number, "late workers")
         for worker in late:
             expect(worker_of(farm, worker)["units_done"] > 0, "a late worker did nothing")

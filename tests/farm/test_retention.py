@@ -2,6 +2,7 @@
 life and through kill -9; what takes the room; jobs that do not fit."""
 import json
 import os
+import signal
 import socket
 import subprocess
 import threading
@@ -23,7 +24,7 @@ def life():
         farm.start_coordinator(*COLLECT_ALL)
         scene, other = farm.scene(), farm.scene("other.gltf", light=7.0)
         reference = farm.submit(scene, *LONG)
-        farm.start_worker()
+        worker = farm.start_worker()
         farm.wait_for_job(reference)
         outcome = Outcome(farm, reference, "reference")
         farm.cli("remove", reference, expect=0)
@@ -32,6 +33,7 @@ def life():
         number = farm.submit(scene, *LONG)  # queued or running
         gc(farm)
         begun(farm, number)
+        worker.signal(signal.SIGSTOP)  # the job is not over before it is cancelled
         before = blobs(farm)
         expect(gc(farm)["removed_blobs"] == 0 and blobs(farm) == before, "running")
         farm.cli("pause", number, expect=0)
@@ -39,6 +41,7 @@ def life():
         expect(blobs(farm) == before and films(farm, number), "paused")
         farm.cli("resume", number, expect=0)
         farm.cli("cancel", number, expect=0)
+        worker.signal(signal.SIGCONT)
         gc(farm)
         farm.wait_for_job(number, "cancelled")
         gc(farm)
@@ -366,7 +369,7 @@ def full_disk():
         farm.start_coordinator(*COLLECT_ALL)
         farm.start_worker()
         scene = farm.scene()
-        old = [farm.submit(scene, "--size", "224x140", "--spp", "1") for _ in range(3)]
+        old = [farm.submit(scene, "--size", "320x200", "--spp", "1") for _ in range(3)]
         for job in old:
             farm.wait_for_job(job)
         number = farm.submit(scene, "--size", "128x80", "--spp", "768")
