@@ -25,7 +25,7 @@ changed_only=0
 [ "${1:-}" != --changed ] || { changed_only=1; shift; }
 pattern=${1:-.}
 smoke='^tests/farm/test_(fault_loop|health|keys|previews|region|rot|scene_files|stalled_disk|web_metrics)\.py$'
-CHANGED_S=90  # after so long none begins
+CHANGED_S=75  # after so long none begins
 limit_s=${TEST_LIMIT_S:-900}
 UNSTEADY_MAX=2
 again='^tests/(farm|web|blender|unit)/'
@@ -187,7 +187,7 @@ if [ "$unsteady" -gt "$UNSTEADY_MAX" ]; then
     echo "0 1 0" >>"$counts"
 fi
 
-[ ! -s "$left_out" ] || echo "left out, which make test runs: $(wc -l <"$left_out") files: $(sed 's,.*/,,' "$left_out" | tr '\n' ' ')"
+[ ! -s "$left_out" ] || echo "left out, which make test runs: $(wc -l <"$left_out") files ($left_out)"
 echo
 echo "The slowest: seconds, of them CPU"
 sort -rn "$times" | head -n 20 | awk '{ printf "%7.1f %6.1f  %s\n", $1, $2, $3 }'
