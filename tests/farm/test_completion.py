@@ -2,6 +2,7 @@
 """Completion in bash, zsh and fish: the scripts are run by the shells, and asked what a person would see."""
 import os
 import re
+import shlex
 import shutil
 import socket
 import subprocess
@@ -161,7 +162,7 @@ def check(shell):
         # Jobs: numbers, and names for verbs that take them; from the line's options or the environment.
         numbers = [str(n) for n in jobs.values()]
         plain = [n for n in names if n != "77"]
-        line = "azulejo show --coordinator %s --key %s " % (farm.address, farm.key)
+        line = "azulejo show --coordinator %s --key %s " % (farm.address, shlex.quote(farm.key))
         exactly(line, numbers)
         exactly("azulejo show ", numbers, with_farm)
         exactly("azulejo resume ", numbers + plain, with_farm)

@@ -2,6 +2,7 @@
 import hashlib
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tarfile
@@ -24,7 +25,7 @@ def version():
 
 
 def archive(folder, cwd=ROOT, **environment):
-    done = run("bash", "-c", "umask %s; scripts/dist.sh %s %s" % (environment.pop("mask", "022"), version(), folder), cwd=cwd, **environment)
+    done = run("bash", "-c", "umask %s; scripts/dist.sh %s %s" % (environment.pop("mask", "022"), version(), shlex.quote(folder)), cwd=cwd, **environment)
     expect(done.returncode == 0, done.stdout + done.stderr)
     path = os.path.join(folder, "azulejo-%s.tar.gz" % version())
     expect(hashlib.sha256(read_bytes(path)).hexdigest() in done.stdout, done.stdout)

@@ -1,6 +1,8 @@
 """The log of the whole farm: one list with numbers that go on after a restart, by the API, the command line and live; and
 previews that are tone mapped otherwise."""
+import contextlib
 import json
+import sqlite3
 import sys
 import urllib.request
 
@@ -29,6 +31,11 @@ def with_worker(events):
     return events if any(e["from_worker"] for e in events) else None
 
 
+def last_stored(farm):
+    with contextlib.closing(sqlite3.connect("file:%s?mode=ro" % farm.path("store", "queue.sqlite"), uri=True)) as db:
+        return db.execute("SELECT max(seq) FROM events").fetchone()[0]
+
+
 @tests.add
 def one_log_of_all_jobs():
     """GET /log and log --all: every job's events in their order, after a number, the newest, and over a restart"""
@@ -52,6 +59,7 @@ def one_log_of_all_jobs():
         wrong = farm.cli("log", "--all", jobs[0], expect=2)
         expect("leave out" in wrong.err and "--all" in farm.cli("log", expect=2).err, wrong)
 
+        wait_for(lambda: last_stored(farm) >= numbers[-1], "the last line to be on disk")
         farm.coordinator.kill()
         farm.restart_coordinator()
         farm.cli("remove", jobs[0], "--yes", expect=0)

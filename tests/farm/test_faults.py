@@ -532,7 +532,7 @@ def full_disk_of_the_client():
                 expect(result.code == 8 and "space" in result.err.lower(), result)
                 expect(os.listdir(disk) == ["filler"], os.listdir(disk))
                 # What was rendered is not thrown away: the message says where it is.
-                kept = re.search(r"kept in (\S+)", result.err)
+                kept = re.search(r"kept in (.+)", result.err)
                 expect(kept and sorted(os.listdir(kept.group(1))) == ["x.exr", "x.png"], result)
                 shutil.rmtree(temporary)
         outcome = Outcome(farm, number, "elsewhere")  # nothing is lost

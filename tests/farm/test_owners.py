@@ -131,24 +131,38 @@ def three_workers():
                 expect(abs(mixed - (0.45 * tint + 0.55 * code)) <= 1.01, (y, mixed, tint, code))
 
 
+def has_at_least(seen, stored):
+    """Each thread has its samples of each tile still, or more."""
+    for old, new in zip(stored["tiles"], seen["tiles"]):
+        for share in old["shares"]:
+            expect(any((s["worker"], s["thread"]) == (share["worker"], share["thread"]) and
+                       s["samples"] >= share["samples"] for s in new["shares"]), (old, new))
+
+
 @tests.add
 def restarts():
     """After the coordinator was killed, while a frame is in work and when it is done, each worker is still one"""
     with Farm() as farm:
         started(farm)
         number = farm.submit(farm.scene(), *ENDLESS)
-        wait_for(lambda: len(owners(farm, number)["workers"]) >= 2 if farm.job(number)["samples_done"] else False,
-                 "two workers' units")
+
+        def far():
+            now = owners(farm, number) if farm.job(number)["samples_done"] else {"workers": [], "tiles": []}
+            return len(now["workers"]) >= 2 and sum(t["units"] for t in now["tiles"]) > 100
+        wait_for(far, "two workers' units, most of which must be on disk")
         # What is on disk when the coordinator is killed stays as it was.
         farm.cli("pause", number, expect=0)
         before = owners(farm, number)
         check(before)
-        farm.cli("priority", number, "--to", "1", expect=0)  # answered when it is on disk, and results before it are, too
         farm.coordinator.kill()
         farm.restart_coordinator()
+        stored = owners(farm, number)
+        check(stored)
+        expect(len(stored["workers"]) >= 2, stored["workers"])
+        has_at_least(before, stored)
         farm.wait_for_workers(3)
         farm.cli("resume", number, expect=0)
-        units = sum(t["units"] for t in before["tiles"])
+        units = sum(t["units"] for t in stored["tiles"])
         wait_for(lambda: sum(t["units"] for t in owners(farm, number)["tiles"]) > units + 6, "more units")
         farm.cli("finish", number, expect=0)
         farm.wait_for_job(number)
@@ -156,10 +170,7 @@ def restarts():
         workers = check(seen)
         expect(set(workers) <= set(NAMES), list(workers))
         expect({w["process"] for w in workers.values()} <= {w.pid for w in farm.workers}, workers)
-        for old, new in zip(before["tiles"], seen["tiles"]):
-            for share in old["shares"]:
-                expect(any((s["worker"], s["thread"]) == (share["worker"], share["thread"]) and
-                           s["samples"] >= share["samples"] for s in new["shares"]), (old, new))
+        has_at_least(seen, stored)
         # Without any worker, and started again: the same from the kept film.
         for worker in farm.workers:
             worker.stop()

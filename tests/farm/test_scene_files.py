@@ -181,7 +181,7 @@ def every_command():
         small = ["--size", "8x8", "--spp", "1", "--max-depth", "1"]
         for command, more in (("submit", []), ("render", ["-o", farm.path("out")]), ("effects", [])):
             result = farm.cli(command, scene, *small, *more)
-            expect(result.code == 3 and "--allow-outside " + os.path.dirname(secret) in result.err,
+            expect(result.code == 3 and "--allow-outside " + shlex.quote(os.path.dirname(secret)) in result.err,
                    result)
             result = farm.cli(command, scene, *small, *more, "--allow-outside",
                               os.path.dirname(secret), expect=0)

@@ -7,6 +7,7 @@ import json
 import os
 import random
 import re
+import shlex
 import shutil
 import subprocess
 import time
@@ -368,7 +369,7 @@ def examples():
         with open(farm.path("blob.bin"), "wb") as file:
             file.write(b"a blob")
         script = "set -eu\n" + "".join(blocks).replace("127.0.0.1:7421", api.page.host).replace(
-            "azulejo-store/", farm.path("store") + "/")
+            "azulejo-store/", shlex.quote(farm.path("store") + "/"))
         done = subprocess.run(["sh", "-c", script], cwd=farm.folder, capture_output=True, text=True, timeout=300, check=False)
         expect(done.returncode == 0, "%s\n%s" % (done.stdout[-2000:], done.stderr))
         for words in ('"code":"not-found"', '"software":"azulejo', '"job":3', '"state":"paused"'):
