@@ -36,7 +36,7 @@ static const char tail[] =
     "        full=${COMP_LINE:0:COMP_POINT}; full=${full##* } prefix=\n"
     "        [[ $full == *:* && $full == *\"$cur\" ]] && prefix=${full%\"$cur\"} || full=$cur\n"
     "        full=${full//\\\\/}; full=${full#[\\'\\\"]}\n"
-    "        read -ra line <<< \"$COMP_LINE\"\n"
+    "        mapfile -t line < <(xargs -n 1 printf '%s\\n' <<< \"$COMP_LINE\" 2>/dev/null)  # without their quotes\n"
     "        while IFS=$'\\t' read -r key rest; do\n"
     "            [[ $kind != jobs && $key == *[!0-9]* ]] && continue\n"
     "            [[ $key == \"$full\"* ]] && COMPREPLY+=(\"$(printf %q \"${key#\"$prefix\"}\")\")\n"

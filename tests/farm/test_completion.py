@@ -164,6 +164,9 @@ def check(shell):
         plain = [n for n in names if n != "77"]
         line = "azulejo show --coordinator %s --key %s " % (farm.address, shlex.quote(farm.key))
         exactly(line, numbers)
+        shutil.copy(farm.key, farm.path("here", "a key.key"))
+        for key in ("'a key.key'", '"a key.key"', "a\\ key.key"):
+            exactly("azulejo show --coordinator %s --key %s " % (farm.address, key), numbers)
         exactly("azulejo show ", numbers, with_farm)
         exactly("azulejo resume ", numbers + plain, with_farm)
         exactly("azulejo resume wa", ["walk-1", "walk-2"], with_farm)
