@@ -460,7 +460,7 @@ endif
 test: tests layers circles fields words budget docs-check ## every test; the end says "N passed, N failed"
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh
 
-check: tests layers fields words budget ## what has changed since it last passed, the quickest first, and a few farms: two minutes at most
+check: tests layers fields words budget ## what has changed since it last passed, the quickest first, and a few farms: about two minutes
 	@BUILD=$(BUILD) SANITIZE=$(SANITIZE) WEB=$(WEB) tests/run.sh --changed
 
 test-elsewhere: ## HEAD built and tested in an odd place: umask, names of folders, TMPDIR, time zone, language, date (20 minutes)

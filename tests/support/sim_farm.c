@@ -1,4 +1,3 @@
-#include "tests/support/scratch_folder.h"
 #include "tests/support/sim_farm.h"
 
 #include <math.h>

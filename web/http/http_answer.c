@@ -193,7 +193,7 @@ void http_pause_reading(struct http_connection *c)
         return;
     if ((now.revents & (POLLERR | POLLHUP)) ||
         ((now.revents & POLLRDHUP) && c->begun && c->is_chunked && !c->ended && !has_output)) {
-        http_kill(c); /* nobody waits for the next event of such a stream */
+        http_kill(c); /* its client is gone: end the stream */
     } else if (c->reading_paused) {
         if (has_output && (now.revents & POLLOUT))
             http_resume_reading(c);
