@@ -213,18 +213,18 @@ static int is_folder(const char *path)
 }
 
 /* One folder, whose parent exists. */
-static status make_one(const char *path, mode_t mode, struct error *err)
+static status make_one(const char *path, mode_t mode, int synced, struct error *err)
 {
     int code = mkdir(path, mode) == 0 ? 0 : errno;
 
     if (code == 0)
-        return file_sync_folder_of(path, err);
+        return synced ? file_sync_folder_of(path, err) : STATUS_OK;
     if (code == EEXIST || is_folder(path))
         return STATUS_OK;
     return error_set(err, STATUS_ERR_IO, "%s: the folder cannot be made: %s", path, strerror(code));
 }
 
-static status make_folders(const char *path, mode_t mode, struct error *err)
+static status make_folders(const char *path, mode_t mode, int synced, struct error *err)
 {
     status result = STATUS_OK;
     char *copy;
@@ -239,7 +239,7 @@ static status make_folders(const char *path, mode_t mode, struct error *err)
         if (saved != '/' && saved != 0)
             continue;
         *at = 0;
-        result = make_one(copy, mode, err);
+        result = make_one(copy, mode, synced, err);
         *at = saved;
         if (saved == 0)
             break;
@@ -250,9 +250,11 @@ static status make_folders(const char *path, mode_t mode, struct error *err)
     return result;
 }
 
-status file_make_folder(const char *path, struct error *err) { return make_folders(path, 0777, err); }
+status file_make_folder(const char *path, struct error *err) { return make_folders(path, 0777, 1, err); }
 
-status file_make_private_folder(const char *path, struct error *err) { return make_folders(path, 0700, err); }
+status file_make_private_folder(const char *path, struct error *err) { return make_folders(path, 0700, 1, err); }
+
+status file_make_scratch_folder(const char *path, struct error *err) { return make_folders(path, 0700, 0, err); }
 
 static int remove_entry(const char *path, const struct stat *info UNUSED, int type UNUSED, struct FTW *where UNUSED)
 {

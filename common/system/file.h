@@ -39,6 +39,8 @@ status file_write_one_of_many(const char *path, const void *data, size_t size_by
 status file_make_folder(const char *path, struct error *err) MUST_CHECK;
 /* The same, mode 0700. */
 status file_make_private_folder(const char *path, struct error *err) MUST_CHECK;
+/* The same without a sync, for what need not outlive the program: it does not wait for a disk. */
+status file_make_scratch_folder(const char *path, struct error *err) MUST_CHECK;
 
 /* Sync the folder that holds `path`, so that its entries are durable. No error where the file
  * system cannot sync folders. ERR_IO. */

@@ -12,6 +12,7 @@ import tempfile
 from farm import PATIENCE, Clients, Failure, Skip, wait_for, preloaded
 
 ODD_DISK = preloaded("odd_disk.so")
+CONTROL_BYTES = 256  # as in odd_disk.c
 CLONE_NEWNS = 0x20000
 
 
@@ -95,6 +96,22 @@ def fill_up(path):
             pass
 
 
+def control(path):
+    """The path, of a file with which a test tells odd_disk.c what to do: nothing yet."""
+    with open(path, "wb") as out:
+        out.write(bytes(CONTROL_BYTES))
+    return path
+
+
+def say(path, text):
+    """Programs have it mapped: it is written in place, its first byte last."""
+    text = text.encode().ljust(CONTROL_BYTES, b"\0")
+    assert len(text) == CONTROL_BYTES, text
+    with open(path, "r+b", buffering=0) as out:
+        for at, part in ((0, b"\0"), (1, text[1:]), (0, text[:1])):
+            os.pwrite(out.fileno(), part, at)
+
+
 class OddDisk:
     """A coordinator's calls on files that fail at a test's word; start it with env=disk.env. slow: removing a file
     of more than 1 MiB takes so many seconds."""
@@ -102,7 +119,7 @@ class OddDisk:
     def __init__(self, farm, slow=0):
         if not os.path.exists(ODD_DISK):
             raise Skip("odd_disk.so is not built")
-        self.control = farm.path("odd-disk")
+        self.control = control(farm.path("odd-disk"))
         # A sanitizer's runtime wants to be loaded first, and would leave when it is not.
         options = os.environ.get("ASAN_OPTIONS", "")
         self.env = {"ODD_DISK": self.control, "LD_PRELOAD": ODD_DISK,
@@ -112,12 +129,10 @@ class OddDisk:
             self.env["SLOW_REMOVAL"] = "%d,%d" % (slow * 1000, 1 << 20)
 
     def fail(self, number, text, kind="write"):
-        with open(self.control + ".new", "w") as out:
-            out.write("%d %s %s" % (number, kind, text))
-        os.rename(self.control + ".new", self.control)
+        say(self.control, "%d %s %s" % (number, kind, text))
 
     def work(self):
-        os.unlink(self.control)
+        say(self.control, "")
 
     @contextlib.contextmanager
     def fast(self):
@@ -134,14 +149,11 @@ class StalledDisk(OddDisk):
 
     def __init__(self, farm):
         super().__init__(farm)
-        self.stalled = farm.path("stalled-disk")
+        self.stalled = control(farm.path("stalled-disk"))
         self.env["STALLED_DISK"] = self.stalled
 
     def hang(self, text="/store/"):
-        with open(self.stalled + ".new", "w") as out:
-            out.write(text)
-        os.rename(self.stalled + ".new", self.stalled)
+        say(self.stalled, text)
 
     def go_on(self):
-        if os.path.exists(self.stalled):
-            os.unlink(self.stalled)
+        say(self.stalled, "")

@@ -2,11 +2,13 @@
  *
  * ODD_DISK names a file that says what fails at the moment, one line: ERRNO KIND TEXT. KIND is "write"
  * (everything that makes or changes files and folders), "any" (opening to read as well) or "sync" (fsync and fdatasync
- * alone); TEXT is part of the paths concerned. No file, or an empty one: nothing fails. It is read at every call, so a
- * test changes it as it goes.
+ * alone); TEXT is part of the paths concerned. Zeros: nothing fails.
  *
  * STALLED_DISK names a file that says which paths hang, by a part of them: a call that syncs or writes at a place
- * (fsync, fdatasync, pwrite) does not return while that file is there.
+ * (fsync, fdatasync, pwrite) does not return while it says so. Zeros: nothing hangs.
+ *
+ * Both have CONTROL_BYTES, are mapped when the program starts, so that one behind Landlock sees them, and are read at every
+ * call, so that a test changes them as it goes.
  *
  * SLOW_REMOVAL=MS,BYTES: freeing the room of a file larger than BYTES takes MS milliseconds, as on ext4 with
  * discard: where its last name goes, or the last descriptor of one without a name. While the file ODD_DISK-fast is there
@@ -23,6 +25,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <time.h>
@@ -32,18 +35,47 @@
 
 enum { READS, WRITES, SYNCS };
 
+enum { CONTROL_BYTES = 256 };
+
+static const char *odd, *stalled; /* what the files say, or NULL */
+
+static const char *control_of(const char *variable)
+{
+    const char *name = getenv(variable);
+    struct stat info;
+    long fd = name ? syscall(SYS_openat, AT_FDCWD, name, O_RDONLY | O_CLOEXEC) : -1;
+    void *at = MAP_FAILED;
+
+    if (fd < 0)
+        return NULL;
+    if (fstat((int)fd, &info) == 0 && info.st_size == CONTROL_BYTES)
+        at = mmap(NULL, CONTROL_BYTES, PROT_READ, MAP_SHARED, (int)fd, 0);
+    syscall(SYS_close, (int)fd);
+    return at == MAP_FAILED ? NULL : at;
+}
+
+__attribute__((constructor)) static void find_controls(void)
+{
+    odd = control_of("ODD_DISK");
+    stalled = control_of("STALLED_DISK");
+}
+
+/* What a control says now; empty where there is none. */
+static void read_control(char text[CONTROL_BYTES], const char *control)
+{
+    text[0] = 0;
+    if (control)
+        memcpy(text, control, CONTROL_BYTES);
+    text[CONTROL_BYTES - 1] = 0;
+}
+
 /* 0, or the error that the call on the path gets. */
 static int fault(const char *path, int call)
 {
-    const char *control = getenv("ODD_DISK");
-    char line[512], kind[8], text[256];
+    char line[CONTROL_BYTES], kind[8], text[CONTROL_BYTES];
     int number = 0;
-    long fd = control ? syscall(SYS_openat, AT_FDCWD, control, O_RDONLY | O_CLOEXEC) : -1;
-    long got = fd >= 0 ? syscall(SYS_read, (int)fd, line, sizeof line - 1) : 0;
 
-    if (fd >= 0)
-        syscall(SYS_close, (int)fd);
-    line[got > 0 ? got : 0] = 0;
+    read_control(line, odd);
     if (sscanf(line, "%d %7s %255s", &number, kind, text) != 3 || !strstr(path, text) ||
         (call == READS && strcmp(kind, "any") != 0) || (call != SYNCS && strcmp(kind, "sync") == 0))
         return 0;
@@ -74,22 +106,14 @@ static int fd_fault(int fd) { return fd_fault_of(fd, WRITES); }
 /* Wait while the disk that holds the file hangs. */
 static void stall(int fd)
 {
-    const char *control = getenv("STALLED_DISK");
-    char path[4096], text[256];
+    char path[4096], text[CONTROL_BYTES];
     int code = errno;
-    long file, got;
 
-    if (!control)
+    if (!stalled)
         return;
     fd_path(fd, path, sizeof path);
-    while ((file = syscall(SYS_openat, AT_FDCWD, control, O_RDONLY | O_CLOEXEC)) >= 0) {
-        got = syscall(SYS_read, (int)file, text, sizeof text - 1);
-        syscall(SYS_close, (int)file);
-        text[got > 0 ? got : 0] = 0;
-        if (!strstr(path, text))
-            break;
+    for (read_control(text, stalled); text[0] && strstr(path, text); read_control(text, stalled))
         nanosleep(&(struct timespec){0, 5000000}, NULL);
-    }
     errno = code;
 }
 

@@ -257,7 +257,7 @@ static status make_folders(struct import *import, struct error *err)
     buffer_release(&path);
     for (int i = 0; i < 2 && s == STATUS_OK; i++) {
         char *part = import->folder ? file_join(import->folder, parts[i]) : NULL;
-        s = part ? file_make_private_folder(part, err) : error_no_memory(err, "an upload");
+        s = part ? file_make_scratch_folder(part, err) : error_no_memory(err, "an upload");
         mem_free(part);
     }
     return s;

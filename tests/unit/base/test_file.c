@@ -32,9 +32,11 @@ static void rights_are_as_asked_for(void **state)
     assert_int_equal(file_make_folder(path_of("a/b"), &err), STATUS_OK);
     assert_int_equal(file_make_private_folder(path_of("a/c/d"), &err), STATUS_OK);
     assert_int_equal(file_make_private_folder(path_of("a/b"), &err), STATUS_OK); /* left as it is */
+    assert_int_equal(file_make_scratch_folder(path_of("a/d/e"), &err), STATUS_OK);
     assert_int_equal(mode_of("a/b"), 0755);
     assert_int_equal(mode_of("a/c"), 0700);
     assert_int_equal(mode_of("a/c/d"), 0700);
+    assert_int_equal(mode_of("a/d/e"), 0700);
     assert_int_equal(file_write_atomic(path_of("a/open"), "x", 1, &err), STATUS_OK);
     assert_int_equal(file_write_private(path_of("a/closed"), "x", 1, &err), STATUS_OK);
     assert_int_equal(mode_of("a/open"), 0644);
