@@ -153,9 +153,9 @@ TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(filter-out $(ROW_TEST_SRC) $(SETTING
 SUPPORT_SRC := $(call sources,tests/support)
 LIB_SUPPORT := $(BUILD)/lib/libsupport.a
 # Programs that the farm tests and benchmarks drive.
-TOOL_SRC := $(sort $(shell find tests/farm tests/bench tests/accuracy tests/fuzz -name '*.c' ! -name 'fuzz_*.c' ! -name odd_disk.c ! -name odd_calls.c ! -name odd_clock.c ! -name liar.c ! -name resting.c ! -name clients.c 2>/dev/null))
+TOOL_SRC := $(sort $(shell find tests/farm tests/bench tests/accuracy tests/fuzz -name '*.c' ! -name 'fuzz_*.c' ! -name odd_disk.c ! -name odd_calls.c ! -name odd_clock.c ! -name odd_reach.c ! -name liar.c ! -name resting.c ! -name clients.c 2>/dev/null))
 # Preloaded into programs under test.
-ODD_LIBRARIES := $(BUILD)/tests/farm/odd_disk.so $(BUILD)/tests/farm/odd_calls.so $(BUILD)/tests/farm/odd_clock.so
+ODD_LIBRARIES := $(patsubst %,$(BUILD)/tests/farm/odd_%.so,disk calls clock reach)
 # The worker with another render_tile.
 ODD_WORKERS := $(BUILD)/tests/farm/liar $(BUILD)/tests/farm/resting
 # The client that forks for each command.

@@ -1,5 +1,6 @@
 #include "protocol/address.h"
 
+#include <arpa/inet.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -45,4 +46,11 @@ status address_parse(const char *text, const char *host_preset, unsigned port_mi
     return STATUS_OK;
 malformed:
     return error_set(err, STATUS_ERR_USAGE, "'%s' is not an address: write HOST, HOST:PORT or [IPV6]:PORT", text);
+}
+
+int address_is_number(const char *host)
+{
+    unsigned char bytes[16];
+
+    return inet_pton(AF_INET, host, bytes) == 1 || inet_pton(AF_INET6, host, bytes) == 1;
 }

@@ -13,3 +13,6 @@ enum { ADDRESS_HOST_MAX = 256 };
  * takes at most host_size - 1 bytes. ERR_USAGE in words that quote the text. */
 status address_parse(const char *text, const char *host_preset, unsigned port_min, char *host, size_t host_size,
                      uint16_t *port, struct error *err) MUST_CHECK;
+
+/* An IPv4 or IPv6 address, which is looked up nowhere. */
+int address_is_number(const char *host);

@@ -72,7 +72,10 @@ static status run(const struct web_options *options, const struct link_peers *fa
         return error_set(err, STATUS_ERR_INTERNAL, "no event loop");
     s = web_new(&web, &loop, options, farm, err);
     if (s == STATUS_OK) {
-        char *uploads = file_join(options->folder, "imports");
+        const struct confinement confinement = {.uploads = imports_folder(web->imports),
+                                                .client = imports_program(web->imports),
+                                                .connections = options->connections_max,
+                                                .resolves = !address_is_number(farm->host)};
         loop.data = web;
         for (int i = 0; i < 2; i++) {
             uv_signal_init(&loop, &signals[i]);
@@ -83,8 +86,8 @@ static status run(const struct web_options *options, const struct link_peers *fa
             signal(SIGINT, SIG_IGN); /* a terminal's: the coordinator gets it, too, and says when */
         else
             uv_signal_start(&signals[1], on_signal, SIGINT);
-        s = uploads ? confine(uploads, imports_program(web->imports), options->connections_max, err) : error_no_memory(err, "a path");
-        mem_free(uploads);
+        s = confine(&confinement, err);
+        THEN(s, web_start(web, err));
         if (s != STATUS_OK)
             web_stop(web);
         uv_run(&loop, UV_RUN_DEFAULT);

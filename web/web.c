@@ -207,7 +207,7 @@ static status make_parts(struct web *web, struct error *err)
     }
     THEN(s, live_new(&web->live, web, err));
     THEN(s, web_calls_new(&web->calls, &web->farm, err));
-    THEN(s, imports_open(&web->imports, web, err));
+    THEN(s, imports_new(&web->imports, web, err));
     return s;
 }
 
@@ -233,9 +233,15 @@ status web_new(struct web **out, uv_loop_t *loop, const struct web_options *opti
     uv_timer_init(loop, &web->again);
     web->tick.data = web->again.data = web;
     (void)!listen_(web, &web->why); /* the coordinator is sent the reason */
+    *out = web;
+    return STATUS_OK;
+}
+
+status web_start(struct web *web, struct error *err)
+{
+    TRY(imports_begin(web->imports, err));
     connect_farm(web);
     uv_timer_start(&web->tick, on_tick, WEB_TICK_MS, WEB_TICK_MS);
-    *out = web;
     return STATUS_OK;
 }
 

@@ -78,10 +78,12 @@ struct web {
     struct error why;          /* why it ends by itself */
 };
 
-/* Copies `farm` but its loop and host. The options' texts are the caller's and stay. Begins to connect. ERR_USAGE,
- * ERR_NO_MEMORY. */
+/* Listens. Copies `farm` but its loop and host. The options' texts are the caller's and stay. Starts no thread, so that what
+ * the program gives up after it holds for all of it (confine.h). ERR_USAGE, ERR_NO_MEMORY. */
 status web_new(struct web **out, uv_loop_t *loop, const struct web_options *options, const struct link_peers *farm,
                struct error *err) MUST_CHECK;
+/* Connects. ERR_NO_MEMORY, ERR_IO. */
+status web_start(struct web *web, struct error *err) MUST_CHECK;
 /* Close all handles; the loop ends. */
 void web_stop(struct web *web);
 /* After the loop has ended; NULL is fine. */

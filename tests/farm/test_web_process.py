@@ -1,4 +1,6 @@
 """azulejo-web is a process of its own: whatever becomes of it, pictures and jobs stay what they are, and it comes back."""
+import ctypes
+import errno
 import http.client
 import json
 import os
@@ -11,7 +13,7 @@ import sys
 import time
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BIN, PATIENCE, Failure, Farm, Program, Tests, wait_for
+from farm import BIN, PATIENCE, Failure, Farm, Program, Skip, Tests, preloaded, read_bytes, wait_for
 from jobs import LongJob, Outcome, expect, expect_same, wait_mid_frame, wait_slowly
 from page import Page, need_page
 from websocket import Closed, WebSocket
@@ -117,7 +119,7 @@ def libraries():
 
 @tests.add
 def files():
-    """a program that it runs for an upload, and so it itself, reads no file of the store"""
+    """a program that it runs for an upload reads no file of the store"""
     with Farm() as farm:
         need_page()
         seen = os.path.join(farm.store, "imports", "seen")
@@ -137,6 +139,36 @@ def files():
         # Behind its wall (web/base/wall.h) even the script's shell cannot start.
         expect(re.search(r"nothing could be read|status 12[67]", answer.json()["detail"]), answer)
         expect(not os.path.exists(seen), "no file")
+
+
+@tests.add
+def every_thread():
+    """no thread of it reads or writes the farm's key, the store, /etc, /run or what lies beside them, or executes a shell"""
+    with Farm() as farm:
+        need_page()
+        beside = farm.path("beside")
+        with open(beside, "w", encoding="ascii") as out:
+            out.write("x")
+        may = ["r/usr/lib", "w/dev/null", "r" + os.path.join(farm.store, "imports"),
+               "x" + os.path.join(os.path.abspath(BIN), "azulejo")]
+        may_not = ["r" + farm.key, "r" + os.path.join(farm.store, "queue.sqlite"), "r/etc/passwd", "r/run", "r" + beside,
+                   "w" + beside, "x/bin/sh"]
+        page = Page(farm.start_coordinator(env={"LD_PRELOAD": preloaded("odd_reach.so"), "ODD_REACH": ":".join(may + may_not)}))
+        if "kept from this program" in farm.coordinator.log_text():
+            raise Skip("this kernel has no Landlock")
+        number = page.post("/api/v1/imports").json()["import"]
+        expect(page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % number, body=b"{}").status == 201, "an upload")
+        web = web_of(farm)
+        threads = [int(t) for t in os.listdir("/proc/%d/task" % web)]
+        expect(len(threads) > 2, threads)
+        for thread in threads:
+            expect(ctypes.CDLL(None).tgkill(web, thread, signal.SIGUSR2) == 0, thread)
+        said = lambda: re.findall(r"^reach (\d+) (\S+) (\d+)$", farm.coordinator.log_text(), re.M)
+        wait_for(lambda: len(said()) == len(threads) * len(may + may_not), "each thread's words")
+        for thread, item, code in said():
+            expect(int(code) == (0 if item in may else errno.EACCES), "thread %s (of %d), %s: %s" % (thread, web, item, code))
+        with open("/proc/%d/oom_score_adj" % web, encoding="ascii") as source:
+            expect(source.read().strip() == "1000", "the kernel ends it first")
 
 
 @tests.add
@@ -236,7 +268,8 @@ def by_hand():
         farm.cli("keygen", "--role", "web", "--from", farm.key, "-o", key, expect=0)
         wrong = farm.path("client.key")
         farm.cli("keygen", "--role", "client", "--from", farm.key, "-o", wrong, expect=0)
-        words = [os.path.join(BIN, "azulejo-web"), "--coordinator", farm.address, "--web", "127.0.0.1:0", "--folder",
+        by_name = "localhost:" + farm.address.rsplit(":", 1)[1]  # which it must look up again and again
+        words = [os.path.join(BIN, "azulejo-web"), "--coordinator", by_name, "--web", "127.0.0.1:0", "--folder",
                  farm.path("page"), "--key"]
         refused = subprocess.run(words + [wrong], capture_output=True, text=True, check=False)
         expect(refused.returncode == 5 and "role web" in refused.stderr, refused)
@@ -254,6 +287,10 @@ def by_hand():
         next_event(ws, "reset")
         wait_for(lambda: answers(page), "it to be back")
         expect(page.get("/api/v1/jobs", token=secret).status == 200, "the token is what it was")
+        number = wait_for(lambda: page.post("/api/v1/imports").json().get("import"), "its own connection to be back")
+        expect(page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % number, body=read_bytes(farm.scene())).status == 201, "an upload")
+        answer = page.post("/api/v1/imports/%s" % number, {"scene": "a.gltf", "options": ["--size", "32x24", "--spp", "1"]})
+        expect(answer.status in (200, 201, 202), answer)
         expect(web.stop() == 0, "its end")
         farm.cli("list", expect=0)
 

@@ -1,6 +1,5 @@
 #include "web/base/certificate.h"
 
-#include <arpa/inet.h>
 #include <stdio.h>
 #include <time.h>
 
@@ -12,15 +11,9 @@
 
 #include "common/base/buffer.h"
 #include "common/system/file.h"
+#include "protocol/address.h"
 
 enum { FILE_MAX = 1 << 20, DAY_S = 86400 };
-
-static int is_address(const char *name)
-{
-    unsigned char bytes[16];
-
-    return inet_pton(AF_INET, name, bytes) == 1 || inet_pton(AF_INET6, name, bytes) == 1;
-}
 
 static status load(const char *path, X509 **out, struct error *err)
 {
@@ -60,8 +53,8 @@ static int is_good_for(X509 *certificate, const char *name)
 
     if (X509_cmp_time(X509_get0_notAfter(certificate), &soon) <= 0)
         return 0;
-    return is_address(name) ? X509_check_ip_asc(certificate, name, 0) == 1
-                            : X509_check_host(certificate, name, 0, 0, NULL) == 1;
+    return address_is_number(name) ? X509_check_ip_asc(certificate, name, 0) == 1
+                                   : X509_check_host(certificate, name, 0, 0, NULL) == 1;
 }
 
 static int add_extension(X509 *certificate, int kind, const char *value)
@@ -87,7 +80,7 @@ static int fill(X509 *certificate, EVP_PKEY *key, const char *name)
     BIGNUM *number;
     int ok;
 
-    snprintf(names, sizeof names, "%s:%.255s,DNS:localhost,IP:127.0.0.1,IP:::1", is_address(name) ? "IP" : "DNS", name);
+    snprintf(names, sizeof names, "%s:%.255s,DNS:localhost,IP:127.0.0.1,IP:::1", address_is_number(name) ? "IP" : "DNS", name);
     if (RAND_bytes(serial, sizeof serial) != 1)
         return 0;
     serial[0] &= 0x7f;

@@ -3,8 +3,11 @@
  * - no new privileges (prctl), so that no program that it runs has more than it has;
  * - WEB_MEMORY_BYTES of addresses and WEB_DESCRIPTORS_MIN descriptors or as many as its connections need (setrlimit);
  *   no core files, which would hold its key;
- * - with Landlock (Linux 5.13): no file can be written but below the folder of uploads and in /dev, none can be read
- *   but the system's (/usr, /lib, /etc, /proc, ...) and the two programs. Without it the log says so.
+ * - with Landlock (Linux 5.19): no file can be written but below the folder of uploads, and none can be read but these,
+ *   libraries and what else every program reads of the system, /proc and the two programs, which alone can be executed.
+ *   Of a coordinator that is given by name also /etc, where names are looked up. Without Landlock the log says so.
+ *
+ * Threads that run already keep what they may: none may.
  */
 #pragma once
 
@@ -15,7 +18,14 @@
 #define WEB_MEMORY_BYTES ((uint64_t)4 << 30)
 enum { WEB_DESCRIPTORS_MIN = 1024 };
 
-/* All of them. `uploads`: the folder that may be written; `client`: a program that is run, or NULL: none. ERR_IO. */
-status confine(const char *uploads, const char *client, uint32_t connections, struct error *err) MUST_CHECK;
+struct confinement {
+    const char *uploads;  /* the folder that may be written */
+    const char *client;   /* a program that is run; NULL: none */
+    uint32_t connections; /* at most */
+    int resolves;         /* the coordinator is given by name */
+};
+
+/* All of them; and when memory runs out, the kernel ends this program and its children first. ERR_IO. */
+status confine(const struct confinement *c, struct error *err) MUST_CHECK;
 /* End with the process of this number, which must be the parent. ERR_REFUSED: it is not, any more. */
 status confine_to_parent(int64_t parent, struct error *err) MUST_CHECK;

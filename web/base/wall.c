@@ -36,15 +36,12 @@ enum {
 /* All accesses to files of each version: execute, write, read, list, remove, make (1); rename (2); truncate (3); devices (5). */
 static const uint64_t file_accesses[] = {0, 0x1fff, 0x3fff, 0x7fff, 0x7fff, 0xffff};
 
-#define READS (LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR)
-
 static long landlock_version(void)
 {
     return syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
 }
 
-/* What is not there needs no rule. */
-static int allow(int rules, const char *path, uint64_t access)
+int wall_allow(int rules, const char *path, uint64_t access)
 {
     struct landlock_path_beneath_attr rule = {.allowed_access = access, .parent_fd = open(path, O_PATH | O_CLOEXEC)};
     int done;
@@ -53,29 +50,29 @@ static int allow(int rules, const char *path, uint64_t access)
         return 1;
     done = syscall(SYS_landlock_add_rule, rules, LANDLOCK_RULE_PATH_BENEATH, &rule, 0) == 0;
     if (!done && errno == EINVAL) { /* a file has no right to be listed */
-        rule.allowed_access &= ~(uint64_t)LANDLOCK_ACCESS_FS_READ_DIR;
+        rule.allowed_access &= WALL_OF_FILES;
         done = syscall(SYS_landlock_add_rule, rules, LANDLOCK_RULE_PATH_BENEATH, &rule, 0) == 0;
     }
     close(rule.parent_fd);
     return done;
 }
 
-static int allow_files(int rules, const struct wall *wall)
+int wall_allow_system(int rules)
 {
     static const char *const readable[] = {
         "/usr/lib", "/usr/lib64", "/lib", "/lib64", "/usr/local/lib", "/nix", "/etc/ld.so.cache", "/etc/localtime",
         "/usr/share/zoneinfo", "/etc/ssl/openssl.cnf", "/etc/hosts", "/etc/host.conf", "/etc/nsswitch.conf", "/etc/resolv.conf",
         "/etc/gai.conf", "/proc/self", "/proc/meminfo", "/proc/cpuinfo", "/proc/stat", "/proc/sys/vm", "/sys/devices/system",
-        "/sys/fs/cgroup", "/dev/null", "/dev/urandom", "."};
+        "/sys/fs/cgroup", "/dev/null", "/dev/urandom"};
     static const char *const loaders[] = {"/lib64/ld-linux-x86-64.so.2", "/lib/ld-linux-aarch64.so.1"};
 
     for (size_t i = 0; i < sizeof readable / sizeof *readable; i++)
-        if (!allow(rules, readable[i], READS))
+        if (!wall_allow(rules, readable[i], WALL_READS))
             return 0;
     for (size_t i = 0; i < sizeof loaders / sizeof *loaders; i++)
-        if (!allow(rules, loaders[i], LANDLOCK_ACCESS_FS_EXECUTE | LANDLOCK_ACCESS_FS_READ_FILE))
+        if (!wall_allow(rules, loaders[i], WALL_EXECUTES))
             return 0;
-    return allow(rules, wall->program, LANDLOCK_ACCESS_FS_EXECUTE | LANDLOCK_ACCESS_FS_READ_FILE);
+    return 1;
 }
 
 static int restrict_access(const struct wall *wall)
@@ -94,7 +91,7 @@ static int restrict_access(const struct wall *wall)
     rules = (int)syscall(SYS_landlock_create_ruleset, &all, size, 0);
     if (rules < 0)
         return 0;
-    done = allow_files(rules, wall) &&
+    done = wall_allow_system(rules) && wall_allow(rules, ".", WALL_READS) && wall_allow(rules, wall->program, WALL_EXECUTES) &&
            (!all.network || syscall(SYS_landlock_add_rule, rules, RULE_PORT, &port, 0) == 0) &&
            syscall(SYS_landlock_restrict_self, rules, 0) == 0;
     why = errno;

@@ -7,6 +7,7 @@
  */
 #pragma once
 
+#include <linux/landlock.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -24,3 +25,13 @@ void wall_words(char *out, size_t size);
 void wall_lacks(char *out, size_t size);
 /* As much of it as the kernel has. 0: errno says why it failed. */
 int wall_build(const struct wall *wall);
+
+#define WALL_READS (LANDLOCK_ACCESS_FS_READ_FILE | LANDLOCK_ACCESS_FS_READ_DIR)
+#define WALL_EXECUTES (LANDLOCK_ACCESS_FS_EXECUTE | LANDLOCK_ACCESS_FS_READ_FILE)
+/* What can be allowed of a file that is no folder. */
+#define WALL_OF_FILES (WALL_EXECUTES | LANDLOCK_ACCESS_FS_WRITE_FILE)
+
+/* Allow Landlock's rules an access to what is below the path; what is not there needs no rule. 0: errno. */
+int wall_allow(int rules, const char *path, uint64_t access);
+/* Allow what every program reads of the system: libraries, time zones, names of machines, its own standing. 0: errno. */
+int wall_allow_system(int rules);

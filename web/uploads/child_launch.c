@@ -29,19 +29,6 @@ static int limit(int what, unsigned long long most)
     return setrlimit((__rlimit_resource_t)what, &both) == 0;
 }
 
-/* When memory runs out, the kernel ends this one first. */
-static void be_first_to_go(void)
-{
-    int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
-
-    if (fd < 0)
-        return;
-    if (write(fd, "1000", 4) < 0) {
-        /* It then has our standing. */
-    }
-    close(fd);
-}
-
 static int prepare(char **words)
 {
     unsigned long long memory = strtoull(words[3], NULL, 10), processor = strtoull(words[4], NULL, 10),
@@ -53,7 +40,6 @@ static int prepare(char **words)
     if (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || getppid() != (pid_t)strtol(words[2], NULL, 10))
         return 0;
     (void)close_range(CHILD_SECRET_FD + 1, ~0U, 0);
-    be_first_to_go();
     if (setpriority(PRIO_PROCESS, 0, PATIENCE) != 0) {
         /* Only a courtesy. */
     }

@@ -61,7 +61,7 @@ static void discard_all(const struct imports *all)
         closedir(entries);
 }
 
-status imports_open(struct imports **out, struct web *web, struct error *err)
+status imports_new(struct imports **out, struct web *web, struct error *err)
 {
     struct imports *all = mem_calloc(1, sizeof *all);
     char *trash;
@@ -80,19 +80,31 @@ status imports_open(struct imports **out, struct web *web, struct error *err)
     trash = all->folder ? file_join(all->folder, "trash") : NULL;
     if (!trash)
         s = error_no_memory(err, "uploads");
-    if (s == STATUS_OK && file_make_private_folder(trash, err) == STATUS_OK)
-        s = trash_open(&all->trash, all->folder, err); /* without a disk there are no uploads for now */
+    else
+        (void)!file_make_private_folder(trash, err); /* without a disk there are no uploads for now */
     mem_free(trash);
-    if (s != STATUS_OK) {
+    if (s == STATUS_OK)
+        *out = all;
+    else
         imports_free(all);
-        return s;
-    }
-    discard_all(all);
-    *out = all;
-    return STATUS_OK;
+    return s;
+}
+
+status imports_begin(struct imports *all, struct error *err)
+{
+    char *trash = file_join(all->folder, "trash");
+    status s = trash ? STATUS_OK : error_no_memory(err, "uploads");
+
+    if (trash && access(trash, W_OK) == 0)
+        s = trash_open(&all->trash, all->folder, err);
+    mem_free(trash);
+    if (s == STATUS_OK)
+        discard_all(all);
+    return s;
 }
 
 const char *imports_program(const struct imports *imports) { return imports->client; }
+const char *imports_folder(const struct imports *imports) { return imports->folder; }
 
 static void import_free(struct import *import)
 {

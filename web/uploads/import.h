@@ -32,9 +32,11 @@ enum {
 #define IMPORT_TOKEN_BYTES ((uint64_t)16 << 30)   /* of all uploads of one token */
 #define IMPORT_FREE_BYTES ((uint64_t)1 << 30)     /* stay free on the disk, or a tenth of it if that is less */
 
-/* What an earlier run left is removed. */
-status imports_open(struct imports **out, struct web *web, struct error *err) MUST_CHECK;
+status imports_new(struct imports **out, struct web *web, struct error *err) MUST_CHECK;
+/* Starts threads. What an earlier run left is removed. */
+status imports_begin(struct imports *imports, struct error *err) MUST_CHECK;
 const char *imports_program(const struct imports *imports); /* that is run; NULL: none is known */
+const char *imports_folder(const struct imports *imports);
 void imports_tick(struct imports *imports, uint64_t now_ns);
 /* Kill what runs; its handles close. */
 void imports_stop(struct imports *imports);
