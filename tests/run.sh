@@ -8,6 +8,9 @@
 # Programs compute, in one lane a core and with less priority; farms and pages mostly wait, in lanes of their own beside
 # them. The slowest begin first: as in the last run in this tree, else in tests/slowest.txt.
 #
+# Their folders are in memory where there is room and TMPDIR does not say otherwise: farms wait for the disk at every
+# change of their store. make steady and make test-elsewhere leave them on the disk.
+#
 # What depends on the order of processes and threads (farms, pages, units) and fails runs once more at the end, alone.
 # If it passes there it is "unsteady": it is named, both logs are kept, and more than UNSTEADY_MAX such files fail the
 # run. Statistical and numerical tests have fixed seeds and never run again; nor does anything under a sanitizer, where
@@ -43,6 +46,15 @@ passed_as=$logs/passed-as
 # Not by a wrapper that looks for it each time, as pyenv's does.
 python=$(python3 -c 'import sys; print(sys.executable)')
 mkdir -p "$logs" "$passed_as"
+memory_gb() {  # free for files in memory
+    { df --output=avail -k /dev/shm | tail -n 1; awk '/^MemAvailable/ { print $2 }' /proc/meminfo; } 2>/dev/null |
+        sort -n | awk 'NR == 1 { print int($1 / 1048576) }'
+}
+if [ -z "${TMPDIR:-}" ] && [ "$(memory_gb)" -ge 4 ]; then
+    TMPDIR=$(mktemp -d /dev/shm/azulejo-tests-XXXXXX) || exit 2
+    export TMPDIR
+    trap 'rm -rf "$TMPDIR"' EXIT
+fi
 cat tests/slowest.txt "$times" >"$logs/times-before" 2>/dev/null
 : >"$counts"
 : >"$times"
