@@ -269,7 +269,8 @@ static status open_glb(struct gltf *g, const uint8_t *data, size_t size, const u
             return error_set(g->err, STATUS_ERR_INPUT, "the GLB file does not start with JSON");
         if (chunk == 0) {
             *json = data + at;
-            *json_bytes = length;
+            for (*json_bytes = length; *json_bytes && (*json)[*json_bytes - 1] == 0;)
+                --*json_bytes; /* padded with NUL in place of spaces */
         } else if (chunk == 1 && type == GLB_CHUNK_BIN) {
             g->bin = data + at;
             g->bin_bytes = length;

@@ -110,6 +110,7 @@ status gltf_light(struct gltf *g, size_t index, const char *node_name, const str
     const struct gltf_place at = gltf_at("lights", index, "");
     double color[3] = {1, 1, 1}, intensity = 1, range = 0, direction[3], length = 0;
     const char *type = "", *name = "";
+    int is_light = 1;
     json_t *light;
 
     scene_light_default(out);
@@ -131,14 +132,18 @@ status gltf_light(struct gltf *g, size_t index, const char *node_name, const str
         return gltf_fail(g, STATUS_ERR_INPUT, &at, "type \"%.32s\" is unknown: point, spot and directional are known",
                          type);
     }
-    if (range < 0 || range > (double)SCENE_COORDINATE_MAX)
-        return gltf_fail(g, STATUS_ERR_INPUT, &at, "range must be 0 to 1e15");
-    out->range = out->kind == LIGHT_DIRECTIONAL ? 0 : (float)range;
+    if (!(range >= 0))
+        builder_warn(g->b, "light range", "lights[%zu]: the range %g is not above 0: it has none", index, range);
+    /* Some write the largest float where there is none. */
+    out->range = out->kind != LIGHT_DIRECTIONAL && range > 0 && range <= (double)SCENE_COORDINATE_MAX ? (float)range : 0;
+    for (int c = 0; c < 3; c++)
+        is_light &= color[c] * intensity >= 0;
+    if (!is_light)
+        builder_warn(g->b, "light intensity", "lights[%zu]: color times intensity must be 0 or more: it does not shine", index);
     for (int c = 0; c < 3; c++) {
-        double value = color[c] * intensity * g->light_scale[out->kind];
-        if (!(value >= 0 && value <= (double)SCENE_RADIANCE_MAX))
-            return gltf_fail(g, STATUS_ERR_INPUT, &at, "color times intensity must be 0 to %g",
-                             (double)SCENE_RADIANCE_MAX);
+        double value = is_light ? color[c] * intensity * g->light_scale[out->kind] : 0;
+        if (!(value <= (double)SCENE_RADIANCE_MAX))
+            return gltf_fail(g, STATUS_ERR_INPUT, &at, "color times intensity must be at most %g", (double)SCENE_RADIANCE_MAX);
         out->intensity[c] = (float)value;
         out->position[c] = to_world->m[c][3];
         /* Along the node's -Z. The node's scale changes neither intensity nor range. */

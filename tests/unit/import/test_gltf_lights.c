@@ -76,6 +76,29 @@ static void test_units(void **state)
     }
 }
 
+/* A range that says nothing is none, and a light that cannot be does not shine: the rest of the file is read. */
+static void test_odd_lights(void **state)
+{
+    static const char text[] =
+        "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"camera\":0},{\"extensions\":{\"KHR_lights_punctual\":{\"light\":0}}},"
+        "{\"extensions\":{\"KHR_lights_punctual\":{\"light\":1}}},{\"extensions\":{\"KHR_lights_punctual\":{\"light\":2}}}],"
+        "\"scenes\":[{\"nodes\":[0,1,2,3]}],\"cameras\":[{\"type\":\"perspective\",\"perspective\":{\"yfov\":1}}],"
+        "\"extensions\":{\"KHR_lights_punctual\":{\"lights\":[{\"type\":\"point\",\"intensity\":5,\"range\":3.4028235e38},"
+        "{\"type\":\"spot\",\"intensity\":7,\"range\":-2},{\"type\":\"directional\",\"intensity\":-3}]}}}";
+    struct import_result r;
+
+    (void)state;
+    import_ok_with(text, sizeof text - 1, "lights.gltf", &defaults, &r);
+    assert_true(r.scene.lights[0].intensity[0] == 5 && r.scene.lights[0].range == 0);
+    assert_true(r.scene.lights[1].intensity[0] == 7 && r.scene.lights[1].range == 0);
+    for (uint32_t i = 2; i < r.scene.light_count; i++)
+        assert_true(r.scene.lights[i].intensity[0] == 0);
+    assert_warned(&r, "lights[1]: the range -2 is not above 0: it has none");
+    assert_warned(&r, "lights[2]: color times intensity must be 0 or more: it does not shine");
+    assert_false(warned(&r, "lights[0]"));
+    import_result_release(&r);
+}
+
 /* What to tick in the exporter, where it is Blender's. */
 static void test_missing(void **state)
 {
@@ -107,6 +130,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_units),
+        cmocka_unit_test(test_odd_lights),
         cmocka_unit_test(test_missing),
     };
 
