@@ -137,6 +137,7 @@ def every_route():
         api.does(200, "delete", JOB, job=done)
         api.does(404, "delete", JOB, job=done)
 
+        reaches(api, later, "done")
         for verb in ("drain", "resume", "block", "unblock"):
             api.does(200, "post", "/api/v1/workers/{name}/" + verb, name=name)
             api.does(404, "post", "/api/v1/workers/{name}/" + verb, name="nobody-of-that-name") if verb == "resume" else None
