@@ -77,6 +77,9 @@ void builder_warn(struct builder *b, const char *kind, const char *format, ...) 
 void builder_warn_at(struct builder *b, const char *file, uint64_t line, const char *kind, const char *format, ...)
     __attribute__((format(printf, 5, 6)));
 
+/* ERR_INPUT: there is nothing to render, in the words of `why` and of the first warning that something was left out. */
+status builder_nothing(struct builder *b, const char *why) MUST_CHECK;
+
 /* A clean copy for the scene: valid UTF-8, no control characters, at most SCENE_NAME_MAX bytes. Never NULL. */
 const char *builder_name(struct builder *b, const char *name);
 

@@ -103,6 +103,18 @@ static status hand_over_cameras(struct builder *b, struct scene_camera **framed)
     return STATUS_OK;
 }
 
+/* What is nowhere seen is most often a mistake of the file. */
+static void warn_of_invisible(struct builder *b)
+{
+    const struct scene *scene = &b->out->scene;
+
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        const struct scene_material *m = &scene->materials[scene->instances[i].material];
+        if (m->alpha_mode == ALPHA_BLEND ? m->base_color[3] <= 0 : m->alpha_mode == ALPHA_MASK && m->base_color[3] < m->alpha_cutoff)
+            builder_warn(b, "invisible", "the material \"%.200s\" is invisible: its opacity is %g", m->name, (double)m->base_color[3]);
+    }
+}
+
 /* Unlit materials emit by themselves and need no light. */
 static int is_unlit(const struct scene *scene)
 {
@@ -127,8 +139,7 @@ static void light_evenly(struct builder *b)
     scene_environment_default(&scene->environment);
     scene->environment.present = scene->environment.constant = 1;
     builder_warn(b, "no light",
-                 "the file has no light: an even white environment of radiance 1 was added (give "
-                 "an environment map, or add lights to the file)%s",
+                 "the file has no light: an even white environment of radiance 1 was added (give an environment map, or add lights to the file)%s",
                  b->no_light_hint);
 }
 
@@ -242,6 +253,16 @@ static status prune_blobs(struct builder *b)
     return STATUS_OK;
 }
 
+status builder_nothing(struct builder *b, const char *why)
+{
+    const char *left_out = NULL;
+
+    for (size_t i = 0; i < b->warning_count && !left_out; i++)
+        if (strstr(b->warnings[i].text, "left out") || strstr(b->warnings[i].text, "not rendered"))
+            left_out = b->warnings[i].text;
+    return error_set(b->err, STATUS_ERR_INPUT, left_out ? "there is nothing to render: %s; %s" : "there is nothing to render: %s", why, left_out);
+}
+
 static status blob_get(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,
                        struct error *err)
 {
@@ -270,13 +291,10 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     struct scene_camera *framed = NULL;
     status result;
 
-    if (b->instance_count == 0) {
-        if (b->camera_count == 0)
-            return error_set(b->err, STATUS_ERR_INPUT,
-                             "there is nothing to render: the scene has no triangles and no "
-                             "camera");
+    if (b->instance_count == 0 && b->camera_count == 0)
+        return builder_nothing(b, "the scene has no triangles and no camera");
+    if (b->instance_count == 0)
         builder_warn(b, "empty", "the scene has no triangles: only the environment will be seen");
-    }
     if (options->env_path)
         TRY(builder_read_environment(b, options->env_path));
     out->scene.name = builder_name(b, title);
@@ -293,6 +311,7 @@ status builder_finish(struct builder *b, const char *title, const struct import_
         result = scene_validate(&out->scene, b->err); /* as it was placed */
     if (result != STATUS_OK)
         return result;
+    warn_of_invisible(b);
     result = simplify(b);
     THEN(result, bodies_find(b));
     THEN(result, scene_report_views(b));

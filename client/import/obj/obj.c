@@ -97,8 +97,12 @@ static struct obj_corner parse_corner(const struct obj *o, struct obj_word word)
         if (length)
             *fields[i] = resolve(index, counts[i]);
         at += length;
-        if (at == end || *at++ != '/')
+        if (at == end)
             break;
+        if (*at++ != '/') { /* "1,001" is no index */
+            corner.v = OBJ_BAD;
+            break;
+        }
     }
     return corner;
 }
@@ -257,8 +261,10 @@ static status read_text(struct obj *o, const char *data, size_t size)
     if (size >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0)
         text.at += 3;
     s.group = obj_intern(&o->words, "", 0);
-    while (obj_next_line(&text, &line))
+    while (obj_next_line(&text, &line)) {
         TRY(read_statement(&s, &line));
+        obj_warn_of_odd(o, o->name, &line);
+    }
     return STATUS_OK;
 }
 
@@ -321,9 +327,11 @@ static status obj_import(const void *data, size_t size_bytes, const char *name, 
 
     THEN(result, obj_read_libraries(&o));
     THEN(result, obj_make_meshes(&o));
-    if (result == STATUS_OK && b->instance_count == 0)
-        result = error_set(b->err, STATUS_ERR_INPUT,
-                           "there is nothing to render: %zu vertices, but no face that can be drawn", o.v_count);
+    if (result == STATUS_OK && b->instance_count == 0) {
+        char why[64];
+        snprintf(why, sizeof why, "%zu vertices, but no face that can be drawn", o.v_count);
+        result = builder_nothing(b, why);
+    }
     THEN(result, builder_finish(b, file_basename(name), options));
     obj_release(&o);
     return result;

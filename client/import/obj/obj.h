@@ -57,6 +57,7 @@ struct obj_texture {
     uint32_t line;
     float scale[2], offset[2]; /* of the texture coordinates, v upwards */
     float bump;                /* -bm */
+    char channel;              /* -imfchan: r, g, b, m (alpha) or l (luminance); 0: not given */
     int clamp;
 };
 
@@ -65,7 +66,7 @@ struct obj_material {
     uint32_t name;       /* in `materials` */
     uint32_t file, line; /* its place: in `files` */
     int illum;           /* -1: not given */
-    float kd[3], ks[3], ke[3], tf[3], ns, ni, d, pr, pm, pc, pcr, ps, aniso, anisor;
+    float kd[3], ks[3], ke[3], tf[3], ns, ni, d, tr, pr, pm, pc, pcr, ps, aniso, anisor;
     struct obj_texture maps[OBJ_MAP_COUNT];
     int64_t row; /* of the builder, BUILDER_NO_ROW: not made yet */
 };
@@ -115,17 +116,18 @@ struct obj {
 };
 
 /* One statement: words of a line. Continued lines count as one. */
+struct obj_word {
+    const char *text;
+    size_t length;
+};
 struct obj_line {
     const char *at, *end;
-    uint32_t number; /* 1.. */
+    uint32_t number;     /* 1.. */
+    struct obj_word odd; /* a number of it that goes on as none does; length 0: there is none */
 };
 struct obj_text {
     const char *at, *end;
     uint32_t line; /* of the next */
-};
-struct obj_word {
-    const char *text;
-    size_t length;
 };
 /* The next line that is not empty; 0 at the end. */
 int obj_next_line(struct obj_text *text, struct obj_line *line);
@@ -134,8 +136,10 @@ struct obj_word obj_next_word(struct obj_line *line);
 /* The rest of the line, without spaces around it; '#' begins no comment here. */
 struct obj_word obj_rest(struct obj_line *line);
 int obj_word_is(struct obj_word word, const char *text);
-/* Read up to `most` numbers; returns their count. */
+/* Read up to `most` numbers; returns their count. 1,5 is 1.5. */
 size_t obj_numbers(struct obj_line *line, size_t most, double *out);
+/* Warn of the line's odd number, if it has one. */
+void obj_warn_of_odd(struct obj *o, const char *file, const struct obj_line *line);
 
 /* The bytes of a file that `file` names, as it is written in the file `within` (NULL: the OBJ file): beside that one,
  * or else beside the OBJ file. ERR_INPUT in `err`; the caller turns it into a warning. */

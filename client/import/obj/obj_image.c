@@ -60,11 +60,10 @@ static status decode_map(struct obj *o, const struct obj_material *m, const stru
     return STATUS_OK;
 }
 
-/* One channel of a pixel, 0..1. `image` may be of another size than width x height. */
-static float channel(const struct image8 *image, uint32_t x, uint32_t y, uint32_t width, uint32_t height, uint32_t c)
+/* One channel of a pixel, 0..1. */
+static float channel(const struct image8 *image, uint32_t x, uint32_t y, uint32_t c)
 {
-    size_t sx = (size_t)x * image->width / width, sy = (size_t)y * image->height / height;
-    size_t at = (sy * image->width + sx) * image->channels + c;
+    size_t at = ((size_t)y * image->width + x) * image->channels + c;
 
     if (image->bits == 16) {
         uint16_t deep;
@@ -76,14 +75,21 @@ static float channel(const struct image8 *image, uint32_t x, uint32_t y, uint32_
 
 static int has_alpha(const struct image8 *image) { return image->channels == 2 || image->channels == 4; }
 
-/* The mean of the colours: the value of a map of single numbers. */
-static float level(const struct image8 *image, uint32_t x, uint32_t y, uint32_t width, uint32_t height)
+/* The value of a map of single numbers: of the channel that -imfchan names, else the mean of the colours. */
+static float level(const struct image8 *image, uint32_t x, uint32_t y, char which)
 {
+    const char *color = which ? strchr("rgb", which) : NULL;
+    float rgb[3];
+
+    if (which == 'm')
+        return has_alpha(image) ? channel(image, x, y, image->channels - 1) : 1;
     if (image->channels <= 2)
-        return channel(image, x, y, width, height, 0);
-    return (channel(image, x, y, width, height, 0) + channel(image, x, y, width, height, 1) +
-            channel(image, x, y, width, height, 2)) /
-           3;
+        return channel(image, x, y, 0);
+    for (uint32_t c = 0; c < 3; c++)
+        rgb[c] = channel(image, x, y, c);
+    if (which == 'l')
+        return 0.2126f * rgb[0] + 0.7152f * rgb[1] + 0.0722f * rgb[2];
+    return color ? rgb[color - "rgb"] : (rgb[0] + rgb[1] + rgb[2]) / 3;
 }
 
 /* Without any colour it is a height map, not a normal map. */
@@ -93,9 +99,9 @@ static int is_grey(const struct image8 *image)
         return 1;
     for (uint32_t y = 0; y < image->height; y++)
         for (uint32_t x = 0; x < image->width; x++) {
-            float r = channel(image, x, y, image->width, image->height, 0);
-            float g = channel(image, x, y, image->width, image->height, 1);
-            float b = channel(image, x, y, image->width, image->height, 2);
+            float r = channel(image, x, y, 0);
+            float g = channel(image, x, y, 1);
+            float b = channel(image, x, y, 2);
             if (fabsf(r - g) > 0.05f || fabsf(g - b) > 0.05f)
                 return 0;
         }
@@ -159,27 +165,134 @@ static status file_image(struct obj *o, const struct obj_material *m, const stru
     return result;
 }
 
-/* Add an image made of pixels that fill(x, y) makes. */
-struct bake {
-    const struct image8 *a, *b; /* either may be without pixels */
-    float bump;
-    void (*fill)(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height, uint8_t rgba[4]);
+/* A map in an image that is made: at x = 0..1 of its width stands what the map has at times x + shift, from top left. */
+struct placed {
+    struct image8 image; /* may be without pixels */
+    double times[2], shift[2];
+    int clamp;
+    char channel;
 };
+
+/* An image made of pixels that fill(bake, u, v) makes, where texture coordinates are as `frame` says. */
+struct bake {
+    struct placed a, b;
+    struct obj_texture frame;
+    float bump;
+    void (*fill)(const struct bake *bake, double u, double v, uint8_t rgba[4]);
+};
+
+/* The shift of texture coordinates from the image's top left: v upwards, v' = s v + o, 1 - v' = s (1 - v) + 1 - s - o. */
+static double shift_of(const struct obj_texture *map, int axis)
+{
+    return axis ? 1 - (double)map->scale[1] - (double)map->offset[1] : (double)map->offset[0];
+}
+
+/* How often an image repeats a map, at least once, so that another repeats a whole number of times, too; 0: more than
+ * REPEATS_MAX. */
+static double repeats(const struct obj_texture *map, const struct obj_texture *other, int axis)
+{
+    enum { REPEATS_MAX = 16 };
+
+    for (double k = 1; map->scale[axis] != 0 && k <= REPEATS_MAX; k++) {
+        double times = k * (double)other->scale[axis] / (double)map->scale[axis];
+        if (fabs(times) >= 0.5 && fabs(times) <= REPEATS_MAX && fabs(times - round(times)) < 1e-4)
+            return k;
+    }
+    return 0;
+}
+
+/* The frame of an image that holds both maps: its period is a period of both. Where none is, or only one of them repeats,
+ * it holds for texture coordinates of 0 to 1, and a warning says so. */
+static void choose_frame(struct obj *o, const struct obj_material *m, const struct obj_texture *a,
+                         const struct obj_texture *b, struct obj_texture *frame)
+{
+    double k[2];
+
+    *frame = a->file ? *a : *b;
+    if (!a->file || !b->file || (memcmp(a->scale, b->scale, sizeof a->scale) == 0 &&
+                                 memcmp(a->offset, b->offset, sizeof a->offset) == 0 && a->clamp == b->clamp))
+        return;
+    for (int axis = 0; axis < 2; axis++)
+        k[axis] = a->clamp || b->clamp ? 0 : repeats(a, b, axis);
+    for (int axis = 0; axis < 2; axis++) {
+        double shift = k[0] > 0 && k[1] > 0 ? shift_of(a, axis) / k[axis] : 0;
+        frame->scale[axis] = k[0] > 0 && k[1] > 0 ? (float)((double)a->scale[axis] / k[axis]) : 1;
+        frame->offset[axis] = (float)(axis ? 1 - (double)frame->scale[1] - shift : shift);
+    }
+    frame->clamp = a->clamp && b->clamp;
+    if (!(k[0] > 0 && k[1] > 0))
+        builder_warn_at(o->b, o->files.texts[m->file], b->line, "maps that are combined",
+                        "the options of \"%.100s\" and of \"%.100s\", which become one picture, hold together for texture "
+                        "coordinates of 0 to 1 only",
+                        a->file, b->file);
+}
+
+static void place(struct placed *out, const struct obj_texture *map, const struct obj_texture *frame)
+{
+    for (int axis = 0; axis < 2 && map->file; axis++) {
+        out->times[axis] = frame->scale[axis] != 0 ? (double)map->scale[axis] / (double)frame->scale[axis] : 1;
+        out->shift[axis] = shift_of(map, axis) - out->times[axis] * shift_of(frame, axis);
+    }
+    out->clamp = map->clamp;
+    out->channel = map->channel;
+}
+
+/* The map's pixel. */
+static void pixel_at(const struct placed *map, double u, double v, uint32_t at[2])
+{
+    const double place[2] = {u, v};
+    const uint32_t sizes[2] = {map->image.width, map->image.height};
+
+    for (int axis = 0; axis < 2; axis++) {
+        double x = map->times[axis] * place[axis] + map->shift[axis];
+        x = map->clamp ? fmin(fmax(x, 0), 1) : x - floor(x);
+        at[axis] = (uint32_t)fmin(x * sizes[axis], sizes[axis] - 1.0);
+    }
+}
+
+static float color_at(const struct placed *map, double u, double v, uint32_t c)
+{
+    uint32_t at[2];
+
+    pixel_at(map, u, v, at);
+    return channel(&map->image, at[0], at[1], map->image.channels <= 2 ? 0 : c);
+}
+
+static float level_at(const struct placed *map, double u, double v, char which)
+{
+    uint32_t at[2];
+
+    pixel_at(map, u, v, at);
+    return level(&map->image, at[0], at[1], which);
+}
+
+/* Pixels of the image made: a pixel of each map becomes at least one. */
+static uint32_t size_of(const struct bake *bake, int axis)
+{
+    enum { SIZE_MAX_PIXELS = 8192 };
+    const struct placed *maps[2] = {&bake->a, &bake->b};
+    double size = 1;
+
+    for (int i = 0; i < 2; i++) {
+        uint32_t own = axis ? maps[i]->image.height : maps[i]->image.width;
+        size = fmax(size, fmax(own, fmin(ceil(own * fabs(maps[i]->times[axis]) - 1e-3), SIZE_MAX_PIXELS)));
+    }
+    return (uint32_t)size;
+}
 
 static uint8_t to_byte(float x) { return (uint8_t)(fminf(fmaxf(x, 0), 1) * 255 + 0.5f); }
 
 static status bake_image(struct obj *o, const struct bake *bake, const char *key, const char *name,
                          struct obj_image **out)
 {
-    uint32_t width = bake->a->width > bake->b->width ? bake->a->width : bake->b->width;
-    uint32_t height = bake->a->height > bake->b->height ? bake->a->height : bake->b->height;
+    uint32_t width = size_of(bake, 0), height = size_of(bake, 1);
     struct image8 rgba = {0};
     struct buffer png = BUFFER_INIT;
     status result = image8_init(&rgba, width, height, 4, 8, o->err);
 
     for (uint32_t y = 0; y < height && result == STATUS_OK; y++)
         for (uint32_t x = 0; x < width; x++)
-            bake->fill(bake, x, y, width, height, rgba.pixels + 4 * ((size_t)y * width + x));
+            bake->fill(bake, (x + 0.5) / width, (y + 0.5) / height, rgba.pixels + 4 * ((size_t)y * width + x));
     if (result == STATUS_OK)
         result = png_encode_8(&png, &rgba, 1, o->err);
     image8_release(&rgba);
@@ -188,85 +301,6 @@ static status bake_image(struct obj *o, const struct bake *bake, const char *key
     buffer_release(&png);
     return result;
 }
-
-/* The image combined from the files of `a` and `b` (either may have none). */
-static status baked_image(struct obj *o, const struct obj_material *m, const char *kind, const struct obj_texture *a,
-                          const struct obj_texture *b, struct bake bake, struct obj_image **out)
-{
-    struct buffer key = BUFFER_INIT, bytes = BUFFER_INIT;
-    struct image8 pixels[2] = {{0}, {0}};
-    const struct obj_texture *maps[2] = {a, b};
-    int good;
-    status result = STATUS_OK;
-
-    buffer_printf(&key, "%s %.9g\n%s\n%s", kind, (double)bake.bump, a->file ? a->file : "", b->file ? b->file : "");
-    must_hold(&key);
-    *out = find_image(o, buffer_text(&key));
-    if (*out)
-        goto done;
-    for (int i = 0; i < 2 && result == STATUS_OK; i++)
-        if (maps[i]->file) {
-            result = decode_map(o, m, maps[i], &bytes, &pixels[i], &good);
-            if (result == STATUS_OK && good && !pixels[i].pixels)
-                warn_of_texture(o, m, maps[i],
-                                "a floating point image cannot be combined with another, nor be a height map");
-            buffer_release(&bytes);
-        }
-    bake.a = &pixels[0];
-    bake.b = &pixels[1];
-    if (result == STATUS_OK && (pixels[0].pixels || pixels[1].pixels))
-        result = bake_image(o, &bake, buffer_text(&key), a->file ? a->file : b->file, out);
-    else if (result == STATUS_OK)
-        result = keep_image(o, buffer_text(&key), "", NULL, 0, 0, out);
-done:
-    image8_release(&pixels[0]);
-    image8_release(&pixels[1]);
-    buffer_release(&key);
-    return result;
-}
-
-/* ---- what is put together ------------------------------------------------------------------- */
-
-/* Colours of a, opacity of b: its alpha if it has one, else its level. */
-static void fill_alpha(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
-                       uint8_t rgba[4])
-{
-    const struct image8 *a = bake->a, *b = bake->b;
-
-    for (uint32_t c = 0; c < 3; c++)
-        rgba[c] = a->pixels ? to_byte(channel(a, x, y, width, height, a->channels <= 2 ? 0 : c)) : 255;
-    rgba[3] = !b->pixels     ? 255
-              : has_alpha(b) ? to_byte(channel(b, x, y, width, height, b->channels - 1))
-                             : to_byte(level(b, x, y, width, height));
-}
-
-/* Green: roughness, of a; blue: metal, of b. */
-static void fill_metal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
-                       uint8_t rgba[4])
-{
-    rgba[0] = rgba[3] = 255;
-    rgba[1] = bake->a->pixels ? to_byte(level(bake->a, x, y, width, height)) : 255;
-    rgba[2] = bake->b->pixels ? to_byte(level(bake->b, x, y, width, height)) : 255;
-}
-
-/* The normal of height map a, by central differences that wrap around the edges. */
-static void fill_normal(const struct bake *bake, uint32_t x, uint32_t y, uint32_t width, uint32_t height,
-                        uint8_t rgba[4])
-{
-    uint32_t left = x ? x - 1 : width - 1, right = x + 1 < width ? x + 1 : 0;
-    uint32_t above = y ? y - 1 : height - 1, below = y + 1 < height ? y + 1 : 0;
-    float steep = 0.5f * HEIGHT_TEXELS * bake->bump;
-    float du = steep * (level(bake->a, right, y, width, height) - level(bake->a, left, y, width, height));
-    float dv = steep * (level(bake->a, x, above, width, height) - level(bake->a, x, below, width, height));
-    float length = sqrtf(du * du + dv * dv + 1);
-
-    rgba[0] = to_byte(0.5f - 0.5f * du / length);
-    rgba[1] = to_byte(0.5f - 0.5f * dv / length);
-    rgba[2] = to_byte(0.5f + 0.5f / length);
-    rgba[3] = 255;
-}
-
-/* ---- slots ---------------------------------------------------------------------------------- */
 
 static status fill_slot(struct obj *o, const struct obj_image *image, const struct obj_texture *map,
                         struct scene_texture_slot *slot)
@@ -280,13 +314,102 @@ static status fill_slot(struct obj *o, const struct obj_image *image, const stru
     texture.image = (uint32_t)image->row;
     TRY(builder_add_texture(o->b, &texture, &row));
     slot->texture = (int32_t)row;
-    /* v upwards, v' = s v + o, seen from the image's top: 1 - v' = s (1 - v) + 1 - s - o. */
-    slot->uv_transform[0][0] = map->scale[0];
-    slot->uv_transform[0][2] = map->offset[0];
-    slot->uv_transform[1][1] = map->scale[1];
-    slot->uv_transform[1][2] = 1 - map->scale[1] - map->offset[1];
+    for (int axis = 0; axis < 2; axis++) {
+        slot->uv_transform[axis][axis] = map->scale[axis];
+        slot->uv_transform[axis][2] = (float)shift_of(map, axis);
+    }
     return STATUS_OK;
 }
+
+static void say_placed(struct buffer *key, const struct placed *p, const char *file)
+{
+    buffer_printf(key, "\n%c %d %.9g %.9g %.9g %.9g %s", p->channel ? p->channel : '-', p->clamp, p->times[0],
+                  p->times[1], p->shift[0], p->shift[1], file ? file : "");
+}
+
+/* Fill the slot with the image combined from the files of `a` and `b` (either may have none). */
+static status baked_map(struct obj *o, const struct obj_material *m, const char *kind, const struct obj_texture *a,
+                        const struct obj_texture *b, struct bake bake, struct scene_texture_slot *slot)
+{
+    struct buffer key = BUFFER_INIT, bytes = BUFFER_INIT;
+    struct placed *placed[2] = {&bake.a, &bake.b};
+    const struct obj_texture *maps[2] = {a, b};
+    struct obj_image *image;
+    int good;
+    status result = STATUS_OK;
+
+    choose_frame(o, m, a, b, &bake.frame);
+    buffer_printf(&key, "%s %.9g", kind, (double)bake.bump);
+    for (int i = 0; i < 2; i++) {
+        place(placed[i], maps[i], &bake.frame);
+        say_placed(&key, placed[i], maps[i]->file);
+    }
+    must_hold(&key);
+    image = find_image(o, buffer_text(&key));
+    if (image)
+        goto done;
+    for (int i = 0; i < 2 && result == STATUS_OK; i++)
+        if (maps[i]->file) {
+            result = decode_map(o, m, maps[i], &bytes, &placed[i]->image, &good);
+            if (result == STATUS_OK && good && !placed[i]->image.pixels)
+                warn_of_texture(o, m, maps[i],
+                                "a floating point image cannot be combined with another, nor be a height map");
+            buffer_release(&bytes);
+        }
+    if (result == STATUS_OK && (bake.a.image.pixels || bake.b.image.pixels))
+        result = bake_image(o, &bake, buffer_text(&key), a->file ? a->file : b->file, &image);
+    else if (result == STATUS_OK)
+        result = keep_image(o, buffer_text(&key), "", NULL, 0, 0, &image);
+done:
+    THEN(result, fill_slot(o, image, &bake.frame, slot));
+    image8_release(&bake.a.image);
+    image8_release(&bake.b.image);
+    buffer_release(&key);
+    return result;
+}
+
+/* ---- what is put together ------------------------------------------------------------------- */
+
+/* Colours of a, opacity of b: its alpha if it has one, else its level. */
+static void fill_alpha(const struct bake *bake, double u, double v, uint8_t rgba[4])
+{
+    const struct placed *a = &bake->a, *b = &bake->b;
+
+    for (uint32_t c = 0; c < 3; c++)
+        rgba[c] = a->image.pixels ? to_byte(color_at(a, u, v, c)) : 255;
+    rgba[3] = b->image.pixels ? to_byte(level_at(b, u, v, !b->channel && has_alpha(&b->image) ? 'm' : b->channel)) : 255;
+}
+
+/* Green: roughness, of a; blue: metal, of b. */
+static void fill_metal(const struct bake *bake, double u, double v, uint8_t rgba[4])
+{
+    const struct placed *a = &bake->a, *b = &bake->b;
+
+    rgba[0] = rgba[3] = 255;
+    rgba[1] = a->image.pixels ? to_byte(level_at(a, u, v, a->channel)) : 255;
+    rgba[2] = b->image.pixels ? to_byte(level_at(b, u, v, b->channel)) : 255;
+}
+
+/* The normal of height map a, by central differences that wrap around the edges. */
+static void fill_normal(const struct bake *bake, double u, double v, uint8_t rgba[4])
+{
+    const struct image8 *a = &bake->a.image;
+    const char which = bake->a.channel;
+    uint32_t x = (uint32_t)(u * a->width), y = (uint32_t)(v * a->height);
+    uint32_t left = x ? x - 1 : a->width - 1, right = x + 1 < a->width ? x + 1 : 0;
+    uint32_t above = y ? y - 1 : a->height - 1, below = y + 1 < a->height ? y + 1 : 0;
+    float steep = 0.5f * HEIGHT_TEXELS * bake->bump;
+    float du = steep * (level(a, right, y, which) - level(a, left, y, which));
+    float dv = steep * (level(a, x, above, which) - level(a, x, below, which));
+    float length = sqrtf(du * du + dv * dv + 1);
+
+    rgba[0] = to_byte(0.5f - 0.5f * du / length);
+    rgba[1] = to_byte(0.5f - 0.5f * dv / length);
+    rgba[2] = to_byte(0.5f + 0.5f / length);
+    rgba[3] = 255;
+}
+
+/* ---- slots ---------------------------------------------------------------------------------- */
 
 static status plain_map(struct obj *o, const struct obj_material *in, enum obj_map map, struct scene_texture_slot *slot)
 {
@@ -301,24 +424,20 @@ static status plain_map(struct obj *o, const struct obj_material *in, enum obj_m
 static status color_map(struct obj *o, const struct obj_material *in, struct scene_material *out)
 {
     const struct obj_texture *kd = &in->maps[OBJ_MAP_KD], *d = &in->maps[OBJ_MAP_D];
-    struct obj_image *image;
 
     /* A picture that is both, such as a PNG with alpha, is used unchanged with its own alpha. */
     if (out->alpha_mode == ALPHA_OPAQUE || !d->file)
         return plain_map(o, in, OBJ_MAP_KD, &out->base_color_texture);
-    TRY(baked_image(o, in, "alpha", kd, d, (struct bake){.fill = fill_alpha}, &image));
-    return fill_slot(o, image, kd->file ? kd : d, &out->base_color_texture);
+    return baked_map(o, in, "alpha", kd, d, (struct bake){.fill = fill_alpha}, &out->base_color_texture);
 }
 
 static status metal_maps(struct obj *o, const struct obj_material *in, struct scene_material *out)
 {
     const struct obj_texture *pr = &in->maps[OBJ_MAP_PR], *pm = &in->maps[OBJ_MAP_PM];
-    struct obj_image *image;
 
     if (!pr->file && !pm->file)
         return STATUS_OK;
-    TRY(baked_image(o, in, "metal", pr, pm, (struct bake){.fill = fill_metal}, &image));
-    return fill_slot(o, image, pr->file ? pr : pm, &out->metallic_roughness_texture);
+    return baked_map(o, in, "metal", pr, pm, (struct bake){.fill = fill_metal}, &out->metallic_roughness_texture);
 }
 
 static status normal_map(struct obj *o, const struct obj_material *in, struct scene_material *out)
@@ -331,11 +450,9 @@ static status normal_map(struct obj *o, const struct obj_material *in, struct sc
     if (!map->file)
         return STATUS_OK;
     TRY(file_image(o, in, map, &image));
-    if (map == &in->maps[OBJ_MAP_BUMP] && image->is_grey) {
-        TRY(baked_image(o, in, "height", map, &none, (struct bake){.fill = fill_normal, .bump = map->bump}, &image));
-    } else {
-        out->normal_scale = map->bump;
-    }
+    if (map == &in->maps[OBJ_MAP_BUMP] && (image->is_grey || map->channel))
+        return baked_map(o, in, "height", map, &none, (struct bake){.fill = fill_normal, .bump = map->bump}, &out->normal_texture);
+    out->normal_scale = map->bump;
     return fill_slot(o, image, map, &out->normal_texture);
 }
 

@@ -30,7 +30,7 @@ static int face_is_good(struct obj *o, const struct obj_face *face)
         struct obj_corner *corner = &o->corners[face->first + i];
         if (corner->v >= o->v_count) {
             builder_warn_at(o->b, o->name, face->line, "face index",
-                            "a face names a vertex that does not exist (the file has %zu): left out", o->v_count);
+                            "a face names a vertex that does not exist (the file has %zu), or by no whole number: left out", o->v_count);
             return 0;
         }
         if (isnan(o->v[3 * (size_t)corner->v]))

@@ -8,7 +8,7 @@
  *                  none (a highlight): 0.08 Ks, so that 0.5 is an ordinary plastic, as Blender
  *                  reads and writes it. illum 0, 1: no highlight
  *   Ni             index of refraction of what refracts (illum 6, 7)
- *   d, Tr, map_d   opacity: the surface dissolves; with illum 6 or 7, 1 - d refracts (all, if d
+ *   d, Tr, map_d   opacity (Tr: 1 - d, where d is missing): the surface dissolves; with illum 6 or 7, 1 - d refracts (all, if d
  *                  is 1), tinted by Tf
  *   Ke             radiance
  *   Pr Pm Pc Pcr Ps aniso anisor   roughness, metallic, clearcoat, its roughness, sheen,
@@ -40,7 +40,7 @@ void obj_material_release(struct obj_material *material)
 
 static void material_init(struct obj_material *m)
 {
-    float *numbers[] = {&m->ns, &m->ni,  &m->d,  &m->pr,    &m->pm,
+    float *numbers[] = {&m->ns, &m->ni,  &m->d,  &m->tr,    &m->pr,    &m->pm,
                         &m->pc, &m->pcr, &m->ps, &m->aniso, &m->anisor};
 
     memset(m, 0, sizeof *m);
@@ -121,8 +121,14 @@ static void read_map(const struct mtl_place *at, struct obj_line *line, struct o
         } else if (obj_word_is(option, "-clamp")) {
             map->clamp = obj_word_is(obj_next_word(line), "on");
         } else if (obj_word_is(option, "-blendu") || obj_word_is(option, "-blendv") || obj_word_is(option, "-cc") ||
-                   obj_word_is(option, "-imfchan") || obj_word_is(option, "-type")) {
+                   obj_word_is(option, "-type")) {
             obj_next_word(line);
+        } else if (obj_word_is(option, "-imfchan")) {
+            option = obj_next_word(line);
+            map->channel = option.length == 1 && strchr("rgbml", option.text[0]) ? option.text[0] : 0;
+            if (!map->channel)
+                builder_warn_at(at->o->b, at->file, at->line, "MTL option", "-imfchan %.*s is not applied: r, g, b, m and l are",
+                                (int)(option.length < 24 ? option.length : 24), option.text);
         } else { /* a name that begins so */
             *line = before;
             break;
@@ -180,7 +186,7 @@ static void read_statement(const struct mtl_place *at, struct obj_line *line, st
         value = NAN;
         read_number(at, line, word, &value);
         if (!isnan(value))
-            m->d = obj_word_is(word, "d") ? value : 1 - value;
+            *(obj_word_is(word, "d") ? &m->d : &m->tr) = value;
         return;
     }
     if (obj_word_is(word, "illum")) {
@@ -229,6 +235,7 @@ static void read_library_text(struct obj *o, const struct buffer *bytes, const c
             begun = 1;
         } else if (begun) {
             read_statement(&at, &line, word, &o->defined[o->defined_count - 1]);
+            obj_warn_of_odd(o, file, &line);
         } else {
             builder_warn_at(o->b, file, line.number, "before newmtl", "comes before any newmtl: left out");
         }
@@ -267,7 +274,7 @@ static status read_library(struct obj *o, const char *file, uint32_t library, in
 static status read_libraries_of(struct obj *o, uint32_t library)
 {
     const char *all = o->libraries.texts[library];
-    struct obj_line line = {all, all + strlen(all), 0};
+    struct obj_line line = {.at = all, .end = all + strlen(all)};
     struct obj_word word;
     int found;
 
@@ -333,7 +340,7 @@ static void set_specular(const struct obj_material *in, struct scene_material *o
 
 static void set_opacity(const struct obj_material *in, struct scene_material *out)
 {
-    float d = unit(in->d, 1);
+    float d = unit(isnan(in->d) ? 1 - in->tr : in->d, 1);
 
     if (in->illum == 6 || in->illum == 7) {
         out->transmission = d < 1 ? 1 - d : 1;
@@ -405,6 +412,9 @@ status obj_material_row(struct obj *o, uint32_t material, uint32_t line, int col
     }
     in = &o->defined[o->definition[material]];
     if (in->row == BUILDER_NO_ROW) {
+        if (fabsf(in->d + in->tr - 1) > 0.01f)
+            builder_warn_at(o->b, o->files.texts[in->file], in->line, "d and Tr",
+                            "d %g and Tr %g contradict each other: d counts", (double)in->d, (double)in->tr);
         set_values(in, &out);
         out.name = builder_name(o->b, o->materials.texts[material]);
         TRY(obj_textures(o, in, &out));

@@ -88,8 +88,7 @@ int obj_next_line(struct obj_text *text, struct obj_line *line)
 {
     while (text->at < text->end) {
         const char *at = text->at;
-        line->at = at;
-        line->number = text->line;
+        *line = (struct obj_line){.at = at, .number = text->line};
         while (at < text->end && !is_line_end(*at)) {
             size_t skip = continuation(at, text->end);
             text->line += skip > 0;
@@ -149,6 +148,19 @@ int obj_word_is(struct obj_word word, const char *text)
     return word.length == strlen(text) && strncasecmp(word.text, text, word.length) == 0;
 }
 
+/* A word as "1,5", of programs that write numbers as their user's country does; 0: it is none. */
+static int decimal_comma(struct obj_word word, double *out)
+{
+    char text[64];
+    const char *comma = memchr(word.text, ',', word.length);
+
+    if (!comma || word.length >= sizeof text || memchr(word.text, '.', word.length))
+        return 0;
+    memcpy(text, word.text, word.length);
+    text[comma - word.text] = '.';
+    return scan_double(text, text + word.length, out) == word.length;
+}
+
 size_t obj_numbers(struct obj_line *line, size_t most, double *out)
 {
     size_t count = 0;
@@ -156,14 +168,34 @@ size_t obj_numbers(struct obj_line *line, size_t most, double *out)
     while (count < most) {
         struct obj_line before = *line;
         struct obj_word word = obj_next_word(line);
-        /* A word that begins with a number counts as one: some files end values with commas or "f". */
-        if (word.length == 0 || !scan_double(word.text, word.text + word.length, &out[count])) {
+        size_t length = scan_double(word.text, word.text + word.length, &out[count]);
+        if (length == 0) {
             *line = before;
             break;
+        }
+        /* Some files end values with a comma or "f". */
+        if (length < word.length && !(word.length - length == 1 && strchr(",;fF", word.text[length]))) {
+            int is_comma = decimal_comma(word, &out[count]);
+            double value;
+            if (!line->odd.length || (is_comma && !decimal_comma(line->odd, &value)))
+                line->odd = word;
         }
         count++;
     }
     return count;
+}
+
+void obj_warn_of_odd(struct obj *o, const char *file, const struct obj_line *line)
+{
+    struct obj_word odd = line->odd;
+    double value;
+
+    if (odd.length && decimal_comma(odd, &value))
+        builder_warn_at(o->b, file, line->number, "decimal comma", "numbers have decimal commas: \"%.*s\" is read as %g",
+                        (int)(odd.length < 24 ? odd.length : 24), odd.text, value);
+    else if (odd.length)
+        builder_warn_at(o->b, file, line->number, "odd number", "\"%.*s\" is read as far as it is a number",
+                        (int)(odd.length < 24 ? odd.length : 24), odd.text);
 }
 
 /* ---- other files ---------------------------------------------------------------------------- */

@@ -217,8 +217,6 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
                   "%.200s: %zu faces were dropped: they have fewer than 3 corners or a corner that "
                   "is not a vertex",
                   name, report.faces_invalid);
-    if (report.has_strips)
-        pbrt_warn(p, &d->at, "strips of a PLY file", "%.200s: triangle strips are not read", name);
     /* pbrt materials do not use a file's colours. */
     mem_free(out->colors);
     out->colors = NULL;

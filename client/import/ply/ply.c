@@ -132,6 +132,12 @@ static void drop_white(struct mesh_source *mesh)
 
 /* ---- faces ----------------------------------------------------------------------------------- */
 
+/* An invalid vertex number becomes one that no mesh has. */
+static uint32_t corner_of(double value)
+{
+    return value >= 0 && value < UINT32_MAX && value == floor(value) ? (uint32_t)value : UINT32_MAX;
+}
+
 /* Corners are not checked yet: the vertices may follow the faces. */
 static status read_corners(struct ply *p, const struct property *property)
 {
@@ -146,12 +152,44 @@ static status read_corners(struct ply *p, const struct property *property)
     for (size_t i = 0; i < count; i++) {
         double value;
         TRY(ply_value_read(p, property->type, &value));
-        /* An invalid vertex number becomes one that no mesh has. */
-        p->corners[p->corner_count + i] =
-            value >= 0 && value < UINT32_MAX && value == floor(value) ? (uint32_t)value : UINT32_MAX;
+        p->corners[p->corner_count + i] = corner_of(value);
     }
     p->corner_count += count;
     p->sizes[p->face_count++] = (uint32_t)count;
+    return STATUS_OK;
+}
+
+/* Each corner makes a triangle with the two before it, every other one the other way round. One with a corner twice only
+ * leads on to the next. */
+static status read_strip(struct ply *p, const struct property *property)
+{
+    uint32_t last[2] = {0, 0};
+    size_t count, length = 0;
+
+    TRY(ply_list_size(p, property, &count));
+    for (size_t i = 0; i < count; i++) {
+        double value;
+        uint32_t corner;
+        TRY(ply_value_read(p, property->type, &value));
+        corner = corner_of(value);
+        if (value < 0) {
+            length = 0;
+            continue;
+        }
+        if (++length >= 3 && last[0] != last[1] && last[0] != corner && last[1] != corner) {
+            uint32_t *out;
+            MUST_GROW(p->corners, p->corner_capacity, p->corner_count + 3);
+            MUST_GROW(p->sizes, p->face_capacity, p->face_count + 1);
+            out = p->corners + p->corner_count;
+            out[0] = last[length % 2 == 0];
+            out[1] = last[length % 2];
+            out[2] = corner;
+            p->corner_count += 3;
+            p->sizes[p->face_count++] = 3;
+        }
+        last[0] = last[1];
+        last[1] = corner;
+    }
     return STATUS_OK;
 }
 
@@ -162,12 +200,15 @@ static status read_faces(struct ply *p, const struct element *element)
     for (uint32_t i = 0; i < element->property_count; i++)
         has_corners |= p->properties[element->first_property + i].role == ROLE_CORNERS;
     if (element->count && !has_corners)
-        return error_set(p->err, STATUS_ERR_INPUT, "the element face lacks the list vertex_indices");
+        return error_set(p->err, STATUS_ERR_INPUT, "the element %s lacks the list vertex_indices",
+                         element->kind == ELEMENT_FACE ? "face" : "tristrips");
     for (uint64_t f = 0; f < element->count; f++)
         for (uint32_t i = 0; i < element->property_count; i++) {
             const struct property *property = &p->properties[element->first_property + i];
-            if (property->role == ROLE_CORNERS)
+            if (property->role == ROLE_CORNERS && element->kind == ELEMENT_FACE)
                 TRY(read_corners(p, property));
+            else if (property->role == ROLE_CORNERS)
+                TRY(read_strip(p, property));
             else
                 TRY(ply_property_skip(p, property));
         }
@@ -227,20 +268,20 @@ static status read_other(struct ply *p, const struct element *element)
 
 static status read_all(struct ply *p)
 {
+    size_t needed; /* elements; what follows them is not read */
+
     TRY(ply_header_read(p));
     p->line++; /* from the count of lines read to the present line */
-    for (size_t i = 0; i < p->element_count; i++) {
+    for (needed = p->element_count; p->elements[needed - 1].kind == ELEMENT_OTHER;)
+        needed--; /* the header has vertices */
+    for (size_t i = 0; i < needed; i++) {
         const struct element *element = &p->elements[i];
         TRY(ply_check_room(p, element));
         switch (element->kind) {
         case ELEMENT_VERTEX: TRY(read_vertices(p, element)); break;
-        case ELEMENT_FACE: TRY(read_faces(p, element)); break;
-        case ELEMENT_OTHER:
-            /* Elements after the last used one are not needed. */
-            if (p->out->positions && (p->sizes || !p->has_faces))
-                return make_triangles(p);
-            TRY(read_other(p, element));
-            break;
+        case ELEMENT_FACE:
+        case ELEMENT_STRIPS: TRY(read_faces(p, element)); break;
+        case ELEMENT_OTHER: TRY(read_other(p, element)); break;
         }
     }
     return make_triangles(p);

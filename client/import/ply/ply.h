@@ -3,7 +3,8 @@
  * Read: format ascii, binary_little_endian and binary_big_endian 1.0; of element `vertex` the properties x y z, nx ny
  * nz, a pair of texture coordinates (u v, s t, texture_u texture_v or texture_s texture_t), red green blue and alpha
  * (integers: 8 or 16 bit sRGB display colours, made linear; floating point: linear already); of element `face` the list
- * vertex_indices or vertex_index, polygons of any size (see polygon.h). Every other element and property, lists
+ * vertex_indices or vertex_index, polygons of any size (see polygon.h); of element `tristrips` the same list, in which a
+ * negative number ends a strip. Every other element and property, lists
  * included, is skipped. Any of the eight scalar types, by either of their names.
  *
  * The file is hostile: counts are checked against the number of bytes.
@@ -22,7 +23,6 @@ enum {
 struct ply_report {
     size_t faces_invalid; /* fewer than 3 corners, or a corner that is not a vertex: dropped */
     size_t faces_fanned;  /* concave faces that could not be cut cleanly */
-    int has_strips;       /* an element tristrips, which is not read */
 };
 
 /* Chooses the origin of the positions from the first vertex (mesh.h). */

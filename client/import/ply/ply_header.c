@@ -143,8 +143,9 @@ static status parse_element(struct ply *p, struct word line)
     } else if (word_is(name, "face") && !p->has_faces) {
         element->kind = ELEMENT_FACE;
         p->has_faces = 1;
-    } else if (word_is(name, "tristrips")) {
-        p->report.has_strips = 1;
+    } else if (word_is(name, "tristrips") && !p->has_strips) {
+        element->kind = ELEMENT_STRIPS;
+        p->has_strips = 1;
     }
     p->element_count++;
     return STATUS_OK;
@@ -173,7 +174,7 @@ static status parse_property(struct ply *p, struct word line)
         return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: more than %d properties", p->line, PLY_PROPERTIES_MAX);
     if (element->kind == ELEMENT_VERTEX && !is_list)
         property.role = parse_role(name);
-    if (element->kind == ELEMENT_FACE && is_list && (word_is(name, "vertex_indices") || word_is(name, "vertex_index")))
+    if ((element->kind == ELEMENT_FACE || element->kind == ELEMENT_STRIPS) && is_list && (word_is(name, "vertex_indices") || word_is(name, "vertex_index")))
         property.role = ROLE_CORNERS;
     /* Of several properties with one role, the first one counts. */
     for (uint32_t i = 0; i < element->property_count; i++)

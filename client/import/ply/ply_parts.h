@@ -41,7 +41,7 @@ struct property {
     enum ply_role role;
 };
 
-enum element_kind { ELEMENT_VERTEX, ELEMENT_FACE, ELEMENT_OTHER };
+enum element_kind { ELEMENT_VERTEX, ELEMENT_FACE, ELEMENT_STRIPS, ELEMENT_OTHER };
 
 struct element {
     enum element_kind kind;
@@ -62,7 +62,7 @@ struct ply {
     struct mesh_source *out;
     const struct ply_origin *origin; /* NULL: mesh_origin_choose */
     struct ply_report report;
-    int has_vertices, has_faces;
+    int has_vertices, has_faces, has_strips;
     uint32_t *corners; /* of all faces */
     size_t corner_count, corner_capacity;
     uint32_t *sizes; /* corners of each face */

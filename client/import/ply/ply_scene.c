@@ -22,8 +22,6 @@ static void warn(struct builder *b, const char *name, const struct ply_report *r
     if (report->faces_fanned)
         builder_warn_at(b, name, 0, "PLY fans", "%zu faces cross themselves or are too large to be cut cleanly",
                         report->faces_fanned);
-    if (report->has_strips)
-        builder_warn_at(b, name, 0, "PLY strips", "triangle strips are not read");
 }
 
 static status add_mesh(struct builder *b, struct mesh_source *mesh, const char *name)
@@ -40,7 +38,7 @@ static status add_mesh(struct builder *b, struct mesh_source *mesh, const char *
     mesh_source_flip_v(mesh);
     TRY(mesh_finish(b, mesh, name, &none, &row));
     if (row == BUILDER_NO_ROW)
-        return error_set(b->err, STATUS_ERR_INPUT, "there is nothing to render: the file has no face with an area");
+        return builder_nothing(b, "the file has no face with an area");
     scene_material_default(&material);
     material.name = builder_name(b, "default");
     material.double_sided = 1;

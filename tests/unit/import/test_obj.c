@@ -270,6 +270,26 @@ static void nothing_left_is_an_error(void **state)
     refuse("", 0, "empty");
 }
 
+/* "1,5" of programs that write numbers as their user's country does. What is no number is said, with its line. */
+static void numbers_as_others_write_them(void **state)
+{
+    struct import_result result;
+    struct mesh_view view;
+
+    (void)state;
+    import("v 0,0 0,0 0,0\nv 1,5 0 0\nv 1,5e-1, 2.5f 0\nf 1 2 3\n", &result);
+    view = view_mesh(&result, 0);
+    assert_true(view.positions[3] == 1.5f && view.positions[7] == 2.5f);
+    assert_warned_at(&result, "test.obj:1", "decimal commas: \"0,0\" is read as 0 ");
+    assert_warned_at(&result, "test.obj:3", "\"1,5e-1,\" is read as far as it is a number");
+    import_result_release(&result);
+    import("v 0 0 0\nv 1 0 0 1,0\nv 0.5x 1 0\nf 1 2 3\n", &result);
+    assert_true(view_mesh(&result, 0).positions[6] == 0.5f);
+    assert_warned_at(&result, "test.obj:3", "\"0.5x\"");
+    import_result_release(&result);
+    refuse(QUAD "f 1,001 2 3\n", strlen(QUAD "f 1,001 2 3\n"), "test.obj:5: a face names a vertex that does not exist (the file has 4), or by no");
+}
+
 /* ---- materials ------------------------------------------------------------------------------ */
 
 #define USE(name) "mtllib m.mtl\n" QUAD "vt 0 0\nvt 1 0\nvt 1 1\nusemtl " name "\nf 1/1 2/2 3/3\n"
@@ -360,6 +380,28 @@ static void mtl_faults_are_warned_of(void **state)
     import_result_release(&result);
 }
 
+static void opacity_counts_once(void **state)
+{
+    struct import_result result;
+    struct scene_material m;
+
+    (void)state;
+    material_of("newmtl it\nKd 0,8 0,8 0,8\nd 1.0\nTr 1.0\n", &result, &m);
+    assert_true(m.alpha_mode == ALPHA_OPAQUE && m.base_color[0] == 0.8f);
+    assert_warned_at(&result, "m.mtl:1", "d 1 and Tr 1 contradict each other: d counts");
+    assert_warned_at(&result, "m.mtl:2", "\"0,8\" is read as 0.8");
+    import_result_release(&result);
+    material_of("newmtl it\nTr 0.75\nd 0.25\n", &result, &m);
+    assert_true(m.base_color[3] == 0.25f);
+    for (size_t i = 0; i < result.warning_count; i++)
+        assert_null(strstr(result.warnings[i], "contradict"));
+    import_result_release(&result);
+    assert_true(convert("newmtl it\nTr 0.75\n").base_color[3] == 0.25f);
+    material_of("newmtl it\nd 0\n", &result, &m);
+    assert_warned(&result, "the material \"it\" is invisible: its opacity is 0");
+    import_result_release(&result);
+}
+
 /* ---- maps ----------------------------------------------------------------------------------- */
 
 /* A PNG of 2 x 2 pixels with these values of red, green and blue. */
@@ -408,7 +450,7 @@ static void maps_become_textures(void **state)
     write_picture("g.png", steps);
     write_picture("n.png", bumpy);
     material_of("newmtl it\nKd 0 0 0\nmap_Kd -s 2 3 1 -o 0.5 0.25 -clamp on c.png\n"
-                "map_Ke C:\\made\\elsewhere\\c.png\nmap_d g.png\nmap_Pr g.png\nPm 0.5\n"
+                "map_Ke C:\\made\\elsewhere\\c.png\nmap_d -s 2 3 1 -o 0.5 0.25 -clamp on g.png\nmap_Pr g.png\nPm 0.5\n"
                 "map_Bump -bm 0.5 n.png\n",
                 &result, &m);
     assert_true(m.base_color[0] == 1 && m.emission[0] == 1 && m.metallic == 0.5f);
@@ -427,6 +469,64 @@ static void maps_become_textures(void **state)
     image8_release(&picture);
     assert_true(m.emission_texture.texture >= 0 && m.normal_texture.texture >= 0);
     assert_non_null(view_mesh(&result, 0).tangents);
+    import_result_release(&result);
+}
+
+/* Expect the channel c of the first row of the slot's image, and that it covers texture coordinates of `scale` and `shift`. */
+static void assert_row(const struct import_result *result, const struct scene_texture_slot *slot, uint32_t c,
+                       const char *row, double scale, double shift)
+{
+    struct image8 picture = picture_of(result, slot);
+
+    assert_int_equal(picture.width, strlen(row));
+    for (uint32_t x = 0; x < picture.width; x++)
+        assert_true(abs(picture.pixels[picture.channels * x + c] - (row[x] == '1' ? 255 : row[x] == 'h' ? 128 : 0)) <= 1);
+    assert_float_equal(slot->uv_transform[0][0], scale, 1e-6);
+    assert_float_equal(slot->uv_transform[0][2], shift, 1e-6);
+    image8_release(&picture);
+}
+
+/* Maps that share an image keep their own scales, offsets and channels. */
+static void maps_keep_their_options(void **state)
+{
+    static const float steps[12] = {0, 0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 1};
+    static const float packed[12] = {0, 1, 0.5f, 1, 0, 0.5f, 0, 1, 0.5f, 1, 0, 0.5f};
+    struct import_result result;
+    struct scene_material m;
+
+    (void)state;
+    write_picture("s.png", steps);
+    write_picture("p.png", packed);
+    /* A period of both: that of the one that repeats less, or of several. */
+    material_of("newmtl it\nmap_Pr s.png\nmap_Pm -s 2 1 1 s.png\n", &result, &m);
+    assert_row(&result, &m.metallic_roughness_texture, 1, "0011", 1, 0);
+    assert_row(&result, &m.metallic_roughness_texture, 2, "0101", 1, 0);
+    import_result_release(&result);
+    material_of("newmtl it\nmap_Pr -s 3 1 1 s.png\nmap_Pm -s 2 1 1 s.png\n", &result, &m);
+    assert_row(&result, &m.metallic_roughness_texture, 1, "010101", 1, 0);
+    assert_row(&result, &m.metallic_roughness_texture, 2, "011011", 1, 0); /* of 4 texels the nearest to 6 pixels */
+    import_result_release(&result);
+    material_of("newmtl it\nmap_Pr -o 0.5 0 0 s.png\nmap_Pm s.png\n", &result, &m);
+    assert_row(&result, &m.metallic_roughness_texture, 1, "01", 1, 0.5);
+    assert_row(&result, &m.metallic_roughness_texture, 2, "10", 1, 0.5);
+    import_result_release(&result);
+    /* Only one is clamped: right for texture coordinates of 0 to 1, and said. */
+    material_of("newmtl it\nmap_Kd -s 2 2 1 -clamp on s.png\nmap_d s.png\n", &result, &m);
+    assert_row(&result, &m.base_color_texture, 0, "0111", 1, 0);
+    assert_row(&result, &m.base_color_texture, 3, "0011", 1, 0);
+    assert_warned_at(&result, "m.mtl:3", "hold together for texture coordinates of 0 to 1 only");
+    import_result_release(&result);
+    /* The channel that is named, else the mean. */
+    material_of("newmtl it\nmap_Pr -imfchan g p.png\nmap_Pm -imfchan b p.png\nmap_d -imfchan r p.png\nbump -imfchan r p.png\n", &result,
+                &m);
+    assert_row(&result, &m.metallic_roughness_texture, 1, "10", 1, 0);
+    assert_row(&result, &m.metallic_roughness_texture, 2, "hh", 1, 0);
+    assert_row(&result, &m.base_color_texture, 3, "01", 1, 0);
+    assert_true(m.normal_scale == 1);
+    import_result_release(&result);
+    material_of("newmtl it\nmap_Pr -imfchan z p.png\n", &result, &m);
+    assert_row(&result, &m.metallic_roughness_texture, 1, "hh", 1, 0);
+    assert_warned_at(&result, "m.mtl:2", "-imfchan z is not applied");
     import_result_release(&result);
 }
 
@@ -560,9 +660,12 @@ int main(void)
         cmocka_unit_test(smoothing_crosses_materials),
         cmocka_unit_test(what_cannot_be_drawn_is_warned_of),
         cmocka_unit_test(nothing_left_is_an_error),
+        cmocka_unit_test(numbers_as_others_write_them),
         cmocka_unit_test(values_become_the_model),
+        cmocka_unit_test(opacity_counts_once),
         cmocka_unit_test(mtl_faults_are_warned_of),
         cmocka_unit_test(maps_become_textures),
+        cmocka_unit_test(maps_keep_their_options),
         cmocka_unit_test(a_tga_map_is_kept),
         cmocka_unit_test(height_maps_become_normal_maps),
         cmocka_unit_test(ply_is_a_scene),

@@ -224,13 +224,12 @@ static void bad_faces_are_dropped(void **state)
     struct ply_report report;
 
     (void)state;
-    read_ok(ASCII VERTICES(3) FACES(6) "element tristrips 0\nproperty list int int v\nend_header\n"
+    read_ok(ASCII VERTICES(3) FACES(6) "element tristrips 0\nproperty list int int vertex_indices\nend_header\n"
                                        "0 0 0\n1 0 0\n0 1 0\n2 0 1\n3 0 1 3\n3 0 1 -1\n3 0 1 .5\n0\n3 2 1 0\n",
             &mesh, &report);
     assert_int_equal(mesh.triangle_count, 1);
     assert_int_equal(mesh.indices[0], 2);
     assert_int_equal(report.faces_invalid, 5);
-    assert_true(report.has_strips);
     mesh_source_release(&mesh);
     /* A cloud of points is a mesh without triangles. */
     read_ok(ASCII VERTICES(1) "end_header\n1 2 3\n", &mesh, &report);
@@ -239,6 +238,33 @@ static void bad_faces_are_dropped(void **state)
     mesh_source_release(&mesh);
     read_ok(ASCII VERTICES(0) FACES(0) "end_header\n", &mesh, &report);
     mesh_source_release(&mesh);
+}
+
+/* Every other triangle turns round, a negative number begins anew, and a corner twice only leads on. */
+static void strips_are_triangles(void **state)
+{
+    static const uint32_t wanted[] = {0, 1, 2, 2, 1, 3, 2, 3, 4, 5, 6, 7, 1, 2, 0};
+    struct mesh_source mesh;
+    struct ply_report report;
+
+    (void)state;
+    read_ok(ASCII VERTICES(8) "element odd 1\nproperty int n\nelement tristrips 2\nproperty list int int vertex_indices\n"
+                              "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                              "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n5 0 0\n6 0 0\n5 1 0\n7\n"
+                              "11 0 1 2 3 4 -1 5 6 7 7 7\n3 -1 0 1\n3 1 2 0\n",
+            &mesh, &report);
+    assert_int_equal(mesh.triangle_count, 5);
+    assert_memory_equal(mesh.indices, wanted, sizeof wanted);
+    assert_int_equal(report.faces_invalid, 0);
+    mesh_source_release(&mesh);
+    read_ok(ASCII VERTICES(3) "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+                              "0 0 0\n1 0 0\n0 1 0\n4 0 1 2 9\n",
+            &mesh, &report);
+    assert_int_equal(mesh.triangle_count, 1);
+    assert_int_equal(report.faces_invalid, 1);
+    mesh_source_release(&mesh);
+    refuse_text(ASCII VERTICES(3) "element tristrips 1\nproperty list int int v\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+                STATUS_ERR_INPUT, "element tristrips lacks the list vertex_indices");
 }
 
 static void liars_are_refused(void **state)
@@ -320,6 +346,7 @@ int main(void)
         cmocka_unit_test(float_colors_are_linear),
         cmocka_unit_test(faces_may_come_first),
         cmocka_unit_test(bad_faces_are_dropped),
+        cmocka_unit_test(strips_are_triangles),
         cmocka_unit_test(liars_are_refused),
         cmocka_unit_test(headers_have_limits),
         cmocka_unit_test(out_of_memory_ends_it),
