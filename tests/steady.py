@@ -94,7 +94,7 @@ def main():
                 turn, path = work.get_nowait()
             except queue.Empty:
                 return
-            log = os.path.join(folder, "%s.%s%d.%d.log" % (os.path.basename(path)[:-3], options.late or "", options.seed, turn))
+            log = os.path.join(folder, "%s.%s%d.%d.log" % (path[:-3].replace("/", "_"), options.late or "", options.seed, turn))
             took, bad = run(path, log)
             with lock:
                 runs[path] += 1
