@@ -50,7 +50,7 @@ memory_gb() {  # free for files in memory
     { df --output=avail -k /dev/shm | tail -n 1; awk '/^MemAvailable/ { print $2 }' /proc/meminfo; } 2>/dev/null |
         sort -n | awk 'NR == 1 { print int($1 / 1048576) }'
 }
-if [ -z "${TMPDIR:-}" ] && [ "$(memory_gb)" -ge 4 ]; then
+if [ -z "${TMPDIR:-}" ] && [ -w /dev/shm ] && [ "$(memory_gb)" -ge 4 ]; then
     TMPDIR=$(mktemp -d /dev/shm/azulejo-tests-XXXXXX) || exit 2
     export TMPDIR
     trap 'rm -rf "$TMPDIR"' EXIT

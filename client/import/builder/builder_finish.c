@@ -139,7 +139,8 @@ static void light_evenly(struct builder *b)
     scene_environment_default(&scene->environment);
     scene->environment.present = scene->environment.constant = 1;
     builder_warn(b, "no light",
-                 "the file has no light: an even white environment of radiance 1 was added (give an environment map, or add lights to the file)%s",
+                 "the file has no light: an even white environment of radiance 1 was added (give "
+                 "an environment map, or add lights to the file)%s",
                  b->no_light_hint);
 }
 
@@ -255,12 +256,10 @@ static status prune_blobs(struct builder *b)
 
 status builder_nothing(struct builder *b, const char *why)
 {
-    const char *left_out = NULL;
-
-    for (size_t i = 0; i < b->warning_count && !left_out; i++)
+    for (size_t i = 0; i < b->warning_count; i++)
         if (strstr(b->warnings[i].text, "left out") || strstr(b->warnings[i].text, "not rendered"))
-            left_out = b->warnings[i].text;
-    return error_set(b->err, STATUS_ERR_INPUT, left_out ? "there is nothing to render: %s; %s" : "there is nothing to render: %s", why, left_out);
+            return error_set(b->err, STATUS_ERR_INPUT, "there is nothing to render: %s; %s", why, b->warnings[i].text);
+    return error_set(b->err, STATUS_ERR_INPUT, "there is nothing to render: %s", why);
 }
 
 static status blob_get(void *user, const struct digest *digest, const uint8_t **data, size_t *size_bytes,

@@ -171,14 +171,15 @@ struct placed {
     double times[2], shift[2];
     int clamp;
     char channel;
+    uint32_t at[2]; /* the pixel that belongs to the one being made */
 };
 
-/* An image made of pixels that fill(bake, u, v) makes, where texture coordinates are as `frame` says. */
+/* An image made of pixels that fill(bake) makes, where texture coordinates are as `frame` says. */
 struct bake {
     struct placed a, b;
     struct obj_texture frame;
     float bump;
-    void (*fill)(const struct bake *bake, double u, double v, uint8_t rgba[4]);
+    void (*fill)(const struct bake *bake, uint8_t rgba[4]);
 };
 
 /* The shift of texture coordinates from the image's top left: v upwards, v' = s v + o, 1 - v' = s (1 - v) + 1 - s - o. */
@@ -237,39 +238,27 @@ static void place(struct placed *out, const struct obj_texture *map, const struc
     out->channel = map->channel;
 }
 
-/* The map's pixel. */
-static void pixel_at(const struct placed *map, double u, double v, uint32_t at[2])
+/* The map's column or row at 0..1 of the image. */
+static uint32_t index_at(const struct placed *map, int axis, double place)
 {
-    const double place[2] = {u, v};
-    const uint32_t sizes[2] = {map->image.width, map->image.height};
+    uint32_t size = axis ? map->image.height : map->image.width;
+    double x = map->times[axis] * place + map->shift[axis];
 
-    for (int axis = 0; axis < 2; axis++) {
-        double x = map->times[axis] * place[axis] + map->shift[axis];
-        x = map->clamp ? fmin(fmax(x, 0), 1) : x - floor(x);
-        at[axis] = (uint32_t)fmin(x * sizes[axis], sizes[axis] - 1.0);
-    }
+    x = map->clamp ? fmin(fmax(x, 0), 1) : x - floor(x);
+    return (uint32_t)fmin(x * size, fmax(size, 1) - 1);
 }
 
-static float color_at(const struct placed *map, double u, double v, uint32_t c)
+static float color_of(const struct placed *map, uint32_t c)
 {
-    uint32_t at[2];
-
-    pixel_at(map, u, v, at);
-    return channel(&map->image, at[0], at[1], map->image.channels <= 2 ? 0 : c);
+    return channel(&map->image, map->at[0], map->at[1], map->image.channels <= 2 ? 0 : c);
 }
 
-static float level_at(const struct placed *map, double u, double v, char which)
-{
-    uint32_t at[2];
-
-    pixel_at(map, u, v, at);
-    return level(&map->image, at[0], at[1], which);
-}
+static float level_of(const struct placed *map, char which) { return level(&map->image, map->at[0], map->at[1], which); }
 
 /* Pixels of the image made: a pixel of each map becomes at least one. */
 static uint32_t size_of(const struct bake *bake, int axis)
 {
-    enum { SIZE_MAX_PIXELS = 8192 };
+    enum { SIZE_MAX_PIXELS = 4096 };
     const struct placed *maps[2] = {&bake->a, &bake->b};
     double size = 1;
 
@@ -282,17 +271,28 @@ static uint32_t size_of(const struct bake *bake, int axis)
 
 static uint8_t to_byte(float x) { return (uint8_t)(fminf(fmaxf(x, 0), 1) * 255 + 0.5f); }
 
-static status bake_image(struct obj *o, const struct bake *bake, const char *key, const char *name,
-                         struct obj_image **out)
+static status bake_image(struct obj *o, struct bake *bake, const char *key, const char *name, struct obj_image **out)
 {
     uint32_t width = size_of(bake, 0), height = size_of(bake, 1);
+    uint32_t *columns = must(mem_alloc_array(width, 2 * sizeof *columns));
     struct image8 rgba = {0};
     struct buffer png = BUFFER_INIT;
     status result = image8_init(&rgba, width, height, 4, 8, o->err);
 
-    for (uint32_t y = 0; y < height && result == STATUS_OK; y++)
-        for (uint32_t x = 0; x < width; x++)
-            bake->fill(bake, (x + 0.5) / width, (y + 0.5) / height, rgba.pixels + 4 * ((size_t)y * width + x));
+    for (uint32_t x = 0; x < width; x++) {
+        columns[2 * x] = index_at(&bake->a, 0, (x + 0.5) / width);
+        columns[2 * x + 1] = index_at(&bake->b, 0, (x + 0.5) / width);
+    }
+    for (uint32_t y = 0; y < height && result == STATUS_OK; y++) {
+        bake->a.at[1] = index_at(&bake->a, 1, (y + 0.5) / height);
+        bake->b.at[1] = index_at(&bake->b, 1, (y + 0.5) / height);
+        for (uint32_t x = 0; x < width; x++) {
+            bake->a.at[0] = columns[2 * x];
+            bake->b.at[0] = columns[2 * x + 1];
+            bake->fill(bake, rgba.pixels + 4 * ((size_t)y * width + x));
+        }
+    }
+    mem_free(columns);
     if (result == STATUS_OK)
         result = png_encode_8(&png, &rgba, 1, o->err);
     image8_release(&rgba);
@@ -371,31 +371,31 @@ done:
 /* ---- what is put together ------------------------------------------------------------------- */
 
 /* Colours of a, opacity of b: its alpha if it has one, else its level. */
-static void fill_alpha(const struct bake *bake, double u, double v, uint8_t rgba[4])
+static void fill_alpha(const struct bake *bake, uint8_t rgba[4])
 {
     const struct placed *a = &bake->a, *b = &bake->b;
 
     for (uint32_t c = 0; c < 3; c++)
-        rgba[c] = a->image.pixels ? to_byte(color_at(a, u, v, c)) : 255;
-    rgba[3] = b->image.pixels ? to_byte(level_at(b, u, v, !b->channel && has_alpha(&b->image) ? 'm' : b->channel)) : 255;
+        rgba[c] = a->image.pixels ? to_byte(color_of(a, c)) : 255;
+    rgba[3] = b->image.pixels ? to_byte(level_of(b, !b->channel && has_alpha(&b->image) ? 'm' : b->channel)) : 255;
 }
 
 /* Green: roughness, of a; blue: metal, of b. */
-static void fill_metal(const struct bake *bake, double u, double v, uint8_t rgba[4])
+static void fill_metal(const struct bake *bake, uint8_t rgba[4])
 {
     const struct placed *a = &bake->a, *b = &bake->b;
 
     rgba[0] = rgba[3] = 255;
-    rgba[1] = a->image.pixels ? to_byte(level_at(a, u, v, a->channel)) : 255;
-    rgba[2] = b->image.pixels ? to_byte(level_at(b, u, v, b->channel)) : 255;
+    rgba[1] = a->image.pixels ? to_byte(level_of(a, a->channel)) : 255;
+    rgba[2] = b->image.pixels ? to_byte(level_of(b, b->channel)) : 255;
 }
 
 /* The normal of height map a, by central differences that wrap around the edges. */
-static void fill_normal(const struct bake *bake, double u, double v, uint8_t rgba[4])
+static void fill_normal(const struct bake *bake, uint8_t rgba[4])
 {
     const struct image8 *a = &bake->a.image;
     const char which = bake->a.channel;
-    uint32_t x = (uint32_t)(u * a->width), y = (uint32_t)(v * a->height);
+    uint32_t x = bake->a.at[0], y = bake->a.at[1];
     uint32_t left = x ? x - 1 : a->width - 1, right = x + 1 < a->width ? x + 1 : 0;
     uint32_t above = y ? y - 1 : a->height - 1, below = y + 1 < a->height ? y + 1 : 0;
     float steep = 0.5f * HEIGHT_TEXELS * bake->bump;

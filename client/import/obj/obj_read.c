@@ -152,13 +152,17 @@ int obj_word_is(struct obj_word word, const char *text)
 static int decimal_comma(struct obj_word word, double *out)
 {
     char text[64];
+    double value;
     const char *comma = memchr(word.text, ',', word.length);
 
     if (!comma || word.length >= sizeof text || memchr(word.text, '.', word.length))
         return 0;
     memcpy(text, word.text, word.length);
     text[comma - word.text] = '.';
-    return scan_double(text, text + word.length, out) == word.length;
+    if (scan_double(text, text + word.length, &value) != word.length)
+        return 0;
+    *out = value;
+    return 1;
 }
 
 size_t obj_numbers(struct obj_line *line, size_t most, double *out)

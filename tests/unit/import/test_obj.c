@@ -279,7 +279,7 @@ static void numbers_as_others_write_them(void **state)
     (void)state;
     import("v 0,0 0,0 0,0\nv 1,5 0 0\nv 1,5e-1, 2.5f 0\nf 1 2 3\n", &result);
     view = view_mesh(&result, 0);
-    assert_true(view.positions[3] == 1.5f && view.positions[7] == 2.5f);
+    assert_true(view.positions[3] == 1.5f && view.positions[6] == 1 && view.positions[7] == 2.5f);
     assert_warned_at(&result, "test.obj:1", "decimal commas: \"0,0\" is read as 0 ");
     assert_warned_at(&result, "test.obj:3", "\"1,5e-1,\" is read as far as it is a number");
     import_result_release(&result);

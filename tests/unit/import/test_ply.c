@@ -240,7 +240,8 @@ static void bad_faces_are_dropped(void **state)
     mesh_source_release(&mesh);
 }
 
-/* Every other triangle turns round, a negative number begins anew, and a corner twice only leads on. */
+/* Every second triangle of a strip is turned round, and a negative number begins a new strip. A triangle that has one corner
+ * twice is left out. */
 static void strips_are_triangles(void **state)
 {
     static const uint32_t wanted[] = {0, 1, 2, 2, 1, 3, 2, 3, 4, 5, 6, 7, 1, 2, 0};
