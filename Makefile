@@ -295,9 +295,10 @@ $(BIN)/azulejo-web: $(call object,web/main.c) $(LIB_WEB) $(LIB_PROTOCOL) $(LIB_C
 $(BIN)/azulejo-worker: $(call object,worker/main.c) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+$(BUILD)/tests/farm/liar: ALSO_WRAPPED := ,--wrap=clock_thread_cpu_ns
 $(ODD_WORKERS): $(BUILD)/%: $(BUILD)/obj/%.o $(call object,worker/main.c) $(LIB_WORKER) $(LIB_RENDER) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
-	$(call show,LD)$(CC) $(LDFLAGS) -Wl,--wrap=render_tile -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
+	$(call show,LD)$(CC) $(LDFLAGS) -Wl,--wrap=render_tile$(ALSO_WRAPPED) -o $@ $^ $(LIBS_RENDER) $(LIBS_PROTOCOL) $(LIBS_COMMON)
 $(CLIENTS): $(call object,client/main.c tests/farm/clients.c) $(LIB_CLIENT) $(LIB_PROTOCOL) $(LIB_COMMON)
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -Wl,--wrap=main,-z,now -o $@ $^ $(LIBS_CLIENT) $(LIBS_PROTOCOL) $(LIBS_COMMON)

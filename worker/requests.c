@@ -1,5 +1,6 @@
 #include "worker/requests.h"
 
+#include "common/system/clock.h"
 #include "common/system/log.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
@@ -26,6 +27,7 @@ struct request {
     struct render_stats stats;
     struct digest digest;
     uint64_t hash;
+    uint64_t cpu_ns;
     struct tail tail;
     struct sample_record *record;
     struct scene scene; /* for its names */
@@ -85,8 +87,10 @@ static void request_run(struct pool_task *task)
 {
     struct request *q = (struct request *)task;
     const struct render_scene *scene = scene_slot_render(q->slot);
+    uint64_t begun_ns = clock_thread_cpu_ns();
 
     q->error.code = q->is_unit ? render_unit(q, scene) : render_samples(q, scene);
+    q->cpu_ns = clock_thread_cpu_ns() - begun_ns;
 }
 
 /* ---- in the loop's thread --------------------------------------------------------------------- */
@@ -233,6 +237,7 @@ static void send_result(struct request *q, struct channel *channel)
     struct error err = {0};
 
     result.work = wire_work_set(&work, &q->stats.work);
+    result.cpu_ns = q->cpu_ns;
     if (q->is_unit) {
         wire_digest_set(&result.digest, &q->digest);
         result.hash = q->hash;

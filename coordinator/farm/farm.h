@@ -65,7 +65,8 @@ struct farm_worker {
     char label[WORKER_LABEL_MAX + 1]; /* its name on the farm (roster.h) */
     struct farm_worker *same_bucket;
     int is_named;      /* the name is its own */
-    int is_auditing;   /* it was asked to render another one's unit again */
+    int is_auditing;   /* it was asked to render another one's unit again; */
+    uint64_t audit_ns; /* so long did it that in all */
     int is_doubted;    /* its results differed from another's, and no third one has decided */
     int is_replaced;   /* its process has a newer connection */
     uint64_t instance; /* of its process; not 0 */

@@ -156,6 +156,32 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
     return frame;
 }
 
+/* A result of a lease that still runs: its holder alone can send it, of the units lent, and they took no longer than the lease is
+ * old; one that has ended says nothing, as when its worker connected again. Its time counts in limits, prices and shares. */
+static status check_lease(const struct farm *farm, const struct farm_worker *worker, struct tile_result *result,
+                          uint64_t now_ns, struct error *err)
+{
+    const struct lease *lease = lease_find(&farm->leases, result->lease, result->epoch);
+    uint64_t age_ns = lease && now_ns > lease->granted_ns ? now_ns - lease->granted_ns : 0;
+    uint64_t most_ns = age_ns + MERGE_CPU_SLACK_S * NS_PER_SECOND;
+
+    if (lease && lease->holder != &worker->held)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a result of lease %llu, which another worker holds",
+                         (unsigned long long)result->lease);
+    if (lease && !lease_lent(lease, result->job, result->frame, result->unit))
+        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: not a unit of lease %llu",
+                         result->unit.tile, result->unit.group, result->unit.pass, (unsigned long long)result->lease);
+    if (lease && result->stats.cpu_ns > most_ns)
+        return error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: %.4g s of processor time under a lease that is %.3f s old",
+                         result->unit.tile, result->unit.group, result->unit.pass, (double)result->stats.cpu_ns / 1e9,
+                         (double)age_ns / 1e9);
+    if (result->stats.cpu_ns > most_ns)
+        result->stats.cpu_ns = most_ns;
+    if (result->stats.trace_ns > result->stats.cpu_ns)
+        result->stats.trace_ns = result->stats.cpu_ns;
+    return STATUS_OK;
+}
+
 /* Fold the result into the frame's film. */
 static status merge_into(struct job_frame *frame, const struct farm_worker *worker, const struct tile_result *result,
                          enum film_merge_result *merged, struct error *err)
@@ -216,7 +242,7 @@ static void count_result(struct farm_counts *counts, const struct tile_result *r
     rate_add(&counts->sample_rate, result->work.samples, now_ns);
 }
 
-status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result, uint64_t now_ns,
+status merge_result(struct farm *farm, struct farm_worker *worker, struct tile_result *result, uint64_t now_ns,
                     enum merge_outcome *outcome, struct merge_conflict *conflict, struct error *err)
 {
     struct unit_name name = result->unit;
@@ -245,6 +271,11 @@ status merge_result(struct farm *farm, struct farm_worker *worker, const struct 
     if (!job_frame_has_unit(frame, name))
         return error_set(err, STATUS_ERR_PROTOCOL, "job %llu, frame %u, tile %u, group %u, pass %u: there is none",
                          (unsigned long long)result->job, result->frame, name.tile, name.group, name.pass);
+    s = check_lease(farm, worker, result, now_ns, err);
+    if (s != STATUS_OK)
+        error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);
+    if (s != STATUS_OK)
+        return s;
     if (frame->end != FRAME_END_NONE && !film_has(frame->film, name.tile, name.group, name.pass)) {
         *outcome = MERGE_UNWANTED;
         return STATUS_OK;

@@ -24,6 +24,7 @@ enum {
     COMMIT_DELAY_AGES = 4,       /* nor more than this part of the frame's age, but */
     COMMIT_DELAY_YOUNG_MS = 20,  /* at least this */
     COMMIT_TILES_ENOUGH = 256,   /* this many dirty tiles do not wait */
+    MERGE_CPU_SLACK_S = 60,      /* a unit's processor time over its lease's age: a coordinator that slept counted none */
 };
 
 struct tile_result {
@@ -55,9 +56,10 @@ struct merge_conflict {
 };
 
 /* ERR_PROTOCOL: the worker breaks the rules (wrong size, not finite, impossible counts, an epoch
- * never granted): end its session, and if the outcome is MERGE_IMPOSSIBLE, block it. ERR_NO_MEMORY, ERR_LIMIT: nothing changed. A conflict is logged
+ * never granted, a lease that another worker holds): end its session, and if the outcome is MERGE_IMPOSSIBLE, block it. A time that
+ * cannot be is limited where no lease tells more. ERR_NO_MEMORY, ERR_LIMIT: nothing changed. A conflict is logged
  * and counted, and the first result kept until an audit decides; it counts as KEPT or PENDING. */
-status merge_result(struct farm *farm, struct farm_worker *worker, const struct tile_result *result, uint64_t now_ns,
+status merge_result(struct farm *farm, struct farm_worker *worker, struct tile_result *result, uint64_t now_ns,
                     enum merge_outcome *outcome, struct merge_conflict *conflict, struct error *err) MUST_CHECK;
 
 struct commit_item {

@@ -123,6 +123,15 @@ struct lease *lease_find(const struct lease_table *table, uint64_t id, uint64_t 
     return lease;
 }
 
+int lease_lent(const struct lease *lease, uint64_t job, uint32_t frame, struct unit_name name)
+{
+    int lent = 0;
+
+    for (uint32_t i = 0; i < lease->unit_count && !lent; i++)
+        lent = lease->units[i].tile == name.tile && lease->units[i].group == name.group && lease->units[i].pass == name.pass;
+    return lent && lease->frame->job->id == job && lease->frame->number == frame;
+}
+
 void lease_renew(const struct lease_table *table, struct lease *lease, uint64_t now_ns)
 {
     lease->deadline_ns = now_ns + table->duration_ns;

@@ -61,6 +61,8 @@ struct lease *lease_grant(struct lease_table *table, struct job_frame *frame, st
                           const struct unit_name *units, uint32_t count, uint64_t now_ns);
 /* NULL: no such lease, or another epoch (0: any). */
 struct lease *lease_find(const struct lease_table *table, uint64_t id, uint64_t epoch);
+/* Was that unit lent by it? Also if it is settled, or went back. */
+int lease_lent(const struct lease *lease, uint64_t job, uint32_t frame, struct unit_name name);
 void lease_renew(const struct lease_table *table, struct lease *lease, uint64_t now_ns);
 
 /* End the lease; its remaining units return to the pool. */

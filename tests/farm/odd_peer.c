@@ -11,8 +11,8 @@
  *         [name=WORD] [instance=N]
  *   request UNITS             a LeaseRequest
  *   result [KEY=VALUE]...     a TileResult for a unit of the last grant: unit=INDEX (0), and what
- *                             to say instead of the truth: lease, epoch, job, frame, tile, pass,
- *                             floats=COUNT, fill=VALUE (0.25; also nan, inf)
+ *                             to say instead of the truth: lease, epoch, job, frame, tile, group, pass,
+ *                             cpu=NS, floats=COUNT, fill=VALUE (0.25; also nan, inf)
  *   status [ms=N]             a WorkerStatus; with ms a unit runs: job, frame, tile, group, pass
  *   return [unit=INDEX]       a LeaseReturn
  *   broken [code=N]           a JobBroken for the last grant, with that status's number (ERR_NO_MEMORY)
@@ -205,7 +205,7 @@ static void send_result(struct peer *p, char *const words[], int count)
     work.samples = number_of(words, count, "samples", (uint64_t)rect.width * rect.height * (end - begin));
     work.rays = number_of(words, count, "rays", 0);
     result.work = &work;
-    stats.cpu_ns = 1000000;
+    stats.cpu_ns = number_of(words, count, "cpu", 1000000);
     result.lease = number_of(words, count, "lease", p->lease);
     result.epoch = number_of(words, count, "epoch", p->epoch);
     result.job = number_of(words, count, "job", p->job);

@@ -13,7 +13,8 @@ tests = Tests()
 SMALL = ["--size", "64x64", "--spp", "4"]  # 16 units
 LIES = {"fill=-1": "negative radiance", "fill=-1e-30": "negative radiance", "fill=nan": "not finite",
         "fill=inf": "not finite", "samples=3": "samples", "rays=18446744073709551615": "rays", "floats=1535": "numbers",
-        "lease=1000000": "never granted", "tile=16": "there is none"}
+        "lease=1000000": "never granted", "tile=16": "there is none", "cpu=%d" % (1 << 61): "processor time",
+        "tile=15": "not a unit of lease"}
 
 
 def blocked(farm):
@@ -48,6 +49,26 @@ def what_cannot_be():
         again.end()
         farm.wait_for_job(honest)
         expect(Outcome(farm, honest, "honest").bits == picture.bits, "a lie is in the picture")
+
+
+@tests.add
+def another_ones_lease():
+    """a result under a lease that another worker holds changes nothing; who sends it is blocked, and the holder goes on"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *SMALL)
+        holder, thief = [OddPeer(farm, hello="host=" + name) for name in ("holder", "thief")]
+        holder.say("request 1")
+        held = holder.grant()
+        thief.say("request 1")
+        expect(thief.grant()["lease"] != held["lease"], "one lease for two")
+        tile, group, part = held["units"][0]
+        thief.say("result lease=%d epoch=%d tile=%d group=%d pass=%d" % (held["lease"], held["epoch"], tile, group, part))
+        wait_for(lambda: "thief" in blocked(farm), "the block of the thief")
+        expect("another worker" in farm.cli("log", number, expect=0).out, "not said")
+        holder.say("result")
+        holder.wait_line("ack ")
+        expect(set(blocked(farm)) == {"thief"}, blocked(farm))
 
 
 LIAR = os.path.join(BUILD, "tests", "farm", "liar")
@@ -122,6 +143,12 @@ def lies(share, honest, more, liars=("liar",), alone=True, **how):
 def always():
     """a worker that always delivers a constant 7 is blocked by name; what it rendered before is rendered again"""
     lies(100, ("second", "third"), ())
+
+
+@tests.add
+def always_and_expensive():
+    """a liar that claims 50 s of processor time for each lie is noticed as well: what it claims delays no audit"""
+    lies(100, ("second", "third"), (), cpu_s=50, until=20)
 
 
 @tests.add

@@ -251,7 +251,9 @@ def paused_by_a_signal():
         farm.start_coordinator()
         farm.start_worker("--name", "a")
         farm.submit(farm.scene(), *ENDLESS)
-        wait_state(farm, "a", "working")
+        # The first lease may be of a single unit, of which nothing could be returned.
+        wait_for(lambda: (lambda w: w["units_done"] > 0 and w["units_leased"] > 3)(wait_state(farm, "a", "working")),
+                 "units to return")
         farm.workers[0].signal(signal.SIGUSR1)
         worker = wait_for(lambda: (lambda w: w["units_leased"] == 0 and w)(wait_state(farm, "a", "paused")),
                           "no units")

@@ -8,15 +8,20 @@
 #include "coordinator/job/queue.h"
 #include "coordinator/store/files/blobs.h"
 
+int scenes_were_shown(const struct scenes_shown *shown, const struct digest *scene)
+{
+    for (uint32_t i = 0; shown && i < shown->count; i++)
+        if (digest_equal(&shown->scenes[i], scene))
+            return 1;
+    return 0;
+}
+
 void scenes_show(struct scenes_shown **shown, const struct digest *scene)
 {
     struct scenes_shown *s = *shown ? *shown : (*shown = mem_calloc(1, sizeof **shown));
 
-    if (!s)
+    if (!s || scenes_were_shown(s, scene))
         return;
-    for (uint32_t i = 0; i < s->count; i++)
-        if (digest_equal(&s->scenes[i], scene))
-            return;
     s->scenes[s->next] = *scene;
     s->next = (s->next + 1) % SCENES_SHOWN_MAX;
     if (s->count < SCENES_SHOWN_MAX)

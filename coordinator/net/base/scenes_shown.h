@@ -18,6 +18,7 @@ struct scenes_shown {
 };
 /* Add a scene; *shown is made when it is NULL. Without memory nothing is added: leases are looked at as well. */
 void scenes_show(struct scenes_shown **shown, const struct digest *scene);
+int scenes_were_shown(const struct scenes_shown *shown, const struct digest *scene);
 
 struct scene_lists;
 /* Is `blob` the scene or one of its blobs, and how many bytes does it have (0: not known)? `folder` is the store's. *lists is

@@ -20,10 +20,10 @@ struct unit_audit {
     uint64_t job, epoch_floor;
     uint32_t frame;
     struct unit_name unit;
-    uint64_t cost_ns; /* what rendering it again may take */
     uint64_t number;  /* of the RenderRequest; 0: it waits */
     uint32_t session; /* that was asked */
     uint64_t asked_ns;
+    int builds;     /* that worker has to build the scene first */
     uint32_t votes; /* the first is of the worker that delivered it */
     struct audit_vote vote[AUDIT_VOTES_MAX];
 };
@@ -56,19 +56,15 @@ static status vote_of(struct audit_vote *vote, const struct session *session, co
 static struct unit_audit *audit_new(struct session *session, const struct tile_result *r)
 {
     struct unit_audits *audits = &session->server->audits;
-    const struct farm_counts *counts = &session->server->farm.counts;
     const struct job *job = queue_find(&session->server->farm.queue, r->job);
     struct unit_audit *a = job && audits->count < AUDITS_MAX ? mem_calloc(1, sizeof *a) : NULL;
-    uint64_t usual;
 
     if (!a)
         return NULL;
-    usual = counts->samples ? (uint64_t)((double)counts->cpu_ns / (double)counts->samples * (double)r->work.samples) : 0;
     a->job = r->job;
     a->epoch_floor = job->epoch_floor;
     a->frame = r->frame;
     a->unit = r->unit;
-    a->cost_ns = r->stats.cpu_ns > usual ? r->stats.cpu_ns : usual;
     return a;
 }
 
@@ -122,14 +118,18 @@ static int has_voted(const struct unit_audit *a, const char *label)
     return 0;
 }
 
-/* It waits, again or for ever more. */
-static void end_asking(struct server *server, struct unit_audit *a)
+/* It waits, again or for ever more. Who was asked is charged what it says that it took, and no more than passed; all that passed
+ * if it built the scene. */
+static void end_asking(struct server *server, struct unit_audit *a, uint64_t said_ns, uint64_t now_ns)
 {
     struct session *s = session_find(server, a->session);
+    uint64_t passed_ns = now_ns - a->asked_ns;
 
     a->number = 0;
-    if (s && s->worker)
-        s->worker->is_auditing = 0;
+    if (!s || !s->worker)
+        return;
+    s->worker->is_auditing = 0;
+    s->worker->audit_ns += a->builds || said_ns > passed_ns ? passed_ns : said_ns;
 }
 
 /* May it be asked, now or later? */
@@ -141,16 +141,33 @@ static int may_vote(const struct session *s, const struct job *job, const struct
            s->id != a->session && farm_can_serve(job, s->worker, why, sizeof why);
 }
 
-/* Of those that may render it, and were asked nothing: by lot. */
+/* Its own share: what others claim that their results took changes nothing. */
+static int has_time(const struct farm_worker *worker)
+{
+    return (double)worker->audit_ns <= AUDIT_CPU * (double)worker->cpu_ns + AUDIT_FREE_S * 1e9;
+}
+
+/* Of those that may render it, were asked nothing and have time for it: by lot. Those who have the scene come first. */
 static struct session *choose(struct server *server, const struct job *job, const struct unit_audit *a)
 {
     struct unit_audits *audits = &server->audits;
     struct session *chosen = NULL;
     uint32_t seen = 0;
+    int has_scene = 0;
 
-    for (struct session *s = server->sessions; s; s = s->next)
-        if (may_vote(s, job, a) && !s->worker->is_auditing && audit_mix(audits->secret ^ ++audits->lots) % ++seen == 0)
+    for (struct session *s = server->sessions; s; s = s->next) {
+        int shown;
+        if (!may_vote(s, job, a) || s->worker->is_auditing || !has_time(s->worker))
+            continue;
+        shown = scenes_were_shown(s->scenes, &job->scene);
+        if (shown > has_scene)
+            seen = 0;
+        if (shown < has_scene)
+            continue;
+        has_scene = shown;
+        if (audit_mix(audits->secret ^ ++audits->lots) % ++seen == 0)
             chosen = s;
+    }
     return chosen;
 }
 
@@ -187,7 +204,7 @@ static int ask(struct server *server, struct unit_audit *a, const struct job *jo
     a->session = worker->id;
     worker->worker->is_auditing = 1;
     a->asked_ns = now_ns;
-    server->audits.spent_ns += a->cost_ns;
+    a->builds = !scenes_were_shown(worker->scenes, &job->scene);
     scenes_show(&worker->scenes, &job->scene);
     if (channel_send(worker->channel, &e) != STATUS_OK)
         log_debug("session %u: an audit was not sent", worker->id);
@@ -288,6 +305,7 @@ int unit_audits_answer(struct session *worker, const Azulejo__Wire__Envelope *me
     struct server *server = worker->server;
     struct unit_audits *audits = &server->audits;
     struct unit_audit *a = audits->first;
+    const Azulejo__Wire__RenderResult *result;
     struct audit_vote *vote;
     struct error err = {0};
 
@@ -295,12 +313,12 @@ int unit_audits_answer(struct session *worker, const Azulejo__Wire__Envelope *me
         a = a->next;
     if (!a || a->number == 0)
         return 0;
-    end_asking(server, a); /* it waits for another worker, unless it is decided */
+    result = message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT ? message->render_result : NULL;
+    end_asking(server, a, result ? result->cpu_ns : 0, clock_monotonic_ns()); /* it waits for another worker, unless it is decided */
     vote = &a->vote[a->votes];
-    if (message->body_case != AZULEJO__WIRE__ENVELOPE__BODY_RENDER_RESULT ||
-        wire_digest_get(&vote->digest, &message->render_result->digest, "a unit", &err) != STATUS_OK)
+    if (!result || wire_digest_get(&vote->digest, &result->digest, "a unit", &err) != STATUS_OK)
         return 1;
-    vote->hash = message->render_result->hash;
+    vote->hash = result->hash;
     vote->has_digest = 1;
     snprintf(vote->label, sizeof vote->label, "%s", worker->worker->label);
     a->votes++;
@@ -320,16 +338,15 @@ void unit_audits_tick(struct server *server, uint64_t now_ns)
 
     for (struct unit_audit *a = audits->first; a; a = next) {
         const struct job *job = queue_find(&server->farm.queue, a->job);
-        double allowed = AUDIT_CPU * (double)server->farm.counts.cpu_ns + (double)AUDIT_FREE_S * 1e9;
         next = a->next;
         if (a->number &&
             (!session_find(server, a->session) || now_ns - a->asked_ns > (uint64_t)AUDIT_WAIT_S * NS_PER_SECOND))
-            end_asking(server, a); /* choose() passes over that session */
+            end_asking(server, a, UINT64_MAX, now_ns); /* choose() passes over that session */
         if (a->number)
             continue;
         if (!job || job->epoch_floor != a->epoch_floor || job->removed)
             audit_drop(audits, a);
-        else if (tries < AUDIT_TRIES && (double)audits->spent_ns + (double)a->cost_ns <= allowed)
+        else if (tries < AUDIT_TRIES)
             tries += !ask(server, a, job, now_ns);
     }
 }

@@ -5,8 +5,9 @@
  *                           ^                                        |--the same bits--> done
  *                           |--no answer, other bits-----------------|--cannot be overtaken--> decided
  *
- * Which worker is asked is drawn by lot, so that no two can count on judging each other. Rendering again costs at most
- * AUDIT_CPU of what the farm's workers spent since the start, and AUDIT_FREE_S seconds before that share is reached.
+ * Which worker is asked is drawn by lot, so that no two can count on judging each other. Rendering again costs each worker at
+ * most AUDIT_CPU of what its results took since it joined, and AUDIT_FREE_S seconds before that share is reached: each has an
+ * account of its own, so that no claim of one keeps others from being asked.
  *
  * Who loses is blocked by name and not believed any more (coordinator/steering/distrust.h). */
 #pragma once
@@ -16,7 +17,7 @@
 #include "protocol/azulejo.pb-c.h"
 
 enum {
-    AUDIT_FREE_S = 10,
+    AUDIT_FREE_S = 4,
     AUDIT_WAIT_S = 60,       /* for an answer */
     AUDIT_TRIES = 64,        /* of those waiting, at a tick */
     AUDITS_MAX = 2048,       /* waiting; the newest are left out */
@@ -31,7 +32,7 @@ struct unit_audits {
     struct unit_audit *first, **end;
     uint32_t count;
     int off;
-    uint64_t secret, lots, spent_ns, done;
+    uint64_t secret, lots, done;
 };
 
 /* A result that was merged; `units_before` by its worker. */

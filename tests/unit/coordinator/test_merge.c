@@ -259,6 +259,8 @@ static void hostile_results_are_refused(void **state)
     REFUSED(bad.work.clamped_luminance = NAN);
     REFUSED(bad.work.clamped_luminance = -1);
     REFUSED(bad.work.kept_luminance = INFINITY);
+    REFUSED(bad.stats.cpu_ns = UINT64_MAX);
+    REFUSED(bad.stats.cpu_ns = MERGE_CPU_SLACK_S * NS_PER_SECOND + 1);
     for (int i = 0; i < DEPTH_SUMS; i++) {
         REFUSED(bad.work.depth.sum[i] = -1);
         REFUSED(bad.work.depth.sum[i] = NAN);
@@ -268,6 +270,42 @@ static void hostile_results_are_refused(void **state)
 #undef REFUSED
     assert_int_equal(film_work(job->frames->film).samples, 0);
     assert_null(merge_commit_begin(&sim->farm, sim->now_ns));
+    sim_free(sim);
+}
+
+/* Only its holder sends results under a lease, of units that it lends; once it has ended, times alone are limited. */
+static void a_lease_is_its_holders(void **state)
+{
+    struct sim *sim = sim_new(NULL, 2);
+    struct sim_worker *holder = sim_connect(sim, 0, 8), *other = sim_connect(sim, 1, 8);
+    struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
+    uint8_t sums[TILE_FLOATS_MAX * 4];
+    struct tile_result result, moved;
+    enum merge_outcome outcome = MERGE_KEPT;
+    struct error err = {0};
+
+    (void)state;
+    sim_grant(sim, holder, 2);
+    sim_grant(sim, other, 2);
+    result = sim_result(sim, &holder->units[0], sums);
+    assert_int_equal(merge_result(&sim->farm, &other->worker, &result, sim->now_ns, &outcome, NULL, &err), STATUS_ERR_PROTOCOL);
+    assert_int_equal(outcome, MERGE_IMPOSSIBLE);
+    assert_non_null(strstr(err.text, "another worker holds"));
+    moved = sim_result(sim, &other->units[0], sums);
+    moved.lease = result.lease;
+    moved.epoch = result.epoch;
+    assert_int_equal(merge_result(&sim->farm, &holder->worker, &moved, sim->now_ns, &outcome, NULL, &err), STATUS_ERR_PROTOCOL);
+    assert_int_equal(outcome, MERGE_IMPOSSIBLE);
+    assert_non_null(strstr(err.text, "not a unit of lease"));
+    assert_int_equal(film_work(job->frames->film).samples, 0);
+    lease_end_all_of(&sim->farm.leases, &holder->worker.held);
+    result = sim_result(sim, &holder->units[0], sums);
+    result.stats.cpu_ns = UINT64_MAX;
+    result.stats.trace_ns = UINT64_MAX;
+    assert_int_equal(merge_result(&sim->farm, &holder->worker, &result, sim->now_ns, &outcome, NULL, &err), STATUS_OK);
+    assert_int_equal(outcome, MERGE_PENDING);
+    assert_int_equal(sim->farm.counts.cpu_ns, MERGE_CPU_SLACK_S * NS_PER_SECOND);
+    assert_int_equal(job->stats.trace_ns, MERGE_CPU_SLACK_S * NS_PER_SECOND);
     sim_free(sim);
 }
 
@@ -882,6 +920,7 @@ int main(void)
         cmocka_unit_test(a_repeated_result_is_kept_or_pending),
         cmocka_unit_test(a_conflict_is_reported_and_the_first_kept),
         cmocka_unit_test(hostile_results_are_refused),
+        cmocka_unit_test(a_lease_is_its_holders),
         cmocka_unit_test(hostile_health_is_refused),
         cmocka_unit_test(an_infinite_amount_is_refused),
         cmocka_unit_test(unwanted_results_are_sent_away),
