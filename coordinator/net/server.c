@@ -391,6 +391,7 @@ status server_run(const struct server_options *options, struct error *err)
         server->farm.hang_ns = options->hang_ns;
         server->farm.order.rules = options->order;
         s = options->store ? distrusted_load(&server->farm, err) : STATUS_OK;
+        THEN(s, unit_audits_load(server, err));
         THEN(s, listen_on(server, options, err));
         if (s == STATUS_OK) {
             begin(server);
@@ -401,6 +402,7 @@ status server_run(const struct server_options *options, struct error *err)
             close_handles(server);
         }
         uv_run(&server->loop, UV_RUN_DEFAULT);
+        unit_audits_keep(server);
         store_settle(server->store); /* what still waits belongs to this server */
         if (s == STATUS_OK)
             audit_note(&server->audit, &coordinator, "end", 0, NULL, NULL);

@@ -230,6 +230,22 @@ status store_distrust(struct store *store, const struct distrusted *who, struct 
 status store_distrusted_load(struct store *store,
                              status (*visit)(void *user, const struct distrusted *who, struct error *err), void *user,
                              struct error *err) MUST_CHECK;
+/* What a worker answered for a unit that is to be rendered again (unit_audits.h). */
+struct unit_vote {
+    uint64_t job, epoch_floor;
+    uint32_t frame, place; /* 0: the worker that delivered it */
+    uint32_t tile, group, pass;
+    char label[WORKER_LABEL_MAX + 1];
+    uint64_t hash; /* unit_hash() */
+    struct digest digest;
+    int has_digest;
+};
+/* Noted; store_votes_remove takes those of the unit away. ERR_NO_MEMORY: nothing changed. */
+status store_vote_add(struct store *store, const struct unit_vote *vote, struct error *err) MUST_CHECK;
+status store_votes_remove(struct store *store, const struct unit_vote *vote, struct error *err) MUST_CHECK;
+/* Call visit for all of them, those of one unit one after the other, by place. ERR_IO, ERR_NO_MEMORY. */
+status store_votes_load(struct store *store, status (*visit)(void *user, const struct unit_vote *vote, struct error *err),
+                        void *user, struct error *err) MUST_CHECK;
 /* Call visit for each done frame whose makers are known. ERR_IO, ERR_NO_MEMORY. */
 status store_frames_made(struct store *store,
                          status (*visit)(void *user, uint64_t job, uint32_t frame, const struct frame_makers *makers,

@@ -27,6 +27,7 @@ const struct guarded_table guarded_tables[] = {
     {"shares", "owner", "is removed: that owner's share begins at nothing", 0, 0},
     {"workers", "worker that left", "is removed", 0, 0},
     {"worker_marks", "name", "is removed: block or drain that worker again", 0, 0},
+    {"votes", "unit, worker", "is removed: what that worker delivered for the unit is not judged", 0, 0},
     {"tokens", "token", "is removed: make another one (azulejo token create)", 0, 0},
     {"keys", "name's keys", "is removed: revoke that name's keys again (azulejo key revoke), if they were revoked", 0, 0},
     {"webhooks", "webhook", "is removed: add it again (azulejo webhook add)", 0, 0},

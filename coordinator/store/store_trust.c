@@ -1,4 +1,7 @@
-/* Whose results are not believed, and which frames they rendered. */
+/* Whose results are not believed, which frames they rendered, and what is to be rendered again. */
+#include <inttypes.h>
+#include <stdio.h>
+
 #include "common/base/bytes.h"
 #include "common/base/memory.h"
 #include "coordinator/store/store_parts.h"
@@ -38,6 +41,57 @@ status store_distrusted_load(struct store *store,
     while (sql_next(&rows)) {
         const struct distrusted who = {(uint32_t)column_number(rows.row, 0), sqlite3_column_int64(rows.row, 1)};
         rows.result = visit(user, &who, err);
+    }
+    return sql_end(&rows);
+}
+
+/* ---- answers for units that are to be rendered again ------------------------------------------ */
+
+static void unit_text(char out[96], const struct unit_vote *v)
+{
+    snprintf(out, 96, "%" PRIu64 "/%" PRIu32 "/%" PRIu32 "/%" PRIu32 "/%" PRIu32, v->job, v->frame, v->tile, v->group,
+             v->pass);
+}
+
+status store_vote_add(struct store *store, const struct unit_vote *v, struct error *err)
+{
+    char unit[96], hex[DIGEST_HEX_SIZE] = "";
+
+    unit_text(unit, v);
+    if (v->has_digest)
+        digest_to_hex(&v->digest, hex);
+    return sql_note(store, "INSERT OR REPLACE INTO votes (unit, worker, place, epoch_floor, hash, digest) VALUES (?, ?, ?, ?, ?, ?)",
+                    SQL_VALUES(sql_text(unit), sql_text(v->label), sql_number(v->place),
+                               sql_number((int64_t)v->epoch_floor), sql_number((int64_t)v->hash), sql_text(hex)),
+                    "what is to be rendered again cannot be stored", err);
+}
+
+status store_votes_remove(struct store *store, const struct unit_vote *v, struct error *err)
+{
+    char unit[96];
+
+    unit_text(unit, v);
+    return sql_note(store, "DELETE FROM votes WHERE unit=?", SQL_VALUES(sql_text(unit)),
+                    "what was rendered again cannot be stored", err);
+}
+
+status store_votes_load(struct store *store, status (*visit)(void *user, const struct unit_vote *vote, struct error *err),
+                        void *user, struct error *err)
+{
+    struct sql_rows rows = sql_select(store, "SELECT unit, worker, place, epoch_floor, hash, digest FROM votes ORDER BY unit, place",
+                                      NULL, 0, "what is to be rendered again cannot be read", err);
+
+    while (sql_next(&rows)) {
+        struct unit_vote v = {.place = (uint32_t)column_number(rows.row, 2), .epoch_floor = column_number(rows.row, 3),
+                              .hash = (uint64_t)sqlite3_column_int64(rows.row, 4)};
+        char unit[96], hex[DIGEST_HEX_SIZE];
+        column_text(rows.row, 0, unit, sizeof unit);
+        column_text(rows.row, 1, v.label, sizeof v.label);
+        column_text(rows.row, 5, hex, sizeof hex);
+        v.has_digest = digest_from_hex(&v.digest, hex) == STATUS_OK;
+        if (sscanf(unit, "%" SCNu64 "/%" SCNu32 "/%" SCNu32 "/%" SCNu32 "/%" SCNu32, &v.job, &v.frame, &v.tile,
+                   &v.group, &v.pass) == 5)
+            rows.result = visit(user, &v, err);
     }
     return sql_end(&rows);
 }

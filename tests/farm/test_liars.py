@@ -1,5 +1,6 @@
 """Workers that send what cannot be: they are named and blocked, and what they held is rendered by others."""
 import os
+import sqlite3
 import sys
 import time
 
@@ -149,6 +150,45 @@ def always():
 def always_and_expensive():
     """a liar that claims 50 s of processor time for each lie is noticed as well: what it claims delays no audit"""
     lies(100, ("second", "third"), (), cpu_s=50, until=20)
+
+
+@tests.add
+def over_restarts():
+    """what waits to be rendered again outlives the coordinator, killed or ended: a liar that was alone is blocked after that"""
+    def alone():
+        liar = start_liar(farm, "liar", 100)
+        jobs.append(farm.submit(farm.scene(), *FRAME))
+        farm.wait_for_job(jobs[-1])
+        expect(picture(farm, jobs[-1], "alone") != bits, "it does not lie")
+        liar.stop()
+
+    def stored():
+        database = sqlite3.connect("file:%s?mode=ro" % farm.path("store/queue.sqlite"), uri=True)
+        try:
+            return database.execute("SELECT count(DISTINCT unit) FROM votes").fetchone()[0]
+        finally:
+            database.close()
+
+    with Farm() as farm:
+        farm.start_coordinator()
+        first = farm.start_worker("--name", "first")
+        jobs = [farm.submit(farm.scene(), *FRAME)]
+        farm.wait_for_job(jobs[0])
+        bits = picture(farm, jobs[0], "good")
+        first.stop()
+        alone()
+        wait_for(lambda: stored() >= 40, "what waits to be in the store")  # the first 20 of each connection
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        alone()
+        expect(farm.coordinator.stop() == 0, "it does not end")
+        expect(stored() >= 60, stored())
+        farm.restart_coordinator()
+        for name in ("second", "third"):
+            farm.start_worker("--name", name)
+        wait_for(lambda: set(blocked(farm)) == {"liar"}, "the block of the liar")
+        right_pictures(farm, jobs, bits)
+        wait_for(lambda: stored() == 0, "no votes that nobody needs")
 
 
 @tests.add

@@ -24,6 +24,8 @@ struct unit_audit {
     uint32_t session; /* that was asked */
     uint64_t asked_ns;
     int builds;     /* that worker has to build the scene first */
+    uint64_t begun_ns;
+    uint32_t stored; /* votes of it that are in the store */
     uint32_t votes; /* the first is of the worker that delivered it */
     struct audit_vote vote[AUDIT_VOTES_MAX];
 };
@@ -70,6 +72,7 @@ static struct unit_audit *audit_new(struct session *session, const struct tile_r
 
 static void audit_add(struct unit_audits *audits, struct unit_audit *a)
 {
+    a->begun_ns = clock_monotonic_ns();
     if (!audits->first)
         audits->end = &audits->first;
     *audits->end = a;
@@ -95,12 +98,86 @@ void unit_audits_result(struct session *session, const struct tile_result *r, ui
     audit_add(audits, a);
 }
 
+/* ---- in the store --------------------------------------------------------------------------- */
+
+static struct unit_vote row_of(const struct unit_audit *a, uint32_t place)
+{
+    struct unit_vote row = {.job = a->job, .epoch_floor = a->epoch_floor, .frame = a->frame, .place = place, .tile = a->unit.tile,
+                            .group = a->unit.group, .pass = a->unit.pass, .hash = a->vote[place].hash, .digest = a->vote[place].digest,
+                            .has_digest = a->vote[place].has_digest};
+
+    memcpy(row.label, a->vote[place].label, sizeof row.label);
+    return row;
+}
+
+static void keep(struct server *server, struct unit_audit *a)
+{
+    struct error err = {0};
+
+    for (; server->store && a->stored < a->votes; a->stored++) {
+        const struct unit_vote row = row_of(a, a->stored);
+        if (store_vote_add(server->store, &row, &err) != STATUS_OK)
+            return; /* the next tick tries it again */
+    }
+}
+
+struct loading {
+    struct unit_audits *audits;
+    struct unit_audit *last;
+};
+
+static status take_vote(void *user, const struct unit_vote *row, struct error *err)
+{
+    struct loading *loading = user;
+    struct unit_audit *a = loading->last;
+    struct audit_vote *vote;
+
+    if (!a || a->job != row->job || a->frame != row->frame || a->unit.tile != row->tile ||
+        a->unit.group != row->group || a->unit.pass != row->pass) {
+        a = mem_calloc(1, sizeof *a);
+        NEED(a, err, "what is to be rendered again");
+        a->job = row->job;
+        a->epoch_floor = row->epoch_floor;
+        a->frame = row->frame;
+        a->unit = (struct unit_name){row->tile, row->group, row->pass};
+        audit_add(loading->audits, a);
+        loading->last = a;
+    }
+    if (a->votes == AUDIT_VOTES_MAX)
+        return STATUS_OK;
+    vote = &a->vote[a->votes++];
+    a->stored = a->votes;
+    memcpy(vote->label, row->label, sizeof vote->label);
+    vote->hash = row->hash;
+    vote->digest = row->digest;
+    vote->has_digest = row->has_digest;
+    return STATUS_OK;
+}
+
+status unit_audits_load(struct server *server, struct error *err)
+{
+    struct loading loading = {&server->audits, NULL};
+
+    return server->audits.off || !server->store ? STATUS_OK : store_votes_load(server->store, take_vote, &loading, err);
+}
+
+void unit_audits_keep(struct server *server)
+{
+    for (struct unit_audit *a = server->audits.first; a; a = a->next)
+        keep(server, a);
+}
+
 /* ---- asking ---------------------------------------------------------------------------------- */
 
-static void audit_drop(struct unit_audits *audits, struct unit_audit *a)
+static void audit_drop(struct server *server, struct unit_audit *a)
 {
+    struct unit_audits *audits = &server->audits;
     struct unit_audit **at = &audits->first;
+    const struct unit_vote row = row_of(a, 0);
+    struct error err = {0};
 
+    if (a->stored && store_votes_remove(server->store, &row, &err) != STATUS_OK)
+        log_debug("%s", err.text); /* it is decided once more after a restart */
     while (*at != a)
         at = &(*at)->next;
     *at = a->next;
@@ -324,7 +401,7 @@ int unit_audits_answer(struct session *worker, const Azulejo__Wire__Envelope *me
     a->votes++;
     audits->done++;
     if (decide(server, a))
-        audit_drop(audits, a);
+        audit_drop(server, a);
     return 1;
 }
 
@@ -339,13 +416,15 @@ void unit_audits_tick(struct server *server, uint64_t now_ns)
     for (struct unit_audit *a = audits->first; a; a = next) {
         const struct job *job = queue_find(&server->farm.queue, a->job);
         next = a->next;
+        if (now_ns - a->begun_ns > (uint64_t)AUDIT_STORE_S * NS_PER_SECOND)
+            keep(server, a);
         if (a->number &&
             (!session_find(server, a->session) || now_ns - a->asked_ns > (uint64_t)AUDIT_WAIT_S * NS_PER_SECOND))
             end_asking(server, a, UINT64_MAX, now_ns); /* choose() passes over that session */
         if (a->number)
             continue;
         if (!job || job->epoch_floor != a->epoch_floor || job->removed)
-            audit_drop(audits, a);
+            audit_drop(server, a);
         else if (tries < AUDIT_TRIES)
             tries += !ask(server, a, job, now_ns);
     }
@@ -355,7 +434,9 @@ void unit_audits_release(struct server *server)
 {
     struct unit_audits *audits = &server->audits;
 
-    while (audits->first)
-        audit_drop(audits, audits->first);
+    for (struct unit_audit *a = audits->first, *next; a; a = next) {
+        next = a->next;
+        mem_free(a);
+    }
     *audits = (struct unit_audits){0};
 }

@@ -19,6 +19,7 @@
 enum {
     AUDIT_FREE_S = 4,
     AUDIT_WAIT_S = 60,       /* for an answer */
+    AUDIT_STORE_S = 1,       /* what waits for longer is in the store, over restarts */
     AUDIT_TRIES = 64,        /* of those waiting, at a tick */
     AUDITS_MAX = 2048,       /* waiting; the newest are left out */
 };
@@ -43,4 +44,8 @@ void unit_audits_conflict(struct session *session, const struct tile_result *res
 int unit_audits_answer(struct session *worker, const Azulejo__Wire__Envelope *message);
 /* At every tick: ask, and give up waiting. */
 void unit_audits_tick(struct server *server, uint64_t now_ns);
+/* What waited when the coordinator ended. ERR_IO, ERR_NO_MEMORY. */
+status unit_audits_load(struct server *server, struct error *err) MUST_CHECK;
+/* Before it ends: what waits is noted in the store. */
+void unit_audits_keep(struct server *server);
 void unit_audits_release(struct server *server);

@@ -192,6 +192,7 @@ static void an_older_store_is_brought_up_to_date(void **state)
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     WITHOUT_WORK_AND_RELEASE "DROP TABLE deliverers;"
     static const char *const steps_back[] = {
+        "DROP TABLE votes; PRAGMA user_version=11",
         WITHOUT_11 "PRAGMA user_version=10",
         WITHOUT_11 "DROP TABLE sums; PRAGMA user_version=9",
         WITHOUT_9 "PRAGMA user_version=8",
