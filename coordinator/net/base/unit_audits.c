@@ -23,10 +23,10 @@ struct unit_audit {
     uint64_t number;  /* of the RenderRequest; 0: it waits */
     uint32_t session; /* that was asked */
     uint64_t asked_ns;
-    int builds;     /* that worker has to build the scene first */
+    int builds; /* that worker has to build the scene first */
     uint64_t begun_ns;
     uint32_t stored; /* votes of it that are in the store */
-    uint32_t votes; /* the first is of the worker that delivered it */
+    uint32_t votes;  /* the first is of the worker that delivered it */
     struct audit_vote vote[AUDIT_VOTES_MAX];
 };
 
