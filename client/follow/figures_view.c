@@ -112,30 +112,31 @@ static enum interval interval_of(const Azulejo__Wire__Forecast *f)
     return prices_are_known(left) ? INTERVAL_TOLD : INTERVAL_TOO_WIDE;
 }
 
-static void describe_forecast(struct buffer *out, const Azulejo__Wire__Forecast *f)
+/* Of the forecasts the one at the end: a round number may never come. NULL: it is not known. */
+static const Azulejo__Wire__Forecast *milestone_of(const Azulejo__Wire__JobInfo *job)
+{
+    for (size_t i = 0; i < job->n_forecasts; i++)
+        if (job->forecasts[i]->at_end)
+            return job->forecasts[i];
+    return NULL;
+}
+
+static void describe_forecast(struct buffer *out, const Azulejo__Wire__Forecast *f, const Azulejo__Wire__Forecast *end)
 {
     char text[FORMAT_SIZE];
     enum interval interval = interval_of(f);
+    const char *when = f->at_end ? ", in" : end && f->display < end->display ? " would take" : " in";
 
     buffer_printf(out, "; %s%s", figures_display_text(text, f->display), f->at_end ? " at the end" : "");
     if (interval == INTERVAL_TOO_WIDE) {
         buffer_puts(out, ": too early to say when");
         return;
     }
-    buffer_printf(out, "%s in %s", f->at_end ? "," : "", figures_time_text(text, f->seconds));
+    buffer_printf(out, "%s %s", when, figures_time_text(text, f->seconds));
     if (interval == INTERVAL_TOLD) {
         buffer_printf(out, " (%s to ", figures_time_text(text, f->seconds_low));
         buffer_printf(out, "%s)", figures_time_text(text, f->seconds_high));
     }
-}
-
-/* Of the forecasts the one at the end; if there is none, the next round number. */
-static const Azulejo__Wire__Forecast *milestone_of(const Azulejo__Wire__JobInfo *job)
-{
-    for (size_t i = 0; i < job->n_forecasts; i++)
-        if (job->forecasts[i]->at_end)
-            return job->forecasts[i];
-    return job->n_forecasts > 0 ? job->forecasts[0] : NULL;
 }
 
 /* The clock then, from the time in work so far: "41 s", "1:26", "2.0 h". */
@@ -230,7 +231,7 @@ void figures_describe_curve(struct buffer *out, const Azulejo__Wire__JobInfo *jo
                   figures_time_text(time, job->now->wall_seconds));
     for (size_t i = 0; i < job->n_forecasts; i++)
         if (job->forecasts[i]->seconds >= 0) {
-            describe_forecast(out, job->forecasts[i]);
+            describe_forecast(out, job->forecasts[i], milestone_of(job));
             printed = 1;
         }
     if (printed && job->workers == 1)

@@ -23,15 +23,15 @@ void figures_describe(struct buffer *out, const Azulejo__Wire__Figures *figures)
 void figures_describe_word(struct buffer *out, const Azulejo__Wire__Figures *figures, uint64_t effects);
 /* "RMSE 8.1 % of the mean raw, 2.3 % denoised". */
 void figures_describe_both(struct buffer *out, const Azulejo__Wire__HistoryPoint *point);
-/* Append "36 s left  7/255 now -> 5/255 at 1:26": the time left, the error, and the one that the job's rules will give, or the next
- * round one, after so long in work; "(1:10 to 2:05)" where the time is uncertain. In no more than `columns`: the interval
- * goes first, then "now", the time left, and the milestone. Nothing if nothing is known. The page has the same words
+/* Append "36 s left  7/255 now -> 5/255 at 1:26": the time left, the error, and the one that the job's rules will give after so
+ * long in work; "(1:10 to 2:05)" where the time is uncertain. In no more than `columns`: the interval goes first, then "now",
+ * the time left, and the milestone. Nothing if nothing is known. The page has the same words
  * (web/assets/format.js). */
 void figures_describe_line(struct buffer *out, const Azulejo__Wire__JobInfo *job, size_t columns);
 /* How the error moves, for a terminal that shows arrows: it falls, stands, rises; "": not known, or no such terminal. */
 const char *figures_trend(double slope);
-/* Append "now 3.1/255 after 41 s; 2/255 in 2 min; 1/255 in 9 min (7 min to 12 min) on these 3 workers";
- * nothing if nothing is known. */
+/* Append "now 3.1/255 after 41 s; 2/255 in 2 min; 1/255 would take 9 min (7 min to 12 min); 1.5/255 at the end, in 4 min on
+ * these 3 workers": an error below that of the end will not come. Nothing if nothing is known. */
 void figures_describe_curve(struct buffer *out, const Azulejo__Wire__JobInfo *job);
 
 /* The summary's lines. */

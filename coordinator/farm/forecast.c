@@ -47,16 +47,36 @@ struct accuracy_estimate forecast_whole(const struct job_frame *frame)
 
 double forecast_whole_s(const struct job_frame *frame) { return forecast_whole(frame).value; }
 
+/* Seconds that the time limit leaves it; negative: there is none. */
+static double limit_left_s(const struct job_frame *frame)
+{
+    double passed_s = frame->spent.wall_s - (double)frame->clock.from_active_ns / 1e9;
+    uint64_t limit_ms = frame->job->stop.time_limit_ms;
+
+    return limit_ms > 0 ? fmax((double)limit_ms / 1e3 - passed_s, 0) : -1;
+}
+
+struct accuracy_estimate forecast_end(const struct job_frame *frame, double cpu_s)
+{
+    struct accuracy_estimate end = forecast_whole(frame);
+    double left_s = limit_left_s(frame), limit_s = frame->spent.core_s + left_s * cpu_s;
+
+    if (left_s < 0)
+        return end;
+    if (cpu_s <= 0)
+        return (struct accuracy_estimate){-1, -1, -1};
+    return (struct accuracy_estimate){sooner(limit_s, end.value), sooner(limit_s, end.lo), sooner(limit_s, end.hi)};
+}
+
 double forecast_frame_share(const struct job_frame *frame)
 {
     double whole_s = forecast_whole_s(frame), limit_s = (double)frame->job->stop.time_limit_ms / 1e3;
-    double passed_s = frame->spent.wall_s - (double)frame->clock.from_active_ns / 1e9;
     double share = whole_s > 0 ? frame->spent.core_s / whole_s : 0;
 
     if (!stop_ends_a_frame(&frame->job->stop))
         return (double)film_samples(frame->film) / (double)film_samples_total(frame->film);
     if (limit_s > 0)
-        share = fmax(share, passed_s / limit_s);
+        share = fmax(share, 1 - limit_left_s(frame) / limit_s);
     return fmin(share, 1);
 }
 
@@ -85,15 +105,9 @@ double forecast_share(const struct job *job)
 /* Of one open frame, if nothing else is rendered; negative: not known. */
 static double frame_seconds(const struct job_frame *frame, double whole_s, double cpu_s)
 {
-    double left_s = (whole_s - frame->spent.core_s) / cpu_s;
-    double limit_s = (double)frame->job->stop.time_limit_ms / 1e3;
-    double passed_s = frame->spent.wall_s - (double)frame->clock.from_active_ns / 1e9;
+    double left_s = whole_s < 0 ? -1 : fmax(whole_s - frame->spent.core_s, 0) / cpu_s;
 
-    if (whole_s < 0)
-        return limit_s > 0 ? fmax(limit_s - passed_s, 0) : -1;
-    if (limit_s > 0 && limit_s - passed_s < left_s)
-        left_s = limit_s - passed_s;
-    return fmax(left_s, 0);
+    return sooner(left_s, limit_left_s(frame));
 }
 
 double forecast_seconds_left(const struct job *job)

@@ -14,6 +14,8 @@ void forecast_prices(const struct history *history, enum allocation_measure meas
  * negative: not known. */
 struct accuracy_estimate forecast_whole(const struct job_frame *frame);
 double forecast_whole_s(const struct job_frame *frame);
+/* The same, until the time limit where that comes first; `cpu_s`: processor time a second, 0: not known. */
+struct accuracy_estimate forecast_end(const struct job_frame *frame, double cpu_s);
 /* How much of the job's work is done, 0..1, in whatever state it is: by cost where rules end its frames, else by samples. */
 double forecast_share(const struct job *job);
 /* The same of an open frame. */

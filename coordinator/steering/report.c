@@ -292,7 +292,7 @@ static void forecast_add(struct job_report *report, Azulejo__Wire__JobInfo *info
 static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *info, const struct job_frame *frame)
 {
     double spent_s = frame->spent.core_s;
-    struct accuracy_estimate at, whole = forecast_whole(frame);
+    struct accuracy_estimate at, whole = forecast_end(frame, info->cores);
     struct prices prices;
     size_t found = 0;
 
@@ -308,8 +308,9 @@ static void report_forecasts(struct job_report *report, Azulejo__Wire__JobInfo *
         forecast_add(report, info, round_errors[i], &core_s, spent_s, 0);
         found++;
     }
-    if (whole.value > spent_s && frame->job->stop.time_limit_ms == 0)
-        forecast_add(report, info, prices_error(&prices, whole.value).value, &whole, spent_s, 1);
+    at = prices_error(&prices, whole.value);
+    if (whole.value > spent_s && prices_are_known(at))
+        forecast_add(report, info, at.value, &whole, spent_s, 1);
 }
 
 /* The pictures' errors, and the cost of reducing them. */

@@ -189,6 +189,29 @@ def a_history_survives_the_coordinator():
 
 
 @tests.add
+def a_time_limit_promises_what_it_keeps():
+    """the milestone of a frame that a clock ends is the error that the picture has in the end"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=2)
+        number = farm.submit(AREA, "--size", "160x120", "--time-limit", "20s")
+        promised = {}
+
+        def follow():
+            job = farm.job(number)
+            end = next((f for f in job.get("forecasts") or [] if f["at_end"]), None)
+            if job["seconds_active"] > 6 and end and end["seconds"] > 0:
+                promised[job["seconds_active"]] = end["display"]
+            return job["state"] == "done"
+
+        wait_for(follow, "the end", 120)
+        figures = farm.job(number)["now"]["figures"]
+        expect(promised, "no milestone")
+        # The clock is sure; the error of half the work and the rate of the processors are not.
+        expect(all(0.6 < error / figures["display"] < 1.6 for error in promised.values()), (promised, figures))
+
+
+@tests.add
 def what_may_be_understated_says_so():
     with Farm() as farm:
         farm.start_coordinator()

@@ -54,8 +54,8 @@ export function duration(s) {
 /* How a forecast's interval is shown: not where it is a mere width, nor where its ends are a factor of 10 apart (then it is too
  * early to say when). */
 export const interval = (f) => !(f.seconds_high - f.seconds_low > 0.2 * f.seconds) ? 'narrow' : f.seconds_high <= 10 * f.seconds_low ? 'shown' : 'wide';
-/* Of the forecasts the one at the end; if there is none, the next round number. */
-export const milestone = (job) => (job.forecasts || []).find((f) => f.at_end) || (job.forecasts || [])[0];
+/* Of the forecasts the one at the end: a round number may never come. */
+export const milestone = (job) => (job.forecasts || []).find((f) => f.at_end);
 const trend = (slope) => typeof slope !== 'number' ? '' : slope < -0.1 ? '\u2198' : slope > 0.1 ? '\u2197' : '\u2192';
 /* The words of azulejo's line: "36 s left  7/255 now -> 5/255 at 1:26" (client/follow/figures_view.c). */
 export function lineWords(job) {

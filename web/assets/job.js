@@ -42,7 +42,7 @@ function whenWords(job) {
     const when = interval(end), shown = when === 'shown' ? between(end.seconds_low, end.seconds_high, span) : '';
     const time = when === 'wide' ? 'too early to say when' : `${span(end.seconds)}${shown}`;
     const misses = aim && job.stop.measure === 'display' && end.display > 1.1 * job.stop.target;
-    const what = misses ? `${display(end.display)} with all samples, not ${aim},` : aim || `${display(end.display)} at the end`;
+    const what = misses ? `${display(end.display)} at the end, not ${aim},` : aim || `${display(end.display)} at the end`;
     return when === 'wide' ? `${what}: ${time}` : `${what}${runs ? ` in ${time}` : `, ${time}${after}`}`;
   }
   if (job.seconds_left >= 0 && runs)

@@ -61,12 +61,33 @@ static void the_end_is_the_milestone(void **state)
     expect_line(&t, "7.2/255 now -> 5/255 at 1:10");
     t.figures.reliable = 0;
     expect_line(&t, "7.2/255? now -> 5/255 at 1:10");
-    t.job.n_forecasts = 1; /* a clock ends it: the next round number */
-    expect_line(&t, "7.2/255? now -> 3/255 at 7:10");
-    t.round.seconds = -1; /* no worker has it */
+    t.end.seconds = -1; /* no worker has it */
+    expect_line(&t, "7.2/255? now");
+    t.job.n_forecasts = 1; /* the end is not known, and a round number is no promise */
     expect_line(&t, "7.2/255? now");
     t.job.now = NULL;
     expect_line(&t, "");
+}
+
+/* What comes only after the end is a price, and no promise. */
+static void the_curve_says_what_does_not_come(void **state)
+{
+    struct buffer line = BUFFER_INIT;
+    struct told t;
+
+    (void)state;
+    told_init(&t);
+    t.now.wall_seconds = 30;
+    t.job.workers = 1;
+    figures_describe_curve(&line, &t.job);
+    assert_string_equal(buffer_text(&line),
+                        "now 7.2/255 after 30 s; 3/255 would take 7 min; 5/255 at the end, in 40 s on this worker");
+    buffer_clear(&line);
+    t.round.display = 6;
+    figures_describe_curve(&line, &t.job);
+    assert_string_equal(buffer_text(&line),
+                        "now 7.2/255 after 30 s; 6/255 in 7 min; 5/255 at the end, in 40 s on this worker");
+    buffer_release(&line);
 }
 
 static void an_interval_is_narrower_than_ten(void **state)
@@ -136,6 +157,7 @@ static void the_trend_is_an_arrow(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(the_end_is_the_milestone),
+                                       cmocka_unit_test(the_curve_says_what_does_not_come),
                                        cmocka_unit_test(an_interval_is_narrower_than_ten),
                                        cmocka_unit_test(the_line_fits_a_terminal),
                                        cmocka_unit_test(the_trend_is_an_arrow)};

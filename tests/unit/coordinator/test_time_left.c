@@ -439,6 +439,53 @@ static void forecasts_are_from_now(void **state)
     }
 }
 
+static const Azulejo__Wire__Forecast *end_of(const Azulejo__Wire__JobInfo *info)
+{
+    for (size_t i = 0; i < info->n_forecasts; i++)
+        if (info->forecasts[i]->at_end)
+            return info->forecasts[i];
+    return NULL;
+}
+
+/* With a time limit the end is the limit, or the other rules' end if that is sooner; its error comes from the prices, and is not
+ * told where they say next to nothing. */
+static void a_time_limit_has_an_end(void **state)
+{
+    static struct job_report report;
+    struct sim *sim = *state;
+    struct job *job = sim_submit(sim, SIDE, SIDE, 4 * SPP, 1, 1, 0);
+    struct sim_worker *worker = sim_connect(sim, 0, THREADS);
+    const Azulejo__Wire__Forecast *end;
+    struct prices prices;
+    double core_s, left_s = 1;
+
+    for (int i = 0; i < 30; i++) {
+        sim_grant(sim, worker, 3 * TILES);
+        send_one(sim, worker);
+    }
+    sim_grant(sim, worker, 3 * TILES);
+    job->stop.adaptive = 1;
+    history_of(&job->frames->history, 2);
+    job->stop.time_limit_ms = (uint64_t)((job->frames->spent.wall_s + left_s) * 1e3);
+    job_report_make(&report, &sim->farm, job, sim->now_ns);
+    end = end_of(&report.message);
+    assert_non_null(end);
+    core_s = job->frames->spent.core_s + left_s * report.message.cores;
+    forecast_prices(&job->frames->history, ALLOCATION_DISPLAY, &prices);
+    assert_true(fabs(end->seconds - left_s) < 2e-3 && fabs(end->seconds_high - end->seconds_low) < 2e-3);
+    assert_true(fabs(end->display - prices_error(&prices, core_s).value) < 1e-2);
+    job->stop.time_limit_ms = 1000 * 1000; /* the samples end it */
+    job_report_make(&report, &sim->farm, job, sim->now_ns);
+    end = end_of(&report.message);
+    assert_true(end && fabs(end->core_seconds - 4 * FRAME_S) < 1e-6 * FRAME_S);
+    for (uint32_t i = 0; i < job->frames->history.count; i++) {
+        job->frames->history.points[i].figures.display_lo /= 100;
+        job->frames->history.points[i].figures.display_hi *= 100;
+    }
+    job_report_make(&report, &sim->farm, job, sim->now_ns);
+    assert_null(end_of(&report.message));
+}
+
 /* Samples a second count from the first one on, not from before. */
 static void rates_begin_with_the_first(void **state)
 {
@@ -466,6 +513,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(the_time_left_holds_through_a_jobs_life, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(figures_of_large_frames_are_fresh, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(forecasts_are_from_now, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(a_time_limit_has_an_end, sim_set_up, sim_tear_down),
         cmocka_unit_test(rates_begin_with_the_first),
         cmocka_unit_test(the_curve_has_each_point_once),
     };
