@@ -186,7 +186,7 @@ static void look_at_films(void *user, uint64_t id)
 
     if (job && job->state == JOB_STATE_CANCELLED && (job->marks & JOB_MARK_DISCARDED))
         store_films_remove(farm->store, id);
-    else if (job && !job_state_ended(job->state))
+    else if (job && (!job_state_ended(job->state) || job->state == JOB_STATE_FAILED))
         farm_note_closed(farm, job);
 }
 

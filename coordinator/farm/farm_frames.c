@@ -22,6 +22,7 @@ struct job_frame *farm_frame_find(const struct job *job, uint32_t number)
 
 static void frame_unlink(struct farm *farm, struct job_frame *frame)
 {
+    const struct history_point *last = history_last(&frame->history);
     struct job_frame **at = &frame->job->frames;
 
     while (*at != frame)
@@ -31,6 +32,8 @@ static void frame_unlink(struct farm *farm, struct job_frame *frame)
         job_note_closed(frame->job, frame->number,
                         (struct closed_frame){film_samples(frame->film), (double)job_frame_cpu_ns(frame) / 1e9,
                                               forecast_frame_share(frame)});
+    if (last && frame->state != FRAME_DEVELOPING) /* what was developed has newer ones */
+        job_note_last(frame->job, frame->number, last);
     queue_frame_closed(&farm->queue, frame->job, frame->number);
     farm->open_frames--;
     farm->leaving -= (uint32_t)frame->leaving;

@@ -116,7 +116,7 @@ void figures_measured(struct farm *farm, struct job *job, uint32_t number, const
 
 void figures_denoised(struct job *job, uint32_t frame, const struct accuracy_figures *figures)
 {
-    if (figures && job->figures.known > 0 && job->figures.last_frame == frame - job->first_frame)
+    if (figures && job->figures.last.figures.known && job->figures.last_frame == frame - job->first_frame)
         job->figures.last.denoised = *figures;
 }
 

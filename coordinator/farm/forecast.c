@@ -93,7 +93,7 @@ static double cancelled_share(const struct job *job)
 
 double forecast_share(const struct job *job)
 {
-    double done = job->frames_done_count - cancelled_share(job) + (job_state_ended(job->state) ? 0 : job->closed_sum.share);
+    double done = job->frames_done_count - cancelled_share(job) + job_closed_sum(job).share;
 
     if (job->state == JOB_STATE_DONE)
         return 1;

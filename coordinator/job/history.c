@@ -46,6 +46,12 @@ static float display_of(const struct job_figures *job, uint32_t index)
     return job->errors[index][ALLOCATION_DISPLAY];
 }
 
+void job_figures_set_last(struct job_figures *job, uint32_t index, const struct history_point *point)
+{
+    job->last = point ? *point : (struct history_point){0};
+    job->last_frame = index;
+}
+
 int job_figures_note(struct job_figures *job, uint32_t index, uint32_t count, const struct history_point *point)
 {
     job->core_s += point->core_s;
@@ -61,8 +67,7 @@ int job_figures_note(struct job_figures *job, uint32_t index, uint32_t count, co
     job->known += isnan(display_of(job, index));
     for (unsigned m = 0; m < ALLOCATION_MEASURES; m++)
         job->errors[index][m] = (float)target_point(&point->figures, 0, (enum allocation_measure)m).error;
-    job->last = *point;
-    job->last_frame = index;
+    job_figures_set_last(job, index, point);
     return 1;
 }
 

@@ -48,12 +48,13 @@ struct job_figures {
     float (*errors)[ALLOCATION_MEASURES];
     uint32_t known;            /* how many are known */
     double core_s;             /* spent on the frames that are done */
-    struct history_point last; /* of the newest frame whose figures are known */
+    struct history_point last; /* of the first frame that rests, or else the newest that is done; unknown: of none */
     uint32_t last_frame;       /* its index */
 };
 
 /* Note a finished frame's last point, once. 0: out of memory, and its figures are not noted. */
 int job_figures_note(struct job_figures *job, uint32_t index, uint32_t count, const struct history_point *point);
+void job_figures_set_last(struct job_figures *job, uint32_t index, const struct history_point *point); /* NULL: none */
 void job_figures_release(struct job_figures *job);
 /* The largest display error, and its frame's index; NaN: none is known. */
 double job_figures_worst(const struct job_figures *job, uint32_t count, uint32_t *index);

@@ -413,12 +413,29 @@ uint32_t job_frames_left(const struct job *job)
     return is_early(job) ? job_frame_count(job) - job->frames_done_count : job->frames_resting_count;
 }
 
+/* Are the newest figures those of a frame that is not done? */
+static int last_rests(const struct job *job)
+{
+    return job->figures.last.figures.known && !job_frame_is_done(job, job->first_frame + job->figures.last_frame);
+}
+
+void job_note_last(struct job *job, uint32_t frame, const struct history_point *point)
+{
+    uint32_t i = frame - job->first_frame;
+
+    if (!point->figures.known || (last_rests(job) && job->figures.last_frame < i))
+        return;
+    job_figures_set_last(&job->figures, i, point);
+}
+
 void job_note_closed(struct job *job, uint32_t frame, struct closed_frame is)
 {
     uint32_t i = frame - job->first_frame;
     struct closed_frame *was;
 
-    if (!job->closed && is.samples > 0) /* without memory the job only seems to have less */
+    if (is.samples == 0 && last_rests(job) && job->figures.last_frame == i)
+        job_figures_set_last(&job->figures, 0, NULL); /* it is open, or begins again */
+    if (!job->closed && is.samples > 0)               /* without memory the job only seems to have less */
         job->closed = mem_calloc(job_frame_count(job), sizeof *job->closed);
     if (!job->closed)
         return;
@@ -427,6 +444,11 @@ void job_note_closed(struct job *job, uint32_t frame, struct closed_frame is)
     job->closed_sum.core_s += is.core_s - was->core_s;
     job->closed_sum.share += is.share - was->share;
     *was = is;
+}
+
+struct closed_frame job_closed_sum(const struct job *job)
+{
+    return job_state_ended(job->state) && job->state != JOB_STATE_FAILED ? (struct closed_frame){0} : job->closed_sum;
 }
 
 /* ---- a finished job goes on ------------------------------------------------------------------ */

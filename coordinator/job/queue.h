@@ -177,7 +177,7 @@ struct job {
     struct trouble pictures;     /* they cannot be made again */
     int unsaved;                 /* its state must be handed to the store again */
     uint64_t saved_ns;           /* monotonic: when the progress was last stored */
-    struct job_figures figures;  /* of the frames that are done */
+    struct job_figures figures;  /* of the frames that are done; `last` also of one that rests */
     uint32_t measurements;       /* of its frames' figures, that tasks are computing */
     uint64_t conflicts;          /* results that differed from the one merged before */
     uint32_t threads;            /* of the workers that hold its leases, at the last tick */
@@ -300,6 +300,10 @@ void job_reopen(struct queue *queue, struct job *job, const struct job_reopening
 void job_reopen_frames(struct queue *queue, struct job *job, const struct job_reopening *r);
 /* The frame, which is not done, has so many samples on disk, and no open film: for the job's progress. 0: none. */
 void job_note_closed(struct job *job, uint32_t frame, struct closed_frame is);
+/* The sum of them; nothing of a job whose films go with its end. */
+struct closed_frame job_closed_sum(const struct job *job);
+/* The last figures of such a frame, which job->figures keeps of the first one. */
+void job_note_last(struct job *job, uint32_t frame, const struct history_point *point);
 /* Mark every frame's pictures to be made again, with these settings. */
 void job_revise(struct job *job, const struct output_settings *output);
 /* Find a done frame whose pictures must be made and can be, because the frames that its statistics

@@ -208,7 +208,7 @@ static void report_progress(Azulejo__Wire__JobInfo *info, struct job *job, uint6
     info->revision = job->revision;
     if (job->pictures.next_ns == UINT64_MAX)
         info->develop_error = job->pictures.text;
-    info->samples_done = job->samples_done + (job_state_ended(job->state) ? 0 : job->closed_sum.samples);
+    info->samples_done = job->samples_done + job_closed_sum(job).samples;
     info->samples_total = job_frame_samples(job) * (job_frame_count(job) - job_frames_left(job));
     for (const struct job_frame *frame = first; frame; frame = frame->next)
         info->samples_done += film_samples(frame->film);
@@ -322,7 +322,7 @@ static void report_figures(struct job_report *report, Azulejo__Wire__JobInfo *in
     double error;
 
     info->now_frame = first ? first->number : job->first_frame + job->figures.last_frame;
-    if (!last && job->figures.known > 0) {
+    if (!last && job->figures.last.figures.known) {
         last = &job->figures.last;
         info->now_frame = job->first_frame + job->figures.last_frame;
     }
@@ -341,7 +341,7 @@ static void report_figures(struct job_report *report, Azulejo__Wire__JobInfo *in
     if (find_missed(job, &error, &info->missed_frame))
         info->missed = target_value(&job->stop.target, error);
     info->efficiency = forecast_efficiency(job);
-    info->core_seconds = job->figures.core_s + (job_state_ended(job->state) ? 0 : job->closed_sum.core_s);
+    info->core_seconds = job->figures.core_s + job_closed_sum(job).core_s;
     for (const struct job_frame *frame = first; frame; frame = frame->next)
         info->core_seconds += (double)job_frame_cpu_ns(frame) / 1e9;
     info->error_effects = first && first->stats.effects ? first->stats.effects : job->stats.effects;

@@ -193,10 +193,13 @@ status history_load_last(struct store *store, sqlite3 *db, struct job *job, stru
     while (sql_next(&rows)) {
         uint64_t frame = column_number(rows.row, 0);
         struct history_point point;
-        if (frame < job->first_frame || frame > job->last_frame || !job_frame_is_done(job, (uint32_t)frame))
+        if (frame < job->first_frame || frame > job->last_frame)
             continue;
         read_point(rows.row, 2, &point);
-        if (!job_figures_note(&job->figures, (uint32_t)frame - job->first_frame, job_frame_count(job), &point))
+        if (!job_frame_is_done(job, (uint32_t)frame)) {
+            if (job_state_ended(job->state) || store_film_exists(store, job->id, (uint32_t)frame))
+                job_note_last(job, (uint32_t)frame, &point);
+        } else if (!job_figures_note(&job->figures, (uint32_t)frame - job->first_frame, job_frame_count(job), &point))
             rows.result = error_no_memory(err, "frames' figures");
     }
     return sql_end(&rows);

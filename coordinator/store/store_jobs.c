@@ -330,7 +330,7 @@ static status load_job(struct store *store, sqlite3_stmt *row, struct job **out,
     s = load_frames(store, store->db, job, 0, err);
     if (s == STATUS_OK && job->frames_done_count > 0)
         s = load_cuts(store, job, err);
-    if (s == STATUS_OK && job->frames_done_count > 0)
+    if (s == STATUS_OK)
         s = history_load_last(store, store->db, job, err);
     if (s != STATUS_OK) {
         job_free(job);

@@ -208,7 +208,7 @@ status history_write(struct store *store, uint64_t job, uint32_t frame, uint32_t
  * some. `order` is held. */
 status sql_transaction(struct store *store, status (*body)(struct store *store, const void *user, struct error *err),
                        const void *user, struct error *err) MUST_CHECK;
-/* Note the newest figures of the job's finished frames in job->figures. */
+/* Note the newest figures of the job's frames in job->figures: of those that are done, and the last of those that rest. */
 status history_load_last(struct store *store, sqlite3 *db, struct job *job, struct error *err) MUST_CHECK;
 /* A row of the table of deliverers. */
 status deliverer_write(struct store *store, const struct deliverer *deliverer, struct error *err) MUST_CHECK;

@@ -2,6 +2,7 @@
 import json
 import math
 import os
+import re
 import sys
 import time
 
@@ -9,10 +10,12 @@ sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
 from farm import Farm, Tests, wait_for
 from jobs import AREA, expect
+from odd import OddPeer, die_of
 from page import Page, need_page
 
 tests = Tests()
 SAME = ("state", "frames_done", "verbs", "stop", "finished_early", "missed")
+STANDING = ("now", "now_frame", "error_slope", "forecasts", "efficiency", "seconds_left")  # while nobody works on it
 MOVING = ("done_share", "core_seconds", "samples_done")  # they may grow between two questions
 
 
@@ -42,8 +45,70 @@ def check(farm, page, number, state):
     row = row_of(farm, number)
     expect(" %s " % state in row, row)
     expect(state == "running" or " %d %% " % int(100 * job["done_share"]) in row, (row, job["done_share"]))
-    expect(state in farm.cli("show", number, expect=0).out, state)
+    words = farm.cli("show", number, expect=0).out
+    expect(state in words, state)
+    if state != "running":
+        for other in (listed, shown):
+            for key in STANDING:
+                expect(other.get(key) == job.get(key), "%s: %s: %s, not %s" % (state, key, other.get(key), job.get(key)))
+        figures = (job.get("now") or {}).get("figures")
+        error = re.search(r" (\d\S*/255)(\?| |$)", row)
+        expect(bool(error) == bool(figures), (row, figures))
+        expect(not figures or ("  error       %s " % error[1] in words or ": %s (" % error[1] in words), (row, words))
     return job
+
+
+def kept(farm, page, number, state, before):
+    """What is known of the picture's error outlives the work on it, and a restart of the coordinator."""
+    job = check(farm, page, number, state)
+    expect(job.get("now") and job["now"]["samples"] >= before["now"]["samples"], (state, job.get("now"), before["now"]))
+    farm.coordinator.kill()
+    farm.restart_coordinator()
+    page = Page(farm.coordinator)
+    again = check(farm, page, number, state)
+    for seen in (job, again):
+        expect(seen["core_seconds"] >= 0.9 * before["now"]["core_seconds"] and seen["done_share"] > 0 and seen["samples_done"] > 0, (state, seen))
+    expect(again.get("now") and again["now"]["figures"] == job["now"]["figures"] and again["now_frame"] == job["now_frame"],
+           (state, again.get("now"), job["now"]))
+    return page
+
+
+@tests.add
+def a_job_that_rests_keeps_its_error():
+    """paused, parked, cancelled, failed: the last known error stays in list, show, JSON and on the page"""
+    need_page()
+    with Farm() as farm:
+        page = Page(farm.start_coordinator())
+
+        def begin():
+            worker = farm.start_worker(threads=2, rests=False)
+            number = farm.submit(AREA, "--size", "96x72", "--spp", "65536", "--allocation", "uniform")
+            wait_for(lambda: (farm.job(number).get("now") or {}).get("figures"), "an error", 120)
+            return worker, number, farm.job(number)
+
+        worker, number, before = begin()
+        farm.cli("pause", number, expect=0)
+        wait_for(lambda: farm.job(number)["workers"] == 0 and not farm.job(number)["preview_ready"], "its frame to be closed")
+        page = kept(farm, page, number, "paused", before)
+        farm.cli("cancel", number, expect=0)
+        farm.wait_for_job(number, "cancelled")
+        page = kept(farm, page, number, "cancelled", before)
+        worker.stop()
+        worker, number, before = begin()
+        worker.stop()
+        for death in range(4):
+            expect(die_of(farm, "machine-%d" % (death % 2)) == number, "another job")
+        farm.wait_for_job(number, "parked")
+        page = kept(farm, page, number, "parked", before)
+        worker, number, before = begin()
+        worker.stop()
+        peer = OddPeer(farm)
+        peer.say("request 1")
+        expect(peer.grant()["job"] == number, "another job")
+        peer.say("broken code=4")
+        farm.wait_for_job(number, "failed")
+        peer.end()
+        kept(farm, page, number, "failed", before)
 
 
 def spent(farm, number):

@@ -20,7 +20,7 @@ let asked = '';
 
 function pointOf(job, frame) {
   if (frame === job.now_frame && job.now) return job.now;
-  /* A job that rests has no figures of now: its last ones are in the history, which grows between two rests. */
+  /* Other frames' are in the history, which grows between two rests. */
   const key = `${job.job}/${frame}/${job.frames_done}/${['running', 'finishing', 'cancelling'].includes(job.state) ? '' : job.seconds_active}`;
   if (!points.has(key)) {
     if (points.size > 100) points.clear();
