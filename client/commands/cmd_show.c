@@ -7,6 +7,7 @@
 #include "client/views/effects_view.h"
 #include "client/follow/fetch.h"
 #include "client/follow/figures_view.h"
+#include "client/terminal/field.h"
 #include "client/terminal/format.h"
 #include "client/follow/job_info.h"
 #include "client/options/output.h"
@@ -14,13 +15,6 @@
 #include "client/farm/job_choice.h"
 #include "common/scene/settings.h"
 #include "protocol/message.h"
-
-static void print_field(const char *label, const char *text)
-{
-    char copy[512];
-
-    printf("  %-10s  %s\n", label, message_text(copy, sizeof copy, text));
-}
 
 static void print_settings(const Azulejo__Wire__RenderSettings *s)
 {
@@ -62,11 +56,11 @@ static void print_extras(const Azulejo__Wire__RenderSettings *s)
         printf("\n");
     }
     if (s->without)
-        print_field("without", settings_effects_text(s->without, names));
+        field_print(stdout, "without", settings_effects_text(s->without, names));
     if (wire_settings_get(&settings, s, UINT32_MAX, &err) == STATUS_OK && settings_choices_text(&settings, choices)[0])
-        print_field("choices", choices);
+        field_print(stdout, "choices", choices);
     if (s->aovs)
-        print_field("aovs", settings_aovs_text(s->aovs, names));
+        field_print(stdout, "aovs", settings_aovs_text(s->aovs, names));
 }
 
 static void print_parameter(const Azulejo__Wire__OutputSettings *o, size_t i)
@@ -136,9 +130,9 @@ static void print_needs(const Azulejo__Wire__JobInfo *job)
     for (size_t i = 0; i < job->n_after; i++)
         printf("%s %" PRIu64 "%s", i ? "," : "", job->after[i], i + 1 == job->n_after ? "\n" : "");
     if (job->not_before)
-        print_field("not before", format_time(text, job->not_before));
+        field_print(stdout, "not before", format_time(text, job->not_before));
     if (job->require[0])
-        print_field("requires", job->require);
+        field_print(stdout, "requires", job->require);
     if (job->memory)
         printf("  %-10s  %s%s\n", "memory", bytes_text(text, job->memory),
                job->memory_said ? "" : " at least, estimated from the scene's files and triangles");
@@ -149,7 +143,7 @@ static void print_needs(const Azulejo__Wire__JobInfo *job)
 #undef SETTING
     for (int i = 0; i < NEED_COUNT; i++)
         if (job_needs_rows[i].shown == SETTING_SHOWN_LISTED && !setting_is_default(&job_needs_rows[i], &needs))
-            print_field(job_needs_rows[i].option, setting_text(&job_needs_rows[i], &needs, value));
+            field_print(stdout, job_needs_rows[i].option, setting_text(&job_needs_rows[i], &needs, value));
 }
 
 static void print_job(const Azulejo__Wire__JobInfo *job)
@@ -157,14 +151,14 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
     char text[FORMAT_SIZE], note[JOB_NOTE_SIZE];
 
     printf("job %" PRIu64 ": %s\n", job->job, job_state_word(job->state));
-    print_field("name", job->name);
-    print_field("scene", job->scene_name);
+    field_print(stdout, "name", job->name);
+    field_print(stdout, "scene", job->scene_name);
     if (job->state_text[0] || job->comment[0])
-        print_field("note", job_info_note(note, job));
+        field_print(stdout, "note", job_info_note(note, job));
     printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
            job->priority);
     if (job->owner[0])
-        print_field("owner", job->owner);
+        field_print(stdout, "owner", job->owner);
     print_needs(job);
     if (job->settings) {
         print_settings(job->settings);
@@ -172,13 +166,13 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
     }
     if (job->output)
         print_output(job->output);
-    print_field("submitted", format_time(text, job->submitted_at));
+    field_print(stdout, "submitted", format_time(text, job->submitted_at));
     if (job->finished_at)
-        print_field("ended", format_time(text, job->finished_at));
+        field_print(stdout, "ended", format_time(text, job->finished_at));
     job_info_print_summary(stdout, job);
     if (job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
         printf("  %-10s  %u\n", "workers", job->workers);
-        print_field("time left", format_duration(text, job->seconds_left));
+        field_print(stdout, "time left", format_duration(text, job->seconds_left));
     }
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "client/terminal/field.h"
 #include "client/terminal/table.h"
 #include "common/accuracy/price.h"
 #include "common/accuracy/word.h"
@@ -242,12 +243,6 @@ void figures_describe_curve(struct buffer *out, const Azulejo__Wire__JobInfo *jo
         buffer_puts(out, " (may be understated)");
 }
 
-static void print_line(FILE *file, const char *label, const struct buffer *text)
-{
-    if (buffer_ok(text))
-        fprintf(file, "  %-10s  %s\n", label, buffer_text(text));
-}
-
 static void print_error(FILE *file, const Azulejo__Wire__JobInfo *job)
 {
     struct buffer line = BUFFER_INIT;
@@ -255,17 +250,17 @@ static void print_error(FILE *file, const Azulejo__Wire__JobInfo *job)
     if (job->last_frame > job->first_frame)
         buffer_printf(&line, "frame %u: ", job->now_frame);
     figures_describe(&line, job->now->figures);
-    print_line(file, "error", &line);
+    field_print_phrases(file, "error", buffer_text(&line));
     if (job->now->denoised) {
         buffer_clear(&line);
         figures_describe_both(&line, job->now);
         if (job->now->denoised->rmse_percent > 0)
             buffer_printf(&line, " (%.2g to %.2g)", job->now->denoised->rmse_low, job->now->denoised->rmse_high);
-        print_line(file, "denoised", &line);
+        field_print_phrases(file, "denoised", buffer_text(&line));
     }
     buffer_clear(&line);
     figures_describe_word(&line, job->now->figures, job->error_effects);
-    print_line(file, "", &line);
+    field_print(file, "", buffer_text(&line));
     buffer_release(&line);
 }
 
@@ -281,17 +276,18 @@ void figures_print(FILE *file, const Azulejo__Wire__JobInfo *job)
         if (isfinite(job->flicker))
             buffer_printf(&line, "; change from frame %u to %u: %s", job->flicker_frame, job->flicker_frame + 1,
                           figures_display_text(b, job->flicker));
-        print_line(file, "frames", &line);
+        field_print_phrases(file, "frames", buffer_text(&line));
         buffer_clear(&line);
     }
     if (job->n_forecasts > 0)
         figures_describe_curve(&line, job);
     if (line.size > 0)
-        print_line(file, "accuracy", &line);
-    buffer_release(&line);
+        field_print_phrases(file, "accuracy", buffer_text(&line));
+    buffer_clear(&line);
+    buffer_printf(&line, "%.3g = 1/(codes^2 x core-seconds)", job->efficiency);
     if (isfinite(job->efficiency))
-        fprintf(file, "  %-10s  %.3g = 1 / (codes^2 x core-seconds)\n", "efficiency",
-                job->efficiency);
+        field_print_phrases(file, "efficiency", buffer_text(&line));
+    buffer_release(&line);
 }
 
 /* ---- history --------------------------------------------------------------------------------- */

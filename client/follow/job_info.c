@@ -5,6 +5,7 @@
 
 #include "client/follow/cut_frame.h"
 #include "client/follow/figures_view.h"
+#include "client/terminal/field.h"
 #include "client/terminal/format.h"
 #include "client/terminal/moment.h"
 #include "client/options/output.h"
@@ -107,13 +108,6 @@ static struct tile_rect job_rect(const Azulejo__Wire__JobInfo *job)
     return s ? (struct tile_rect){s->region_x, s->region_y, s->width, s->height} : (struct tile_rect){0, 0, 0, 0};
 }
 
-static void print_line(FILE *out, const char *label, const char *text)
-{
-    char copy[512];
-
-    fprintf(out, "  %-10s  %s\n", label, message_text(copy, sizeof copy, text));
-}
-
 static void print_health(FILE *out, const Azulejo__Wire__JobInfo *job)
 {
     struct health health = job_health(job);
@@ -122,9 +116,9 @@ static void print_health(FILE *out, const Azulejo__Wire__JobInfo *job)
     for (int k = 0; k < HEALTH_KINDS && job->settings; k++) {
         if (!health_is_told(&health, (enum health_kind)k, job->work ? job->work->samples : 0))
             continue;
-        print_line(out, "health",
-                   health_text(line, &health, (enum health_kind)k, job_rect(job), job->last_frame > job->first_frame));
-        print_line(out, "", health_rows[k].remedy);
+        field_print(out, "health",
+                    health_text(line, &health, (enum health_kind)k, job_rect(job), job->last_frame > job->first_frame));
+        field_print(out, "", health_rows[k].remedy);
     }
 }
 
@@ -138,7 +132,7 @@ static void print_depth(FILE *out, const Azulejo__Wire__JobInfo *job)
         report = (struct depth_report){job->ended_by_depth->share, job->ended_by_depth->deeper,
                                        job->ended_by_depth->deeper_share};
     if (report.share > DEPTH_SHARE_TOLD && job->settings)
-        print_line(out, "depth", depth_report_text(line, &report, job->settings->max_depth));
+        field_print(out, "depth", depth_report_text(line, &report, job->settings->max_depth));
 }
 
 void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
@@ -148,23 +142,23 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
     uint32_t frames = job->last_frame - job->first_frame + 1;
 
     snprintf(line, sizeof line, "%u of %u", job->frames_done, frames);
-    print_line(out, "frames", line);
+    field_print(out, "frames", line);
     if (job->seconds_active > 0)
         snprintf(line, sizeof line, "%s in %s, %s/s", format_count(a, (double)job->samples_done),
                  format_duration(b, job->seconds_active),
                  format_count(c, (double)job->samples_done / job->seconds_active));
     else
         snprintf(line, sizeof line, "%s", format_count(a, (double)job->samples_done));
-    print_line(out, "samples", line);
+    field_print_phrases(out, "samples", line);
     if (job->stats && job->work && job->work->rays) {
         snprintf(line, sizeof line, "%s, %.1f a sample, %s of processor time", format_count(a, (double)job->work->rays),
                  (double)job->work->rays / (double)(job->work->samples ? job->work->samples : 1),
                  format_duration(b, (double)job->stats->cpu_ns * 1e-9));
-        print_line(out, "rays", line);
+        field_print_phrases(out, "rays", line);
     }
     for (size_t i = 0; i < job->n_cut_frames; i++)
-        print_line(out, cut_frame_is_cancelled(job->cut_frames[i]) ? "cut short" : "ended",
-                   cut_frame_text(line, job, job->cut_frames[i]));
+        field_print_phrases(out, cut_frame_is_cancelled(job->cut_frames[i]) ? "cut short" : "ended",
+                            cut_frame_text(line, job, job->cut_frames[i]));
     figures_print(out, job);
     print_health(out, job);
     print_depth(out, job);
@@ -173,21 +167,21 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
                  "%" PRIu64 " samples were above %g and are scaled down to it: the picture lacks %.3g %% "
                  "of its light",
                  job->work->clamped_samples, (double)job->settings->clamp, 100 * clamped_share(job->work));
-        print_line(out, "clamped", line);
+        field_print(out, "clamped", line);
     }
     if (job->develop_error[0])
-        print_line(out, "pictures", job->develop_error);
+        field_print(out, "pictures", job->develop_error);
     else if (job->output && output_message_formats(job->output) & ~(unsigned)OUTPUT_FORMAT_EXR &&
              job->frames_developed < job->frames_done) {
         snprintf(line, sizeof line, "of %u of %u finished frames are made", job->frames_developed, job->frames_done);
-        print_line(out, "pictures", line);
+        field_print(out, "pictures", line);
     }
     if (job->conflicts) {
         snprintf(line, sizeof line,
                  "%" PRIu64 " results differed from ones already merged: a worker computes wrong results "
                  "(see the coordinator's log)",
                  job->conflicts);
-        print_line(out, "conflicts", line);
+        field_print(out, "conflicts", line);
     }
 }
 

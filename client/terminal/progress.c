@@ -37,10 +37,10 @@ static void draw_in_place(struct progress *p, double fraction, const char *text)
         bar = used + BAR_MIN <= width ? width - used : 0;
         bar = bar > BAR_MAX ? BAR_MAX : bar;
         fprintf(stderr, "\r\033[K%3d%% ", (int)(fraction * 100));
-        text_cut(line, width > 5 ? width - 5 - (bar ? bar + 3 : 0) : 0);
+        (void)text_fit_phrases(line, width > 5 ? width - 5 - (bar ? bar + 3 : 0) : 0);
     } else {
         fputs("\r\033[K", stderr);
-        text_cut(line, width);
+        (void)text_fit_phrases(line, width);
     }
     if (bar) {
         filled = (size_t)(fraction * (double)bar);
@@ -70,7 +70,7 @@ static void draw_below(struct progress *p, const char *lines)
             continue;
         }
         snprintf(line, sizeof line, "%.*s", (int)(end - lines), lines);
-        text_cut(line, width);
+        (void)text_fit_phrases(line, width);
         fprintf(stderr, "\n\r\033[K%s", line);
         count++;
     }

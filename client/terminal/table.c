@@ -1,5 +1,6 @@
 #include "client/terminal/table.h"
 
+#include <ctype.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -52,6 +53,54 @@ void text_cut(char *text, size_t columns)
         }
         seen++;
     }
+}
+
+/* Is this blank between two phrases? "frame 2: 35/255" is one. */
+static int ends_phrase(const char *at)
+{
+    return strchr(",;)=", at[-1]) || (at[-1] == ':' && !isdigit((unsigned char)at[1])) || at[1] == '(' || at[1] == ' ';
+}
+
+/* The end of what fits, before a blank; 0: nothing. Phrases end outside of parentheses. */
+static size_t fit_end(const char *text, size_t columns, int phrases)
+{
+    size_t seen = 0, end = 0;
+    int depth = 0;
+
+    for (const char *at = text; *at && seen <= columns; at++) {
+        if (*at == ' ' && at > text && (!phrases || (depth == 0 && ends_phrase(at))))
+            end = (size_t)(at - text);
+        depth += (*at == '(') - (*at == ')');
+        seen += ((unsigned char)*at & 0xc0) != 0x80;
+    }
+    while (phrases && end > 0 && strchr(" ,;:=", text[end - 1]))
+        end--;
+    return end;
+}
+
+static int fit_text(char *text, size_t columns, int phrases)
+{
+    size_t end = fit_end(text, columns, phrases);
+
+    if (text_columns(text) <= columns)
+        return 1;
+    if (end > 0)
+        text[end] = 0;
+    return end > 0;
+}
+
+void text_fit_words(char *text, size_t columns)
+{
+    if (!fit_text(text, columns, 0))
+        text_cut(text, columns);
+}
+
+int text_fit_phrases(char *text, size_t columns)
+{
+    if (fit_text(text, columns, 1))
+        return 1;
+    text_fit_words(text, columns);
+    return 0;
 }
 
 void table_add(struct table *t, const char *format, ...)

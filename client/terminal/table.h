@@ -32,3 +32,7 @@ void table_print(const struct table *t);
 size_t text_columns(const char *text);
 /* Cut the text to `columns` at a character's boundary. */
 void text_cut(char *text, size_t columns);
+/* Cut the text to the phrases that fit, from the first one on: "35/255 (28 to 39) in 95 % of the pixels, 27 dB". 0: not
+ * even one does; then to the words that fit. */
+int text_fit_phrases(char *text, size_t columns);
+void text_fit_words(char *text, size_t columns);

@@ -1066,6 +1066,46 @@ def terminal_progress():
             expect(seen.endswith(b"\r\x1b[K"), seen)  # the line is taken away at the end
 
 
+def lines_on_terminal(farm, columns, *args):
+    """What a command shows on a terminal of so many columns, each state of the progress line, too."""
+    import fcntl
+    import pty
+    import termios
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, columns, 0, 0))
+    client = subprocess.Popen([os.path.join(BIN, "azulejo"), *args], stdin=subprocess.DEVNULL, stdout=slave, stderr=slave,
+                              cwd=farm.folder, env=dict(os.environ, TERM="xterm", TMPDIR=farm.folder, LC_ALL="C.UTF-8"))
+    os.close(slave)
+    seen = b""
+    try:
+        while True:
+            seen += os.read(master, 65536)
+    except OSError:
+        pass  # EIO: the other side has closed it
+    os.close(master)
+    expect(client.wait(timeout=120) == 0, seen)
+    return [line for line in re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", seen.decode())) if line]
+
+
+@tests.add
+def lines_fit_the_terminal():
+    """while it renders and at its end no line is wider than the terminal; what does not fit is left out by whole phrases"""
+    glass = os.path.join(ROOT, "scenes", "features", "glass.gltf")
+    with Farm() as farm:
+        command = ["render", glass, "--size", "160x120", "--time-limit", "2s", "-o", "g.exr"]
+        words = set(re.findall("[A-Za-z]{2,}", " ".join(lines_on_terminal(farm, 300, *command))))
+        words |= set("queued waits no worker is connected samples now left sending the scene of KiB too early to say when at".split())
+        for columns, error in ((80, "in 95 % of the pixels"), (40, "/255 (")):
+            lines = lines_on_terminal(farm, columns, *command)
+            wide = [line for line in lines if len(line) > columns]
+            expect(not wide, (columns, wide))
+            cut = [line for line in lines if line.rstrip()[-1] in ",;:.(" or set(re.findall("[A-Za-z]{2,}", line)) - words]
+            expect(not cut, (columns, cut))
+            expect(any(line.startswith("  error ") and error in line for line in lines), lines)
+            # A sentence goes on in lines of its own instead.
+            expect("leave" in " ".join(lines) and "max-depth" in " ".join(lines), lines)
+
+
 @tests.add
 def clamping_dispersed_light():
     """--clamp with light of single wavelengths, whose luminance may be below 0, ends with a picture"""
