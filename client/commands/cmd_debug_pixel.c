@@ -4,15 +4,16 @@
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "client/commands/command.h"
+#include "client/farm/job_choice.h"
 #include "client/views/debug_view.h"
 #include "client/follow/job_info.h"
 #include "client/link/local.h"
 #include "client/link/signals.h"
 #include "client/farm/submission.h"
 #include "client/terminal/must.h"
-#include "client/terminal/parse.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
 
@@ -82,7 +83,11 @@ static status add_samples(struct debug *d, const char *text, struct error *err)
     return STATUS_OK;
 }
 
-static int is_job(const char *target) { return target[strspn(target, "0123456789")] == 0; }
+/* A number, or a name that is no file's: "7", "walk". */
+static int is_job(const char *target)
+{
+    return target[strspn(target, "0123456789")] == 0 || (!strpbrk(target, "./") && access(target, F_OK) != 0);
+}
 
 static status parse_request(struct debug *d, struct error *err)
 {
@@ -91,7 +96,7 @@ static status parse_request(struct debug *d, struct error *err)
     for (size_t i = 0; i < d->sample_texts.count && result == STATUS_OK; i++)
         result = add_samples(d, d->sample_texts.items[i], err);
     if (result == STATUS_OK && is_job(d->target))
-        result = parse_job(d->target, &d->job, err);
+        result = job_word_check(d->target, err);
     return result;
 }
 
@@ -234,6 +239,7 @@ static status debug_job(struct debug *d, struct error *err)
     Azulejo__Wire__Envelope *answer = NULL;
     status result = connection_open(&d->connection, &d->where, err);
 
+    THEN(result, job_word_find(d->connection, d->target, &d->job, err));
     THEN(result, job_query(d->connection, d->job, &answer, err));
     if (result == STATUS_OK) {
         const Azulejo__Wire__JobInfo *info = job_list_find(answer->job_list, d->job);
@@ -396,7 +402,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     d.local.threads = 1;
     result = check_options(&d, &scene_before, &where_before, err);
     THEN(result, parse_request(&d, err));
-    THEN(result, d.job ? debug_job(&d, err) : debug_scene(&d, err));
+    THEN(result, is_job(d.target) ? debug_job(&d, err) : debug_scene(&d, err));
     connection_close(d.connection);
     local_farm_stop(d.farm);
     import_result_release(&d.scene);
@@ -412,7 +418,8 @@ const struct command command_debug_pixel = {
     .description =
         "Render one sample of a picture again, with the bits that the picture got, and tell every vertex of its\n"
         "path: place, material, throughput, the light that was sampled, the next direction, and what ended it.\n"
-        "A number is a job: a worker of the farm does it, also after the job is done. Anything else is a scene,\n"
-        "which is rendered on this machine. Without --sample the pixel's samples are listed by luminance.",
+        "A number is a job, and so is a word without '.' and '/' that is no file's name: a worker of the farm does it,\n"
+        "also after the job is done. Anything else is a scene, which is rendered on this machine. Without --sample the\n"
+        "pixel's samples are listed by luminance.",
     .run = run,
 };

@@ -10,6 +10,7 @@
 #include "client/follow/fetch.h"
 #include "client/follow/follow.h"
 #include "client/link/signals.h"
+#include "client/farm/job_choice.h"
 #include "client/farm/submission.h"
 #include "client/farm/trial.h"
 #include "client/follow/video.h"
@@ -169,6 +170,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     request.owner = owner;
     THEN(result, effects_auto_check(&effects, options.stop.said[STOP_target].text, err));
     THEN(result, needs_options_check(&needs, &request.needs, err));
+    THEN(result, job_needs_find(NULL, needs.said[NEED_after].text, &request.needs, err));
     THEN(result, choose_token(token, &request, err));
     THEN(result, tonemap_key_check(&request.output.tonemap, where.key_path, err));
     default_name = submission_name(rest.items[0]);
@@ -176,6 +178,7 @@ static status run(const struct command *command, int argc, char *const *argv, in
     where.patience_s = watch || follow ? &how.reconnect_s : NULL;
     where.quiet = &how.quiet;
     THEN(result, connection_open_waiting(&connection, &where, err));
+    THEN(result, job_needs_find(connection, needs.said[NEED_after].text, &request.needs, err));
     how.where = where;
     THEN(result, choose_effects(&effects, connection, &scene, &request, how.quiet, err));
     THEN(result, send_again(&connection, &scene, &request, name ? name : default_name, &how, &accepted, err));

@@ -196,10 +196,10 @@ status job_choice_find(struct connection *c, const struct job_choice *choice, co
     struct filter filter = {.rest = rest, .verb = choice->verb, .ended_before = choice->ended_before};
     status result = STATUS_OK;
     size_t kept = 0;
+    int one_word = rest->count == 1 && !choice->states && !choice->mine && !choice->ended_before;
 
-    out->several = 1;
-    if (rest->count == 1 && is_number(rest->items[0]) && !choice->states && !choice->mine && !choice->ended_before) {
-        out->several = 0;
+    out->several = !one_word || !is_number(rest->items[0]);
+    if (!out->several) {
         add(out, strtoull(rest->items[0], NULL, 10), NULL);
         return STATUS_OK;
     }
@@ -217,6 +217,7 @@ status job_choice_find(struct connection *c, const struct job_choice *choice, co
         if (kept == 0 || out->items[i].job != out->items[kept - 1].job)
             out->items[kept++] = out->items[i];
     out->count = kept;
+    out->asks = !one_word || kept > 1 || wildcard_is(rest->items[0]);
     return check_found(&filter, out, err);
 }
 
@@ -250,6 +251,27 @@ status job_word_find(struct connection *c, const char *text, uint64_t *job, stru
     return result;
 }
 
+status job_needs_find(struct connection *c, const char *after, struct job_needs *out, struct error *err)
+{
+    char word[NAME_MAX_BYTES + 2];
+    status result = STATUS_OK;
+
+    out->after_count = 0;
+    for (const char *at = after, *end; at && result == STATUS_OK; at = *end ? end + 1 : NULL) {
+        end = at + strcspn(at, ",");
+        if (out->after_count == JOB_AFTER_MAX)
+            return error_set(err, STATUS_ERR_USAGE, "--after: at most %d jobs", JOB_AFTER_MAX);
+        snprintf(word, sizeof word, "%.*s", (int)(end - at), at);
+        result = job_word_check(word, err);
+        if (c)
+            THEN(result, job_word_find(c, word, &out->after[out->after_count], err));
+        out->after_count++;
+    }
+    if (result != STATUS_OK)
+        error_prefix(err, "--after");
+    return result;
+}
+
 void chosen_jobs_release(struct chosen_jobs *jobs)
 {
     for (size_t i = 0; i < jobs->answer_count; i++)
@@ -265,7 +287,7 @@ status job_choice_confirm(const struct job_choice *choice, const struct chosen_j
     char answer[16] = "", name[256];
 
     *go_on = 1;
-    if (!jobs->several || choice->yes)
+    if (!jobs->asks || choice->yes)
         return STATUS_OK;
     if (!isatty(STDIN_FILENO))
         return error_set(err, STATUS_ERR_USAGE, "would %s %zu job%s, and there is no terminal to ask: give --yes", verb,

@@ -4,6 +4,7 @@
 #include <stddef.h>
 
 #include "client/link/connection.h"
+#include "common/schema/job_needs.h"
 #include "common/schema/verbs.h"
 
 struct job_choice {
@@ -32,7 +33,8 @@ struct chosen_jobs {
     size_t count, capacity;
     Azulejo__Wire__Envelope **answers;
     size_t answer_count, answer_capacity;
-    int several; /* more than one number was given, or anything else: to be confirmed */
+    int several; /* more than one number was given, or anything else */
+    int asks;    /* to be confirmed: not one job by its number or its whole name */
 };
 
 /* Check the command line before a connection is opened. ERR_USAGE: it names no job by any of these, or an unknown
@@ -49,7 +51,9 @@ void chosen_jobs_release(struct chosen_jobs *jobs);
 status job_word_check(const char *text, struct error *err) MUST_CHECK;
 status job_word_find(struct connection *c, const char *text, uint64_t *job, struct error *err) MUST_CHECK;
 
-/* Print what will be done ("pause" 3 jobs) to standard error and ask, unless it is one job by its number, or --yes was
- * given. *go_on is 0 if the answer was no. ERR_USAGE: standard input is not a terminal. */
+/* The jobs of --after, "3,walk"; without a connection its words are only checked. ERR_USAGE, ERR_NOT_FOUND. */
+status job_needs_find(struct connection *c, const char *after, struct job_needs *out, struct error *err) MUST_CHECK;
+
+/* Print what will be done ("pause" 3 jobs) to standard error and ask if they ask for it, unless --yes was given. *go_on is 0 if the answer was no. ERR_USAGE: standard input is not a terminal. */
 status job_choice_confirm(const struct job_choice *choice, const struct chosen_jobs *jobs, const char *verb, int *go_on,
                           struct error *err) MUST_CHECK;

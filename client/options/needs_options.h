@@ -13,5 +13,5 @@ struct needs_options {
 /* Ends with a comma. */
 #define NEEDS_OPTION_ROWS(o) JOB_NEEDS(NEED_OWN_OPTION, NEED_SETTING_OPTION, o)
 
-/* Call before the scene is read. ERR_USAGE. */
+/* Call before the scene is read. The jobs of `after` are job_needs_find's. ERR_USAGE. */
 status needs_options_check(const struct needs_options *o, struct job_needs *out, struct error *err) MUST_CHECK;

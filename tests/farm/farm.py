@@ -354,7 +354,7 @@ class Farm:
         if connect and self.address and args[0] in (
                 "submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend",
                 "workers", "top", "estimate", "start", "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "trace", "owners", "verify", "distrust", "token", "webhook", "key") or (
-                    connect and self.address and args[0] == "debug-pixel" and str(args[1]).isdigit()):
+                    connect and self.address and args[0] == "debug-pixel" and not set("./") & set(str(args[1]))):
             argv += ["--coordinator", self.address, "--key", key or self.key]
         return argv
 

@@ -145,7 +145,8 @@ def a_job():
             for frame, picture in ((11, pictures[0]), (12, pictures[1])):
                 told = farm.cli("debug-pixel", number, "--frame", frame, "--pixel", "18,10", "--json", expect=0).json()
                 expect(film_pixel(told["samples"], 5) == picture_pixel(picture, 18, 10), (frame, restart))
-            expect(farm.cli("debug-pixel", number, "--pixel", "18,10", "--json", expect=0).json()["frame"] == 11, "first")
+            named = farm.cli("debug-pixel", "motion", "--pixel", "18,10", "--json", expect=0).json()
+            expect(named["frame"] == 11 and named["job"] == number, "the first frame, by the job's name")
             if not restart:
                 farm.coordinator.stop()
                 farm.restart_coordinator()
@@ -170,6 +171,8 @@ def errors():
         refused(3, "samples 0 to 3", number, "--pixel", "0,0", "--sample", 4)
         refused(3, "has frames 1 to 1", number, "--pixel", "0,0", "--frame", 2)
         refused(5, "99", 99, "--pixel", "0,0")
+        refused(5, "no job is named 'nobody'", "nobody", "--pixel", "0,0")
+        refused(3, "nobody.gltf: ", "nobody.gltf", "--pixel", "0,0")
         refused(2, "--pixel X,Y", number)
         refused(2, "as in 33,40", number, "--pixel", "3")
         refused(2, "as in 5 or 0-3", number, "--pixel", "0,0", "--sample", "x")

@@ -121,12 +121,14 @@ def after():
         farm.start_coordinator()
         result = farm.cli("submit", farm.scene(), "--after", "7", *SHORT)
         expect(result.code == 3 and "no such job" in result.err, result)
-        for wrong in ("x", "1,", "0", "1 2", ",".join(str(i) for i in range(1, 40))):
+        for wrong in ("", "1,", "0", ",".join(str(i) for i in range(1, 40))):
             expect(farm.cli("submit", farm.scene(), "--after", wrong).code == 2, wrong)
+        result = farm.cli("submit", farm.scene(), "--after", "no-such-name")
+        expect(result.code == 5 and "--after: no job is named 'no-such-name'" in result.err, result)
         done = farm.submit(farm.scene(), *SHORT)
         one = farm.submit(farm.scene(), *ENDLESS)
-        two = farm.submit(farm.scene(), *ENDLESS)
-        third = farm.submit(farm.scene(), *SHORT, "--after", "%d,%d,%d" % (done, one, two), "--priority", "9")
+        two = farm.submit(farm.scene(), *ENDLESS, "--name", "two")
+        third = farm.submit(farm.scene(), *SHORT, "--after", "%d,%d,two" % (done, one), "--priority", "9")
         lost = farm.submit(farm.scene(), *SHORT, "--after", "%d" % two)
         waits(farm, third, "waits for jobs %d, %d and %d" % (done, one, two))
         farm.start_worker()

@@ -189,6 +189,15 @@ def many():
         result = farm.cli("pause", "walk-*")
         expect(result.code == 2 and "--yes" in result.err, result)
         expect(states() == ["queued"] * 4, states())
+        # One job by its whole name is as sure as by its number.
+        for words in (("pause", "walk-1"), ("resume", "walk-1"), ("priority", "walk-1", "--to", "7"), ("comment", "walk-1", "why")):
+            verb(farm, *words)
+        expect(farm.job(jobs[0])["priority"] == 7 and farm.job(jobs[0])["comment"] == "why", farm.job(jobs[0]))
+        twin = farm.submit(farm.scene(), *ENDLESS, "--name", "walk-1")
+        result = farm.cli("comment", "walk-1", "why")
+        expect(result.code == 2 and "2 jobs" in result.err and "--yes" in result.err, result)
+        verb(farm, "cancel", twin, "--discard")
+        verb(farm, "remove", twin)
         code, err = ask(farm, b"n\n", "pause", "walk-*")
         expect(code == 0 and "walk-1" in err and "walk-2" in err and "run-1" not in err, err)
         expect("nothing was changed" in err and states() == ["queued"] * 4, states())
