@@ -1,5 +1,4 @@
 /* azulejo: the command line client. */
-#include <limits.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -11,6 +10,7 @@
 #include "client/options/help_groups.h"
 #include "client/terminal/format.h"
 #include "client/terminal/must.h"
+#include "common/base/guess.h"
 #include "common/system/file.h"
 #include "common/system/log.h"
 
@@ -60,21 +60,12 @@ static void print_help(void)
 
 static int report_unknown(const char *what, const char *word)
 {
-    unsigned least = UINT_MAX;
-    int nearest = 0;
+    struct guess guess = {.word = word};
+    char hint[GUESS_HINT_SIZE];
 
-    for (int i = 0; i < COMMAND_COUNT; i++) {
-        unsigned distance = options_word_distance(word, commands[i]->name);
-
-        if (distance < least) {
-            least = distance;
-            nearest = i;
-        }
-    }
-    fprintf(stderr, "azulejo: unknown %s '%s'", what, word);
-    if (options_word_is_near(word, least))
-        fprintf(stderr, ": did you mean %s?", commands[nearest]->name);
-    fprintf(stderr, " ('azulejo --help' lists the commands)\n");
+    for (int i = 0; i < COMMAND_COUNT; i++)
+        guess_try(&guess, commands[i]->name);
+    fprintf(stderr, "azulejo: unknown %s '%s'%s ('azulejo --help' lists the commands)\n", what, word, guess_hint(hint, &guess));
     return status_exit_code(STATUS_ERR_USAGE);
 }
 

@@ -169,7 +169,7 @@ static status check_words(const struct positionals *rest, const struct wishes *w
     int creates = strcmp(verb, "create") == 0;
 
     if (!creates && !most && strcmp(verb, "list") != 0)
-        return error_set(err, STATUS_ERR_USAGE, "'%s' is not list, create, renew or revoke", verb);
+        return command_word_unknown(verb, "list, create, renew or revoke", err);
     if (rest->count > 0 && rest->count - 1 < least)
         return error_set(err, STATUS_ERR_USAGE, "revoke which token? 'azulejo token list' lists them");
     if (rest->count > 0 && rest->count - 1 > most)

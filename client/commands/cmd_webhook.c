@@ -107,7 +107,7 @@ static status parse_words(const struct positionals *rest, enum verb *verb, struc
     while (*verb < VERBS && strcmp(verbs[*verb].word, rest->items[0]) != 0)
         ++*verb;
     if (*verb == VERBS)
-        return error_set(err, STATUS_ERR_USAGE, "'%s' is not list, add, remove or test", rest->items[0]);
+        return command_word_unknown(rest->items[0], "list, add, remove or test", err);
     if (verbs[*verb].argument && rest->count < 2)
         return error_set(err, STATUS_ERR_USAGE, "%s needs a %s", verbs[*verb].word, verbs[*verb].argument);
     if (!verbs[*verb].argument && rest->count > 1)

@@ -257,7 +257,7 @@ static status parse_words(const struct positionals *rest, const struct verb **ve
         if (strcmp(word, verbs[i].word) == 0)
             *verb = &verbs[i];
     if (!*verb && strcmp(word, "show") != 0)
-        return error_set(err, STATUS_ERR_USAGE, "'%s' is not show, drain, resume, block or unblock", word);
+        return command_word_unknown(word, "show, drain, resume, block or unblock", err);
     if (rest->count < 2)
         return error_set(err, STATUS_ERR_USAGE, "which worker? 'azulejo workers' lists their names");
     if (!*verb && rest->count > 2)

@@ -1,7 +1,11 @@
 #include "client/commands/command.h"
-#include "client/link/reconnect.h"
+
+#include <stdio.h>
+#include <string.h>
 
 #include "client/farm/job_choice.h"
+#include "client/link/reconnect.h"
+#include "common/base/guess.h"
 
 status command_parse(const struct command *command, const struct option *table, int argc, char *const *argv,
                      size_t least, size_t most, struct positionals *rest, int *done, struct error *err)
@@ -17,6 +21,18 @@ status command_parse(const struct command *command, const struct option *table, 
     if (result == STATUS_OK && rest->count > most)
         result = error_set(err, STATUS_ERR_USAGE, "'%s' is one argument too many; usage: %s", rest->items[most], command->usage);
     return result;
+}
+
+status command_word_unknown(const char *word, const char *words, struct error *err)
+{
+    char list[128], hint[GUESS_HINT_SIZE], *rest = list, *each;
+    struct guess guess = {.word = word};
+
+    snprintf(list, sizeof list, "%s", words);
+    while ((each = strtok_r(rest, ", ", &rest)))
+        if (strcmp(each, "or") != 0)
+            guess_try(&guess, each);
+    return error_set(err, STATUS_ERR_USAGE, "'%s' is not %s%s", word, words, guess_hint(hint, &guess));
 }
 
 status command_open_job(const struct command *command, const struct option *table, int argc, char *const *argv,

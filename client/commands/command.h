@@ -47,7 +47,10 @@ void command_completion_of(const struct command *const *commands, size_t count);
 status command_parse(const struct command *command, const struct option *table, int argc, char *const *argv,
                      size_t least, size_t most, struct positionals *rest, int *done, struct error *err) MUST_CHECK;
 
-/* The same for a command whose only argument is a job; also opens the connection that the options put into `where`.
+/* ERR_USAGE: the word is none of "show, drain or block"; which one was meant. */
+status command_word_unknown(const char *word, const char *words, struct error *err) MUST_CHECK;
+
+/* As command_parse, for a command whose only argument is a job; also opens the connection that the options put into `where`.
  * *connection is NULL after --help, and on failure. ERR_USAGE, or connection_open's. */
 status command_open_job(const struct command *command, const struct option *table, int argc, char *const *argv,
                         const struct connection_options *where, uint64_t *job, struct connection **connection,

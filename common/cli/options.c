@@ -1,11 +1,12 @@
 #include "common/cli/options.h"
 
 #include <errno.h>
-#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "common/base/guess.h"
 
 static int choice_is_valid(const char *choices, const char *value)
 {
@@ -101,70 +102,17 @@ const struct option *option_find(const struct option *table, const char *text, s
     return NULL;
 }
 
-enum { WORD_MAX = 32 };
-
-unsigned options_word_distance(const char *a, const char *b)
-{
-    size_t n = strlen(a), m = strlen(b);
-    unsigned row[3][WORD_MAX + 1];
-
-    if (n > WORD_MAX || m > WORD_MAX)
-        return UINT_MAX;
-    for (size_t k = 0; k <= m; k++)
-        row[0][k] = (unsigned)k;
-    for (size_t i = 1; i <= n; i++) {
-        unsigned *now = row[i % 3], *last = row[(i + 2) % 3], *before = row[(i + 1) % 3];
-
-        now[0] = (unsigned)i;
-        for (size_t k = 1; k <= m; k++) {
-            unsigned best = last[k - 1] + (a[i - 1] != b[k - 1]);
-
-            if (last[k] + 1 < best)
-                best = last[k] + 1;
-            if (now[k - 1] + 1 < best)
-                best = now[k - 1] + 1;
-            if (i > 1 && k > 1 && a[i - 1] == b[k - 2] && a[i - 2] == b[k - 1] && before[k - 2] + 1 < best)
-                best = before[k - 2] + 1;
-            now[k] = best;
-        }
-    }
-    return row[n % 3][m];
-}
-
-int options_word_is_near(const char *word, unsigned distance)
-{
-    size_t length = strlen(word);
-
-    return distance <= (length < 4 ? 1u : length < 8 ? 2u : 3u);
-}
-
-/* The table's option that the unknown one most likely was meant to be; NULL: none is near. */
-static const struct option *option_nearest(const struct option *table, const char *word)
-{
-    const struct option *nearest = NULL;
-    char name[WORD_MAX + 1];
-    unsigned least = UINT_MAX;
-
-    snprintf(name, sizeof name, "%.*s", (int)strcspn(word, "="), word);
-    for (const struct option *o = table; o->name; o++) {
-        unsigned distance = o->kind == OPTION_GROUP ? UINT_MAX : options_word_distance(name, o->name);
-
-        if (distance < least) {
-            least = distance;
-            nearest = o;
-        }
-    }
-    return options_word_is_near(name, least) ? nearest : NULL;
-}
-
 static status option_unknown(const struct option *table, const char *word, struct error *err)
 {
-    const struct option *nearest = word[1] == '-' ? option_nearest(table, word + 2) : NULL;
+    const char *at = word[1] == '-' ? word + 2 : "";
+    char name[GUESS_WORD_MAX + 1], hint[GUESS_HINT_SIZE];
+    struct guess guess = {.word = name, .prefix = "--"};
 
-    if (nearest)
-        return error_set(err, STATUS_ERR_USAGE, "unknown option '%s': did you mean --%s? (--help lists them)", word,
-                         nearest->name);
-    return error_set(err, STATUS_ERR_USAGE, "unknown option '%s' (--help lists them)", word);
+    snprintf(name, sizeof name, "%.*s", (int)strcspn(at, "="), at);
+    for (const struct option *o = table; o->name && *at; o++)
+        if (o->kind != OPTION_GROUP)
+            guess_try(&guess, o->name);
+    return error_set(err, STATUS_ERR_USAGE, "unknown option '%s'%s (--help lists them)", word, guess_hint(hint, &guess));
 }
 
 status options_parse(const struct option *table, int argc, char *const *argv, struct positionals *rest,

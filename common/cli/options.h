@@ -73,12 +73,6 @@ void options_group_help(const struct option_group *groups);
 /* From now on describe all groups. */
 void options_want_whole_help(void);
 
-/* How many letters must be added, removed, replaced or swapped with the next to make b of a (Damerau's distance
- * without repeated edits). UINT_MAX: a word of more than 32 bytes. */
-unsigned options_word_distance(const char *a, const char *b);
-/* Is a word of this length at this distance a slip? */
-int options_word_is_near(const char *word, unsigned distance);
-
 /* From now on give the tables to `take` instead of printing them (shells' completion is made from them);
  * NULL: print again. */
 typedef void options_take_fn(void *user, const char *usage, const struct option *table);

@@ -236,6 +236,22 @@ static void print_titled(const struct option *o, int described, size_t width)
     }
 }
 
+/* Its lines, "usage: " before the first. */
+static void print_usage(const char *usage, size_t width)
+{
+    char line[HELP_BYTES_MAX];
+
+    for (const char *label = "usage: "; *usage; label = "       ") {
+        usage += strspn(usage, " ");
+        snprintf(line, sizeof line, "%.*s", (int)strcspn(usage, "\n"), usage);
+        fputs(label, stdout);
+        print_words(line, strlen(label), strlen(label), width);
+        usage += strcspn(usage, "\n");
+        usage += *usage == '\n';
+    }
+    putchar('\n');
+}
+
 void options_print_help(const char *usage, const char *description, const struct option *table)
 {
     size_t width = terminal_columns(STDOUT_FILENO);
@@ -248,7 +264,7 @@ void options_print_help(const char *usage, const char *description, const struct
     width = width > WIDTH_LEAST ? width : WIDTH_LEAST;
     while (titled->name && titled->kind != OPTION_GROUP)
         titled++;
-    printf("usage: %s\n\n", usage);
+    print_usage(usage, width);
     print_paragraphs(description, width);
     if (groups && titled - table > OPTIONS_PLAIN_MAX) {
         print_long_table(usage + strcspn(usage, " ") + 1, table, width);

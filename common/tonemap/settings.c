@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/base/guess.h"
 #include "common/tonemap/operators.h"
 #include "common/tonemap/tonemap.h"
 
@@ -64,12 +65,15 @@ status tonemap_settings_init(struct tonemap_settings *s, const char *name, struc
         setting_reset(&look_rows[i], s);
     s->op = tonemap_find(name);
     if (!s->op) {
-        char known[512] = "";
+        char known[512] = "", hint[GUESS_HINT_SIZE];
+        struct guess guess = {.word = name};
 
-        for (size_t i = 0; i < sizeof operators / sizeof *operators; i++)
+        for (size_t i = 0; i < sizeof operators / sizeof *operators; i++) {
             add_word(known, sizeof known, operators[i]->name);
-        return error_set(err, STATUS_ERR_INPUT, "no tone mapping operator is called \"%.64s\"; there are: %s", name,
-                         known);
+            guess_try(&guess, operators[i]->name);
+        }
+        return error_set(err, STATUS_ERR_INPUT, "no tone mapping operator is called \"%.64s\"%s %s: %s", name,
+                         guess.nearest ? guess_hint(hint, &guess) : ";", guess.nearest ? "There are" : "there are", known);
     }
     for (size_t i = 0; i < s->op->parameter_count; i++)
         s->values[i] = s->op->parameters[i].preset;

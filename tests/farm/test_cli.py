@@ -79,6 +79,20 @@ def options_of(text):
 
 
 @tests.add
+def words_that_are_near():
+    """of a word that is none of a verb's the message says which was meant, as of an unknown verb or option"""
+    with Farm() as farm:
+        picture = farm.path("x.exr")
+        for words, meant in ((("tonemap", picture, "-o", "x.png", "--tonemap", "reinard02"), "reinhard02"), (("workers", "blok", "w"), "block"),
+                             (("token", "creat"), "create"), (("key", "rovoke", "anna"), "revoke"), (("webhook", "tst", "1"), "test"),
+                             (("shwo", "1"), "show"), (("list", "--nevest", "1"), "--newest")):
+            result = farm.cli(*words, connect=False)
+            expect(result.code in (2, 3) and ": did you mean %s?" % meant in result.err, result)
+        result = farm.cli("workers", "quarantine", "w", connect=False)
+        expect(result.code == 2 and "did you mean" not in result.err, result)
+
+
+@tests.add
 def help_fits():
     """help has no line over the terminal's width; --help of many options describes the usual ones and names the rest"""
     with Farm() as farm:
@@ -86,8 +100,8 @@ def help_fits():
             short, whole = ([farm.cli(*words, expect=0, connect=False, env={"COLUMNS": str(width)}).out
                              for width in (50, 80, 132)] for words in ((command, "--help"), ("help", command)))
             for width, text in zip((50, 80, 132) * 2, short + whole):
-                # Usages, and words that are longer themselves, stand on one line.
-                long = [l for l in text.splitlines() if len(l) > width and " " in l.strip() and not l.startswith("usage:")]
+                # Words that are longer themselves stand on one line.
+                long = [l for l in text.splitlines() if len(l) > width and " " in l.strip()]
                 expect(not long, (command, width, long))
             expect(len({re.sub(r"(?<=\|)\s+|\s+(?=\|)", "", " ".join(text.split())) for text in whole}) == 1, "another text in another width: " + command)
             described, listed = options_of(short[1]), options_of(whole[1])

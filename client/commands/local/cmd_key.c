@@ -140,7 +140,7 @@ static status check_words(const struct positionals *rest, const struct wishes *w
     size_t names = makes || rotates || strcmp(verb, "revoke") == 0;
 
     if (!names && strcmp(verb, "list") != 0)
-        return error_set(err, STATUS_ERR_USAGE, "'%s' is not list, new, revoke or rotate", verb);
+        return command_word_unknown(verb, "list, new, revoke or rotate", err);
     if (names && rest->count < 2)
         return error_set(err, STATUS_ERR_USAGE, "%s whose key? Give its NAME", verb);
     if (rest->count > 1 + names)
