@@ -16,10 +16,12 @@ status store_job_insert(struct store *store, struct job *job, struct error *err)
     THEN(s, changes_await(store, err));
     pthread_mutex_lock(&store->order);
     THEN(s, sql_change(store,
-                       "INSERT INTO jobs (name, state, state_text, scene_name, kernel, epoch_floor, "
+                       "INSERT INTO jobs (id, name, state, state_text, scene_name, kernel, epoch_floor, "
                        "submitted_at, finished_at, active_ns, conflicts, samples, rays, vertices, dropped, "
                        "cpu_ns, trace_ns, request, token, priority, owner) "
-                       "VALUES (?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?, ?, ?)",
+                       "VALUES (1 + max(coalesce((SELECT seq FROM sqlite_sequence WHERE name='jobs'), 0),"
+                       " coalesce((SELECT value FROM meta WHERE name='last_job'), 0), coalesce((SELECT max(id) FROM jobs), 0)),"
+                       " ?, ?, '', ?, '', ?, ?, 0, 0, 0, 0, 0, 0, 0, 0, 0, ?, ?, ?, ?)",
                        SQL_VALUES(sql_text(job->name), sql_number(job->state), sql_text(job->scene_name),
                                   sql_number(job->epoch_floor), sql_number(job->submitted_at), sql_bytes(&request),
                                   sql_text(job->token[0] ? job->token : NULL), sql_number(job->priority),

@@ -289,7 +289,9 @@ static status check_sequence(struct checking *c, uint64_t highest, struct error 
 {
     struct sql_rows rows = sql_select(&c->store,
                                       "SELECT coalesce((SELECT seq FROM sqlite_sequence WHERE name='jobs'), 0),"
-                                      " (SELECT coalesce(max(id), 0) FROM jobs)", NULL, 0, "cannot be read", err);
+                                      " max((SELECT coalesce(max(id), 0) FROM jobs), (SELECT coalesce(max(value), 0) FROM meta WHERE"
+                                      " name='last_job' AND name NOT IN (SELECT key FROM temp.bad WHERE tab='meta')))",
+                                      NULL, 0, "cannot be read", err);
     uint64_t next = 0, most = highest;
 
     if (sql_next(&rows)) {

@@ -141,7 +141,10 @@ int rows_guard(sqlite3 *db)
         return code; /* of an older version */
     for (const struct guarded_table *t = guarded_tables; t->name && code == SQLITE_OK; t++)
         code = guard_table(db, t->name);
-    return code;
+    /* The highest number is kept beside SQLite's own, which has no digest. */
+    return code != SQLITE_OK ? code : sqlite3_exec(db,
+        "CREATE TEMP TRIGGER IF NOT EXISTS last_job AFTER INSERT ON main.jobs BEGIN INSERT INTO meta VALUES ('last_job', new.id)"
+        " ON CONFLICT (name) DO UPDATE SET value=max(value, excluded.value); END", NULL, NULL, NULL);
 }
 
 int rows_sum_all(sqlite3 *db)

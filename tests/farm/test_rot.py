@@ -242,6 +242,30 @@ def no_queue_beside_films():
 
 
 @tests.add
+def a_lost_sequence():
+    """the newest job was removed, and where SQLite keeps the next number is damaged: it is not given again, also after --repair"""
+    with Farm() as farm:
+        farm.start_coordinator("--no-web")
+        newest = 0
+        for repairs in (False, True):
+            for _ in range(2):
+                newest = farm.submit(farm.scene(), *SMALL)
+            farm.cli("cancel", newest, expect=0)
+            wait_for(lambda: farm.job(newest)["state"] == "cancelled", "its end")
+            farm.cli("remove", newest, "--yes", expect=0)
+            farm.coordinator.stop()
+            with sqlite3.connect(os.path.join(farm.store, "queue.sqlite")) as queue:
+                queue.execute("DELETE FROM sqlite_sequence WHERE name='jobs'")
+            queue.close()
+            if repairs:
+                said = subprocess.run([os.path.join(BIN, "azulejo-coordinator"), "--check", "--repair", "--store", farm.store],
+                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=60, check=False)
+                expect(b"next job's number" in said.stdout, said)
+            farm.start_coordinator("--no-web")
+            expect(farm.submit(farm.scene(), *SMALL) == newest + 1, "the number of a removed job")
+
+
+@tests.add
 def a_bad_row():
     """a job whose row is damaged is parked with the reason; the farm starts, and all others go on"""
     with Farm() as farm:
