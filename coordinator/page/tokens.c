@@ -116,8 +116,7 @@ static status own_read(struct web_tokens *tokens, const char *path, struct stat 
         if (token_text_is(word))
             memcpy(tokens->own, word, sizeof tokens->own);
         else
-            s = error_set(err, STATUS_ERR_CORRUPT,
-                          "%s: does not hold the page's token; remove it, and the next start makes a new one", path);
+            s = error_set(err, STATUS_ERR_CORRUPT, "%s: does not hold the page's token", path);
         OPENSSL_cleanse(word, sizeof word);
     }
     if (text.data)
@@ -133,12 +132,19 @@ static status own_load(struct web_tokens *tokens, struct error *err)
     struct token_row row = {.number = TOKEN_OWN, .name = "this coordinator's", .role = WEB_ROLE_ADMIN,
                             .made_by = "coordinator"};
     char *path = own_path(tokens, err);
+    struct error why = {0};
     struct stat info;
     status s;
 
     if (!path)
         return STATUS_ERR_NO_MEMORY;
-    s = stat(path, &info) == 0 ? own_read(tokens, path, &info, err) : own_make(tokens, path, err);
+    s = stat(path, &info) == 0 ? own_read(tokens, path, &info, &why) : STATUS_ERR_NOT_FOUND;
+    if (s == STATUS_ERR_CORRUPT)
+        log_warn("%s: a new one is made, and page.url beside it has the page's new address", why.text);
+    if (s == STATUS_ERR_CORRUPT || s == STATUS_ERR_NOT_FOUND)
+        s = own_make(tokens, path, &why);
+    if (s != STATUS_OK && err)
+        *err = why;
     row.made_at = s == STATUS_OK && stat(path, &info) == 0 ? info.st_mtime : clock_wall_s();
     mem_free(path);
     own_owner(row.owner, sizeof row.owner);
