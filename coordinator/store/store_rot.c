@@ -22,7 +22,10 @@ struct checking {
     void (*say)(const char *line);
     struct rot *rot;
     int repair;
+    int is_salvaged; /* of the rows only those that could be read are there */
 };
+
+enum { NUMBERS_BEYOND = 1000 }; /* jobs that may have been removed since the highest one that is known */
 
 /* Text that may come from damaged bytes. */
 static void clean(char *text)
@@ -299,12 +302,14 @@ static status check_sequence(struct checking *c, uint64_t highest, struct error 
         most = column_number(rows.row, 1) > most ? column_number(rows.row, 1) : most;
     }
     TRY(sql_end(&rows));
-    if (next >= most && next - most < UINT64_C(1) << 40)
+    if (!c->is_salvaged && next >= most && next - most < UINT64_C(1) << 40)
         return STATUS_OK;
-    fault(c, "%s/queue.sqlite: the next job's number is damaged: %s", c->store.folder,
-          c->repair ? "it goes on after the highest that is there" : "--repair goes on after the highest that is there");
+    fault(c, "%s/queue.sqlite: the next job's number is %s: %s %d after the highest that is there, so that no removed job's "
+          "number is given again", c->store.folder, c->is_salvaged ? "not known" : "damaged",
+          c->repair ? "it goes on" : "--repair goes on", NUMBERS_BEYOND);
     if (!c->repair)
         return STATUS_OK;
+    most += NUMBERS_BEYOND;
     TRY(sql_change(&c->store, "DELETE FROM sqlite_sequence WHERE name='jobs'", NULL, 0, "cannot be written", err));
     return sql_change(&c->store, "INSERT INTO sqlite_sequence (name, seq) VALUES ('jobs', ?)",
                       SQL_VALUES(sql_number((int64_t)most)), "cannot be written", err);
@@ -339,6 +344,7 @@ static status salvage(struct checking *c, const char *path, struct error *err)
     uint64_t copied = 0;
     status s = STATUS_OK;
 
+    c->is_salvaged = 1;
     database_close(&c->store);
     buffer_printf(&fresh, "%s.new", path);
     buffer_printf(&aside, "%s.damaged", path);
