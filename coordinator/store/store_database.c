@@ -472,6 +472,39 @@ static status refuse_lost_queue(const struct store *store, const char *path, str
                      path, is_there ? "is empty" : "is missing", found);
 }
 
+/* The sorted names of a table's columns, in a statement with one row. */
+static sqlite3_stmt *columns_of(sqlite3 *db, const char *table)
+{
+    sqlite3_stmt *row = NULL;
+
+    if (sqlite3_prepare_v2(db, "SELECT coalesce(group_concat(name), '') FROM (SELECT lower(name) AS name FROM pragma_table_info(?1)"
+                           " ORDER BY 1)", -1, &row, NULL) == SQLITE_OK)
+        (void)!sqlite3_bind_text(row, 1, table, -1, SQLITE_STATIC);
+    (void)!sqlite3_step(row);
+    return row;
+}
+
+const char *database_other_columns(sqlite3 *db)
+{
+    const char *other = NULL;
+    sqlite3 *fresh = NULL;
+    int code = sqlite3_open(":memory:", &fresh);
+
+    for (size_t i = 0; i < sizeof steps / sizeof *steps && code == SQLITE_OK; i++)
+        if (!steps[i].converts)
+            code = sqlite3_exec(fresh, steps[i].sql, NULL, NULL, NULL);
+    for (const struct guarded_table *t = guarded_tables; t->name && code == SQLITE_OK && !other; t++) {
+        sqlite3_stmt *is = columns_of(db, t->name), *should_be = columns_of(fresh, t->name);
+        const char *names = (const char *)sqlite3_column_text(is, 0), *wanted = (const char *)sqlite3_column_text(should_be, 0);
+        if (wanted && (!names || strcmp(names, wanted) != 0))
+            other = t->name;
+        sqlite3_finalize(is);
+        sqlite3_finalize(should_be);
+    }
+    sqlite3_close(fresh);
+    return other;
+}
+
 static status guard(struct store *store, struct error *err)
 {
     return rows_guard(store->db) == SQLITE_OK ? STATUS_OK : sql_error(store, "cannot be opened", err);
@@ -509,8 +542,15 @@ status database_make(struct store *store, const char *path, struct error *err)
 
 static status open_to_write(struct store *store, const char *path, struct error *err)
 {
+    const char *other;
+
     TRY(refuse_lost_queue(store, path, err)); /* before SQLite removes the log of an empty file */
-    return database_make(store, path, err);
+    TRY(database_make(store, path, err));
+    other = database_other_columns(store->db);
+    if (other)
+        return error_set(err, STATUS_ERR_CORRUPT, "%s: is damaged: the table %s has other columns; 'azulejo-coordinator --check "
+                         "--repair --store %s' saves what can be read, or restore a back-up", path, other, store->folder);
+    return STATUS_OK;
 }
 
 /* The path as a URI that declares the file immutable: SQLite then needs neither its index of the log nor a lock. */

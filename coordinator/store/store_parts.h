@@ -93,6 +93,8 @@ struct store {
 status database_open(struct store *store, struct error *err) MUST_CHECK;
 /* Open a database again for writing that was opened read_only. */
 status database_reopen(struct store *store, struct error *err) MUST_CHECK;
+/* A table of which a column is missing or has another name, as after damage to the schema; NULL: none. */
+const char *database_other_columns(sqlite3 *db);
 /* The same with any name, and whatever else is in the folder, for writing only. */
 status database_make(struct store *store, const char *path, struct error *err) MUST_CHECK;
 /* Close `db`, with the statements prepared for it; NULL is fine. */

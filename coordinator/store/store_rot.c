@@ -412,6 +412,9 @@ static status check_database(struct checking *c, struct error *err)
             memmove(text + 12, text, strlen(text) + 1);
             memcpy(text, "is damaged: ", 12);
             s = STATUS_ERR_CORRUPT;
+        } else if (s == STATUS_OK && database_other_columns(c->store.db)) {
+            snprintf(text, sizeof text, "is damaged: the table %s has other columns", database_other_columns(c->store.db));
+            s = STATUS_ERR_CORRUPT;
         } else if (s != STATUS_OK && strstr(why.text, "newer azulejo")) {
             mem_free(path);
             return error_set(err, s, "%s", why.text);

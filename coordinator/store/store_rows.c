@@ -268,12 +268,26 @@ static int copy_run(sqlite3 *old, const char *sql, int64_t after, sqlite3_stmt *
     return code;
 }
 
-/* Numbers whose page is damaged are jumped over; of other keys, the rows from both ends. */
+static int can_select(sqlite3 *db, const char *columns, const char *from)
+{
+    struct buffer sql = BUFFER_INIT;
+    sqlite3_stmt *row = NULL;
+    int can;
+
+    buffer_printf(&sql, "SELECT %s FROM %s", columns, from);
+    can = buffer_ok(&sql) && sqlite3_prepare_v2(db, buffer_text(&sql), -1, &row, NULL) == SQLITE_OK;
+    sqlite3_finalize(row);
+    buffer_release(&sql);
+    return can;
+}
+
+/* Numbers whose page is damaged are jumped over; of other keys, the rows from both ends. Where a column's name is damaged, by place. */
 static void copy_table(sqlite3 *db, sqlite3 *old, const char *from, const char *into, uint64_t *copied)
 {
     struct buffer all = BUFFER_INIT, key = BUFFER_INIT, sql = BUFFER_INIT, marks = BUFFER_INIT;
     sqlite3_stmt *to = NULL;
     int64_t last = INT64_MIN;
+    const char *columns;
     int numbered;
 
     (void)list_columns(db, from, "", &all, &key);
@@ -285,10 +299,10 @@ static void copy_table(sqlite3 *db, sqlite3 *old, const char *from, const char *
     if (buffer_ok(&sql))
         (void)!sqlite3_prepare_v2(db, buffer_text(&sql), -1, &to, NULL);
     buffer_clear(&sql);
-    numbered = !strstr(buffer_text(&key), "||'/'||") && strcmp(from, "meta") != 0 && strcmp(from, "shares") != 0 &&
-               strcmp(from, "worker_marks") != 0;
+    numbered = !strstr(buffer_text(&key), "||'/'||") && can_select(db, "rowid", from);
+    columns = can_select(old, buffer_text(&all), from) ? buffer_text(&all) : "*";
     buffer_printf(&sql, numbered ? "SELECT %s FROM %s WHERE rowid>?1 ORDER BY rowid" : "SELECT %s FROM %s NOT INDEXED",
-                  buffer_text(&all), from);
+                  columns, from);
     if (to && buffer_ok(&sql) && copy_run(old, buffer_text(&sql), last, to, &last, copied) != SQLITE_DONE) {
         for (int64_t skip = 1; numbered && skip < INT64_C(1) << 20; skip *= 2) {
             int64_t begin = last, after = last < 0 ? skip : last + skip;
@@ -298,21 +312,20 @@ static void copy_table(sqlite3 *db, sqlite3 *old, const char *from, const char *
         }
         if (!numbered) {
             const char *order = strcmp(from, "sums") == 0 ? "tab DESC, key DESC" : NULL;
-            struct buffer columns = BUFFER_INIT;
+            struct buffer keys = BUFFER_INIT;
             sqlite3_stmt *names = NULL;
             buffer_clear(&sql);
-            buffer_printf(&columns, "SELECT name FROM pragma_table_info('%s') WHERE pk>0 ORDER BY pk", from);
-            if (!order && buffer_ok(&columns))
-                (void)!sqlite3_prepare_v2(db, buffer_text(&columns), -1, &names, NULL);
-            buffer_clear(&columns);
+            buffer_printf(&keys, "SELECT name FROM pragma_table_info('%s') WHERE pk>0 ORDER BY pk", from);
+            if (!order && buffer_ok(&keys))
+                (void)!sqlite3_prepare_v2(db, buffer_text(&keys), -1, &names, NULL);
+            buffer_clear(&keys);
             while (names && sqlite3_step(names) == SQLITE_ROW)
-                buffer_printf(&columns, "%s%s DESC", columns.size ? ", " : "", sqlite3_column_text(names, 0));
+                buffer_printf(&keys, "%s%s DESC", keys.size ? ", " : "", sqlite3_column_text(names, 0));
             sqlite3_finalize(names);
-            buffer_printf(&sql, "SELECT %s FROM %s ORDER BY %s", buffer_text(&all), from,
-                          order ? order : buffer_text(&columns));
-            if (buffer_ok(&sql) && buffer_ok(&columns))
+            buffer_printf(&sql, "SELECT %s FROM %s ORDER BY %s", columns, from, order ? order : buffer_text(&keys));
+            if (buffer_ok(&sql) && buffer_ok(&keys))
                 (void)!copy_run(old, buffer_text(&sql), 0, to, &last, copied);
-            buffer_release(&columns);
+            buffer_release(&keys);
         }
     }
     sqlite3_finalize(to);
@@ -327,11 +340,12 @@ int rows_salvage(sqlite3 *db, const char *damaged, uint64_t *copied)
     sqlite3 *old = NULL;
     uint64_t sums = 0;
     int code = sqlite3_exec(db,
-                            "PRAGMA foreign_keys=OFF;"
+                            "PRAGMA foreign_keys=OFF; DROP TRIGGER IF EXISTS temp.last_job;"
                             "CREATE TEMP TABLE old_sums (tab TEXT, key TEXT, sum INTEGER, PRIMARY KEY (tab, key)) WITHOUT ROWID;"
                             "BEGIN", NULL, NULL, NULL);
 
     if (code == SQLITE_OK && sqlite3_open_v2(damaged, &old, SQLITE_OPEN_READWRITE, NULL) == SQLITE_OK) {
+        (void)!sqlite3_db_config(old, SQLITE_DBCONFIG_DQS_DML, 0, NULL); /* a column that is not there is no text */
         (void)!sqlite3_exec(old, "PRAGMA writable_schema=ON", NULL, NULL, NULL); /* damage there hides one table only */
         copy_table(db, old, "sums", "temp.old_sums", &sums);
         for (const struct guarded_table *t = guarded_tables; t->name; t++)

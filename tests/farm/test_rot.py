@@ -267,6 +267,35 @@ def a_lost_sequence():
 
 
 @tests.add
+def a_bad_schema():
+    """a damaged name of a column is found by --check, and --repair brings every row back, also what keys were revoked"""
+    with Farm() as farm:
+        farm.start_coordinator("--no-web")
+        farm.start_worker("--name", "one")
+        number = farm.submit(farm.scene(), *SMALL)
+        farm.wait_for_job(number)
+        farm.cli("key", "revoke", "bruno", expect=0)
+        log = farm.cli("log", number, expect=0).out
+        farm.workers[0].stop()
+        for table, name, flipped in (("jobs", "priority", "qriority"), ("events", "job", "jnb"), ("keys", "revoked", "sevoked")):
+            farm.coordinator.stop()
+            with sqlite3.connect(os.path.join(farm.store, "queue.sqlite")) as queue:
+                queue.execute("PRAGMA writable_schema=ON")
+                queue.execute("UPDATE sqlite_master SET sql=replace(sql, ?, ?) WHERE name=?", (name, flipped, table))
+            queue.close()
+            refused = start(farm)
+            expect(refused.returncode == 8 and b"--repair" in refused.stderr, refused)
+            for more, code in (([], 8), (["--repair"], 0), ([], 0)):
+                said = subprocess.run([os.path.join(BIN, "azulejo-coordinator"), "--check", *more, "--store", farm.store],
+                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=60, check=False)
+                expect(said.returncode == code and (code == 0 or b"--repair saves what can be read" in said.stdout), (table, said))
+            farm.start_coordinator("--no-web")
+            expect(farm.job(number)["state"] == "done", farm.job(number))
+            expect(farm.cli("log", number, expect=0).out.startswith(log), "another log")
+            expect("bruno" in farm.cli("key", "list", expect=0).out, "it may come in again")
+
+
+@tests.add
 def a_bad_row():
     """a job whose row is damaged is parked with the reason; the farm starts, and all others go on"""
     with Farm() as farm:
