@@ -289,13 +289,9 @@ static void the_coordinators_own_is_kept_and_renewed(void **state)
     }
     close_all();
     assert_int_equal(file_write_private(path, "a word\n", 7, &err), STATUS_OK);
-    store = sim_store(folder);
-    assert_int_equal(web_tokens_open(&tokens, store, note_end, &ended, &err), STATUS_ERR_CORRUPT);
-    assert_non_null(strstr(err.text, "remove it"));
-    assert_int_equal(unlink(path), 0);
-    store_close(store);
-    open_all();
+    open_all(); /* a damaged one is made again */
     assert_false(find(secret, NOW, &caller));
+    assert_true(find(web_tokens_own(tokens), NOW, &caller));
 }
 
 static void a_renewed_token_keeps_all_but_its_secret(void **state)
