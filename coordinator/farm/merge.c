@@ -272,10 +272,10 @@ status merge_result(struct farm *farm, struct farm_worker *worker, struct tile_r
         return error_set(err, STATUS_ERR_PROTOCOL, "job %llu, frame %u, tile %u, group %u, pass %u: there is none",
                          (unsigned long long)result->job, result->frame, name.tile, name.group, name.pass);
     s = check_lease(farm, worker, result, now_ns, err);
-    if (s != STATUS_OK)
+    if (s != STATUS_OK) {
         error_prefix(err, "job %llu, frame %u", (unsigned long long)result->job, result->frame);
-    if (s != STATUS_OK)
         return s;
+    }
     if (frame->end != FRAME_END_NONE && !film_has(frame->film, name.tile, name.group, name.pass)) {
         *outcome = MERGE_UNWANTED;
         return STATUS_OK;

@@ -224,27 +224,18 @@ static int has_time(const struct farm_worker *worker)
     return (double)worker->audit_ns <= AUDIT_CPU * (double)worker->cpu_ns + AUDIT_FREE_S * 1e9;
 }
 
-/* Of those that may render it, were asked nothing and have time for it: by lot. Those who have the scene come first. */
+/* Of those that may render it, were asked nothing and have time for it: by lot, also among those who lack the scene. Two that
+ * have a job alone would judge each other. */
 static struct session *choose(struct server *server, const struct job *job, const struct unit_audit *a)
 {
     struct unit_audits *audits = &server->audits;
     struct session *chosen = NULL;
     uint32_t seen = 0;
-    int has_scene = 0;
 
-    for (struct session *s = server->sessions; s; s = s->next) {
-        int shown;
-        if (!may_vote(s, job, a) || s->worker->is_auditing || !has_time(s->worker))
-            continue;
-        shown = scenes_were_shown(s->scenes, &job->scene);
-        if (shown > has_scene)
-            seen = 0;
-        if (shown < has_scene)
-            continue;
-        has_scene = shown;
-        if (audit_mix(audits->secret ^ ++audits->lots) % ++seen == 0)
+    for (struct session *s = server->sessions; s; s = s->next)
+        if (may_vote(s, job, a) && !s->worker->is_auditing && has_time(s->worker) &&
+            audit_mix(audits->secret ^ ++audits->lots) % ++seen == 0)
             chosen = s;
-    }
     return chosen;
 }
 
