@@ -1106,7 +1106,7 @@ def lines_fit_the_terminal():
     """while it renders and at its end no line is wider than the terminal; what does not fit is left out by whole phrases"""
     glass = os.path.join(ROOT, "scenes", "features", "glass.gltf")
     with Farm() as farm:
-        command = ["render", glass, "--size", "160x120", "--target-error", "30/255", "-o", "g.exr"]  # always the same figures
+        command = ["render", glass, "--size", "80x60", "--target-error", "30/255", "-o", "g.exr"]  # always the same figures
         words = set(re.findall("[A-Za-z]{2,}", " ".join(lines_on_terminal(farm, 300, *command))))
         words |= set("queued waits no worker is connected samples now left sending the scene of KiB too early to say when at".split())
         for columns, error in ((80, "in 95 % of the pixels"), (40, "/255 (")):

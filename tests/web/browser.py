@@ -9,6 +9,7 @@ An error in the console, an exception that nothing caught, a violation of the Co
 (alert) fails the test when the `with` block ends, unless page.allow(PATTERN) said that it belongs to the test.
 Nothing here sleeps for a guess: wait() looks again until a deadline.
 """
+import atexit
 import base64
 import json
 import re
@@ -68,31 +69,65 @@ KEYS = {"Enter": ("Enter", 13, "\r"), "Tab": ("Tab", 9, ""), "Escape": ("Escape"
 MODIFIERS = {"Alt": 1, "Control": 2, "Meta": 4, "Shift": 8}
 
 
-class Browser(Chromium):
-    """A Chromium with a temporary folder, and its pages."""
+def started(flags=()):
+    """A Chromium that answers."""
+    chromium = Chromium(tempfile.mkdtemp(prefix="azulejo-chromium-"), flags)
+    atexit.register(end, chromium)
+    return chromium.__enter__()
+
+
+def end(chromium):
+    if chromium is Browser.shared:
+        Browser.shared = None
+    chromium.close()
+    shutil.rmtree(chromium.folder, ignore_errors=True)
+
+
+class Browser:
+    """A profile of its own in a Chromium (cookies, storage, pages) and a temporary folder. Without flags the Chromium is
+    shared by all of this process, as each start costs three seconds of a core; after a failure the next one is new."""
+
+    shared = None
 
     def __init__(self, flags=()):
-        self.folder = tempfile.mkdtemp(prefix="azulejo-web-")
+        if flags or Browser.shared is None:
+            self.chromium = started(flags)
+            if not flags:
+                Browser.shared = self.chromium
+        else:
+            self.chromium = Browser.shared
         self.pages = []
-        try:
-            super().__init__(self.folder, flags)
-        except BaseException:
-            shutil.rmtree(self.folder, ignore_errors=True)
-            raise
+        self.call, self.send, self.pump = self.chromium.call, self.chromium.send, self.chromium.pump
+        self.context = self.call("Target.createBrowserContext")["browserContextId"]
+        self.folder = tempfile.mkdtemp(prefix="azulejo-web-")
+
+    def __enter__(self):
+        return self
 
     def __exit__(self, kind, value, trace):
         errors = []
-        if kind is None:
-            for page in self.pages:
-                page.settle()
-                errors += page.unexpected()
-        else:
-            for page in self.pages:
-                page.report()
-        self.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
-        if kind is None and errors:
+        try:
+            if kind is None:
+                for page in self.pages:
+                    page.settle()
+                    errors += page.unexpected()
+            else:
+                for page in self.pages:
+                    page.report()
+        finally:
+            self.close(keep=kind is None)
+        if errors:
             raise Failure("the page complained:\n" + "\n".join(errors))
+
+    def close(self, keep=False):
+        """keep: a shared Chromium goes on."""
+        for page in self.pages:
+            page.forget()
+        if keep and self.chromium is Browser.shared:
+            self.call("Target.disposeBrowserContext", {"browserContextId": self.context})
+        else:
+            end(self.chromium)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def page(self, url=None, **how):
         """A new window. how: width, height, scale, dark, phone (see Page.size and Page.media)."""
@@ -115,11 +150,12 @@ class Page:
         self.drag_data = None
         self.closed = False
         self.answering = None    # a function that answers requests (intercept)
-        target = browser.call("Target.createTarget", {"url": "about:blank", "newWindow": True})
+        target = browser.call("Target.createTarget", {"url": "about:blank", "newWindow": True,
+                                                      "browserContextId": browser.context})
         self.target = target["targetId"]
         self.session = browser.call("Target.attachToTarget",
                                     {"targetId": self.target, "flatten": True})["sessionId"]
-        browser.listeners.append(self.hear)
+        browser.chromium.listeners.append(self.hear)
         for domain in ("Page", "Runtime", "Network", "Log", "DOM"):
             self.call(domain + ".enable")
         self.call("Emulation.setFocusEmulationEnabled", {"enabled": True})
@@ -245,8 +281,13 @@ class Page:
 
     def close(self):
         self.browser.call("Target.closeTarget", {"targetId": self.target})
-        self.browser.listeners.remove(self.hear)
+        self.forget()
         self.closed = True
+
+    def forget(self):
+        """Hear no more of it."""
+        if self.hear in self.browser.chromium.listeners:
+            self.browser.chromium.listeners.remove(self.hear)
 
     # ---- what it shows -------------------------------------------------------------------
 
@@ -261,11 +302,11 @@ class Page:
         return answer["result"].get("value")
 
     def wait(self, expression, what=None, limit_s=WAIT_S):
-        """Wait until the expression is true, and return its value (true for an object)."""
+        """Wait until the expression is true, awaited when it is a promise, and return its value (true for an object)."""
         end = time.monotonic() + limit_s * PATIENCE
         while True:
             try:
-                value = self.js("(() => { const v = (%s); return v instanceof Object && !Array.isArray(v) ? true : v; })()" % expression)
+                value = self.js("(async () => { const v = await (%s); return v instanceof Object && !Array.isArray(v) ? true : v; })()" % expression)
             except Failure as failure:  # a part that is not there yet, or a page that gives way to another
                 if not re.search("TypeError: Cannot read properties of|target navigated or closed", str(failure)) \
                         or time.monotonic() > end:

@@ -133,7 +133,8 @@ def notifications_are_shown():
     """of all jobs: each end is told once with name and state, a press leads to the job; off: nothing is told"""
     with WebFarm() as farm, Browser() as browser:
         farm.start_coordinator()
-        browser.call("Browser.grantPermissions", {"origin": farm.origin(), "permissions": ["notifications"]})
+        browser.call("Browser.grantPermissions", {"origin": farm.origin(), "permissions": ["notifications"],
+                                                 "browserContextId": browser.context})
         page = browser.page()
         page.call("Page.addScriptToEvaluateOnNewDocument", {"source": KEPT})
         page.open("%s/#token=%s" % (farm.origin(), farm.token("start")))

@@ -126,15 +126,22 @@ def complaints_fail_a_test():
 
 @tests.add
 def nothing_is_left():
-    """when a browser is closed, its processes and its folder are gone; no name resolves to another host"""
-    with Browser() as browser:
+    """when a browser is closed, its profile and folder are gone, a Chromium of its own as well; no name resolves to another host"""
+    with site() as server:
+        for _ in range(2):
+            with Browser() as browser:
+                page = browser.page(server.url())
+                expect(page.js("document.cookie") == "", "another browser's cookie")
+                page.js("document.cookie = 'mine=1'")
+                expect(page.js("document.cookie") == "mine=1", "kept")
+    with Browser(["--force-dark-mode"]) as browser:
         page = browser.page()
         page.allow("ERR_NAME_NOT_RESOLVED")
         expect(page.js("fetch('http://example.org/').then(() => 1, () => 0)") == 0, "it was reached")
-        folder = browser.folder
-        expect(processes_of(browser.profile), "its processes are found")
+        folder, profile = browser.folder, browser.chromium.profile
+        expect(processes_of(browser.chromium.profile), "its processes are found")
     expect(not os.path.exists(folder), "the folder is there")
-    wait_for(lambda: not processes_of(folder), "its processes to end", 5)
+    wait_for(lambda: not processes_of(profile), "its processes to end", 5)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ class Desk:
     def open(self, where="#/"):
         self.page = self.browser.page("%s/#token=%s" % (self.web.origin, self.web.token), **self.how)
         self.page.wait("document.documentElement.dataset.connection === 'open'")
+        self.page.wait("import('/assets/state.js').then(({state}) => state.loaded)", "verbs, too")
         if where != "#/":
             self.page.js("location.hash = %r" % where)
         return self.page
