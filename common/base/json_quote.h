@@ -3,6 +3,9 @@
 
 #include <stddef.h>
 
+/* Length of the UTF-8 character at `s`, 0 if there is none (RFC 3629). No byte after a text's NUL is read. */
+size_t utf8_length(const unsigned char *s);
+
 /* Room for a text of that many bytes, with the quotes and the 0. */
 #define JSON_QUOTE_SIZE(text_bytes) (6 * (text_bytes) + 3)
 

@@ -4,36 +4,9 @@
 #include <inttypes.h>
 #include <math.h>
 
+#include "common/base/json_quote.h"
 #include "common/base/number.h"
 #include "common/scene/kernel_sets.h"
-
-/* Length of the UTF-8 sequence at `s`, 0 if it is none (RFC 3629: shortest form, no surrogates,
- * up to U+10FFFF). The text ends with a NUL, which no sequence contains. */
-static size_t utf8_length(const unsigned char *s)
-{
-    unsigned low = 0x80, high = 0xbf; /* of the second byte */
-    size_t length;
-
-    if (s[0] < 0x80)
-        return 1;
-    if (s[0] < 0xc2 || s[0] > 0xf4)
-        return 0;
-    length = s[0] < 0xe0 ? 2 : s[0] < 0xf0 ? 3 : 4;
-    if (s[0] == 0xe0)
-        low = 0xa0;
-    else if (s[0] == 0xed)
-        high = 0x9f;
-    else if (s[0] == 0xf0)
-        low = 0x90;
-    else if (s[0] == 0xf4)
-        high = 0x8f;
-    if (s[1] < low || s[1] > high)
-        return 0;
-    for (size_t i = 2; i < length; i++)
-        if (s[i] < 0x80 || s[i] > 0xbf)
-            return 0;
-    return length;
-}
 
 void manifest_write_text(struct buffer *out, const char *text)
 {

@@ -6,6 +6,7 @@
 
 #include "client/terminal/format.h"
 #include "client/terminal/must.h"
+#include "common/base/json_quote.h"
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
 
@@ -108,29 +109,9 @@ void builder_warn_at(struct builder *b, const char *file, uint64_t line, const c
 }
 
 /* The length in bytes of the valid, printable UTF-8 character at `p`; 0: there is none. */
-static int character_length(const uint8_t *p)
+static size_t character_length(const uint8_t *p)
 {
-    uint32_t code = *p;
-    int length = 0;
-
-    if (code < 0x80)
-        length = 1;
-    else if (code >= 0xc2 && code < 0xf5)
-        length = code < 0xe0 ? 2 : code < 0xf0 ? 3 : 4;
-    if (length == 1)
-        return code >= 0x20 && code != 0x7f;
-    if (length == 0)
-        return 0;
-    code &= 0xffu >> (length + 1);
-    for (int i = 1; i < length; i++) {
-        if ((p[i] & 0xc0) != 0x80)
-            return 0;
-        code = code << 6 | (p[i] & 0x3f);
-    }
-    if ((length == 2 && code < 0xa0) || (length == 3 && code < 0x800) ||
-        (length == 4 && (code < 0x10000 || code > 0x10ffff)) || (code >= 0xd800 && code < 0xe000))
-        return 0;
-    return length;
+    return *p < 0x20 || *p == 0x7f || (*p == 0xc2 && p[1] < 0xa0) ? 0 : utf8_length(p);
 }
 
 const char *builder_name(struct builder *b, const char *name)
@@ -140,15 +121,14 @@ const char *builder_name(struct builder *b, const char *name)
     char *copy;
 
     for (const uint8_t *p = (const uint8_t *)(name ? name : ""); *p;) {
-        int length = character_length(p);
-        int taken = length ? length : 1;
-        if (size + (size_t)taken > SCENE_NAME_MAX)
+        size_t length = character_length(p), taken = length ? length : 1;
+        if (size + taken > SCENE_NAME_MAX)
             break;
         if (length)
-            memcpy(clean + size, p, (size_t)length);
+            memcpy(clean + size, p, length);
         else
             clean[size] = '?';
-        size += (size_t)taken;
+        size += taken;
         p += taken;
     }
     clean[size] = 0;

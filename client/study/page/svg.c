@@ -4,31 +4,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/base/json_quote.h"
+
 /* ---- texts --------------------------------------------------------------------------------- */
-
-/* Length of the UTF-8 sequence at `s`, 0 if it is none (RFC 3629). The NUL at the end of the text
- * is not a continuation byte, so nothing after it is read. */
-static size_t sequence_length(const unsigned char *s)
-{
-    size_t length = s[0] < 0x80 ? 1 : s[0] < 0xc2 ? 0 : s[0] < 0xe0 ? 2 : s[0] < 0xf0 ? 3 : 4;
-
-    if (s[0] > 0xf4)
-        return 0;
-    for (size_t i = 1; i < length; i++)
-        if ((s[i] & 0xc0) != 0x80)
-            return 0;
-    if ((s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xed && s[1] > 0x9f) || (s[0] == 0xf0 && s[1] < 0x90) ||
-        (s[0] == 0xf4 && s[1] > 0x8f))
-        return 0;
-    return length;
-}
 
 void svg_escape(struct buffer *out, const char *text)
 {
     const unsigned char *s = (const unsigned char *)text;
 
     while (s && *s) {
-        size_t length = sequence_length(s);
+        size_t length = utf8_length(s);
 
         /* C1 controls and the two noncharacters at the plane's end are not allowed in HTML. */
         int forbidden = length == 0 || *s < 0x20 || *s == 0x7f || (*s == 0xc2 && s[1] < 0xa0) ||
