@@ -1,29 +1,20 @@
 #include "client/follow/picture_file.h"
 
-#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 
 #include "common/system/file.h"
 
-static void tell_repairs(const char *path, const struct image_repairs *r)
-{
-    if (r->nan_pixels || r->negative_pixels || r->infinite_pixels)
-        fprintf(stderr,
-                "warning: %s: values that cannot be radiance were repaired: %" PRIu64 " not numbers, %" PRIu64
-                " negative, %" PRIu64 " infinite\n",
-                path, r->nan_pixels, r->negative_pixels, r->infinite_pixels);
-}
-
 status picture_read(struct image *out, const char *path, struct error *err)
 {
     struct buffer file = BUFFER_INIT;
     struct image_repairs repairs = {0};
+    char said[IMAGE_REPAIRS_TEXT];
     status result = file_read(path, IMAGE_BYTES_MAX, &file, err);
 
     THEN(result, image_decode_hdr(out, file.data, file.size, path, &repairs, err));
-    if (result == STATUS_OK)
-        tell_repairs(path, &repairs);
+    if (result == STATUS_OK && image_repairs_say(&repairs, said))
+        fprintf(stderr, "warning: %s: %s\n", path, said);
     buffer_release(&file);
     return result;
 }

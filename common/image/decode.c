@@ -1,6 +1,8 @@
 /* Recognises, decodes and repairs pictures of every format that the farm reads. */
 #include <float.h>
+#include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -42,6 +44,7 @@ static void repair_pixels(struct image *image, struct image_repairs *repairs)
 {
     size_t count = (size_t)image->width * image->height;
     float largest = 0.0f;
+    const uint64_t infinite_before = repairs->infinite_pixels;
 
     if (!SAFEGUARD(PICTURE_REPAIR))
         return;
@@ -66,7 +69,7 @@ static void repair_pixels(struct image *image, struct image_repairs *repairs)
         repairs->negative_pixels += (uint64_t)negative;
         repairs->infinite_pixels += (uint64_t)infinite;
     }
-    if (repairs->infinite_pixels == 0)
+    if (repairs->infinite_pixels == infinite_before)
         return;
     if (largest == 0.0f)
         largest = HALF_MAX;
@@ -75,18 +78,37 @@ static void repair_pixels(struct image *image, struct image_repairs *repairs)
             image->pixels[i] = largest;
 }
 
+int image_repairs_say(const struct image_repairs *r, char text[IMAGE_REPAIRS_TEXT])
+{
+    int pixels = r->nan_pixels || r->negative_pixels || r->infinite_pixels, length = 0;
+
+    text[0] = 0;
+    if (r->factors)
+        length = snprintf(text, IMAGE_REPAIRS_TEXT,
+                          "its EXPOSURE or COLORCORR line is not a positive number: taken as 1%s", pixels ? "; " : "");
+    if (pixels)
+        snprintf(text + length, IMAGE_REPAIRS_TEXT - (size_t)length,
+                 "%" PRIu64 " pixels are not numbers, %" PRIu64 " negative and %" PRIu64
+                 " infinite: they count as black, black and the brightest finite value",
+                 r->nan_pixels, r->negative_pixels, r->infinite_pixels);
+    return text[0] != 0;
+}
+
 static status decode_floats(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, int alpha,
                             struct image_repairs *repairs, struct error *err)
 {
-    struct image_repairs here = {0, 0, 0};
+    struct image_repairs here = {0};
     status st;
+
+    if (!repairs)
+        repairs = &here;
 
     memset(out, 0, sizeof *out);
     switch (image_format_of(data, size_bytes)) {
     case IMAGE_EXR:
         st = alpha ? exr_decode_alpha(out, data, size_bytes, name, err) : exr_decode(out, data, size_bytes, name, err);
         break;
-    case IMAGE_HDR: st = hdr_decode(out, data, size_bytes, name, err); break;
+    case IMAGE_HDR: st = hdr_decode(out, data, size_bytes, name, repairs, err); break;
     case IMAGE_PFM: st = pfm_decode(out, data, size_bytes, name, err); break;
     case IMAGE_PNG:
     case IMAGE_JPEG:
@@ -102,12 +124,7 @@ static status decode_floats(struct image *out, const uint8_t *data, size_t size_
     }
     if (st != STATUS_OK)
         return st;
-    repair_pixels(out, &here);
-    if (repairs) {
-        repairs->nan_pixels += here.nan_pixels;
-        repairs->negative_pixels += here.negative_pixels;
-        repairs->infinite_pixels += here.infinite_pixels;
-    }
+    repair_pixels(out, repairs);
     return STATUS_OK;
 }
 

@@ -31,6 +31,7 @@ struct hdr_reader {
     int xyz;              /* XYZE instead of RGBE */
     double exposure;      /* the product of all EXPOSURE= lines */
     double correction[3]; /* the product of all COLORCORR= lines */
+    uint64_t ignored;     /* such lines without a positive number: FreeImage writes EXPOSURE=0 */
     int y_major;          /* scan lines run along X: the usual case */
     int flip_x, flip_y;   /* X decreases, Y increases (row 0 of the file is the bottom) */
     uint32_t width, height;
@@ -59,19 +60,23 @@ static const char *next_line(struct hdr_reader *r, char line[HEADER_LINE_MAX])
     return line;
 }
 
-/* Up to `count` positive finite numbers; 0 if one is missing or invalid. */
-static int read_factors(const char *text, double *factors, int count)
+/* Multiply by the line's numbers. A line that lacks a positive one changes nothing. */
+static void read_factors(struct hdr_reader *r, const char *text, double *factors, int count)
 {
+    double values[3];
+
     for (int i = 0; i < count; i++) {
         char *end;
-        double value = strtod(text, &end);
 
-        if (end == text || (!(isfinite(value) && value > 0.0) && SAFEGUARD(HDR_FACTOR)))
-            return 0;
-        factors[i] *= value;
+        values[i] = strtod(text, &end);
+        if ((end == text || !(isfinite(values[i]) && values[i] > 0.0)) && SAFEGUARD(HDR_FACTOR)) {
+            r->ignored++;
+            return;
+        }
         text = end;
     }
-    return 1;
+    for (int i = 0; i < count; i++)
+        factors[i] *= values[i];
 }
 
 static status read_header_line(struct hdr_reader *r, const char *line, struct error *err)
@@ -87,11 +92,9 @@ static status read_header_line(struct hdr_reader *r, const char *line, struct er
             return error_set(err, STATUS_ERR_UNSUPPORTED, "%s: FORMAT is neither 32-bit_rle_rgbe nor 32-bit_rle_xyze",
                              r->name);
     } else if (strncmp(line, "EXPOSURE=", 9) == 0) {
-        if (!read_factors(line + 9, &r->exposure, 1))
-            return bad(r, err, "the EXPOSURE line holds no positive number");
+        read_factors(r, line + 9, &r->exposure, 1);
     } else if (strncmp(line, "COLORCORR=", 10) == 0) {
-        if (!read_factors(line + 10, r->correction, 3))
-            return bad(r, err, "the COLORCORR line does not hold three positive numbers");
+        read_factors(r, line + 10, r->correction, 3);
     }
     return STATUS_OK;
 }
@@ -275,7 +278,8 @@ static status read_pixels(struct hdr_reader *r, struct image *out, uint8_t *line
     return STATUS_OK;
 }
 
-status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name, struct error *err)
+status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
+                  struct image_repairs *repairs, struct error *err)
 {
     struct hdr_reader r = {.data = data, .size = size_bytes, .name = name, .exposure = 1.0,
                            .correction = {1.0, 1.0, 1.0}};
@@ -285,6 +289,7 @@ status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, con
 
     memset(out, 0, sizeof *out);
     TRY(read_header(&r, err));
+    repairs->factors += r.ignored;
     lines = r.y_major ? r.height : r.width;
     length = r.y_major ? r.width : r.height;
     if (lines > 0 && length > 0 && !plausible(&r, lines, length))

@@ -53,7 +53,11 @@ int image_format_is_float(enum image_format format);
 /* What was repaired while reading HDR pixels; zero-initialise. */
 struct image_repairs {
     uint64_t nan_pixels, negative_pixels, infinite_pixels;
+    uint64_t factors; /* EXPOSURE and COLORCORR lines of a Radiance file that are not positive: taken as 1 */
 };
+enum { IMAGE_REPAIRS_TEXT = 300 };
+/* In words, without the file's name. 0: nothing was repaired, and the text is empty. */
+int image_repairs_say(const struct image_repairs *repairs, char text[IMAGE_REPAIRS_TEXT]);
 
 /* Decode an HDR (Radiance), EXR or PFM file to 3 float channels (RGB; luminance files are replicated). Header sizes are
  * checked before memory is allocated. NaN becomes 0, negative 0, +Inf the largest finite value in the image (or 65504
@@ -86,8 +90,9 @@ status exr_read_text(struct buffer *out, const uint8_t *data, size_t size_bytes,
                      const char *attribute, struct error *err) MUST_CHECK;
 status exr_read_number(double *out, const uint8_t *data, size_t size_bytes, const char *name, const char *attribute,
                        struct error *err) MUST_CHECK;
+/* Adds to repairs->factors. */
 status hdr_decode(struct image *out, const uint8_t *data, size_t size_bytes, const char *name,
-                  struct error *err) MUST_CHECK;
+                  struct image_repairs *repairs, struct error *err) MUST_CHECK;
 status png_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,
                   struct error *err) MUST_CHECK;
 status jpeg_decode(struct image8 *out, const uint8_t *data, size_t size_bytes, const char *name,

@@ -8,10 +8,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+    struct image_repairs repairs = {0};
     struct image image;
     struct error err = {0};
 
-    if (hdr_decode(&image, data, size, "fuzz", &err) == STATUS_OK)
+    if (hdr_decode(&image, data, size, "fuzz", &repairs, &err) == STATUS_OK)
         image_release(&image);
     return 0;
 }

@@ -13,15 +13,13 @@ static status picture_load(const char *path, struct image *out, struct error *er
 {
     struct buffer data = BUFFER_INIT;
     struct image_repairs repairs = {0};
+    char said[IMAGE_REPAIRS_TEXT];
     status result = file_read(path, IMAGE_BYTES_MAX, &data, err);
 
     THEN(result, image_decode_hdr(out, data.data, data.size, path, &repairs, err));
     buffer_release(&data);
-    if (result == STATUS_OK && repairs.nan_pixels + repairs.infinite_pixels + repairs.negative_pixels)
-        fprintf(stderr,
-                "warning: %s: %" PRIu64 " NaN, %" PRIu64 " infinite, %" PRIu64
-                " negative pixels were repaired before comparing\n",
-                path, repairs.nan_pixels, repairs.infinite_pixels, repairs.negative_pixels);
+    if (result == STATUS_OK && image_repairs_say(&repairs, said))
+        fprintf(stderr, "warning: %s: %s\n", path, said);
     return result;
 }
 

@@ -49,12 +49,35 @@ static status count_image(struct builder *b, const char *name, const uint8_t *da
                      name, (double)b->images_bytes / gib, (double)b->options->images_bytes / gib);
 }
 
+static void warn_of_repairs(struct builder *b, const char *name, const struct image_repairs *repairs)
+{
+    char said[IMAGE_REPAIRS_TEXT];
+
+    if (image_repairs_say(repairs, said))
+        builder_warn(b, "picture repairs", "%s: %s", name, said);
+}
+
+/* Decoded once, to report its faults now and not on a worker. An EXR, which may be large, is not. */
+static status check_hdr(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
+{
+    struct image_repairs repairs = {0};
+    struct image image;
+
+    if (image_format_of(data, size_bytes) != IMAGE_HDR)
+        return STATUS_OK;
+    TRY(image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err));
+    image_release(&image);
+    warn_of_repairs(b, name, &repairs);
+    return STATUS_OK;
+}
+
 status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes, uint32_t *row)
 {
     struct scene_image image = {.name = builder_name(b, name)};
     size_t before = b->out->blob_count;
     status result = builder_check_image(b, image.name, data, size_bytes);
 
+    THEN(result, check_hdr(b, image.name, data, size_bytes));
     if (result != STATUS_OK)
         mem_free(data);
     else
@@ -92,14 +115,8 @@ static status check_environment(struct builder *b, const char *name, const uint8
                          "(.hdr) file in latitude-longitude form",
                          name);
     TRY(builder_check_image(b, name, data, size_bytes));
-    /* Decoded once, to report its faults now and not on a worker. */
     TRY(image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err));
-    if (repairs.nan_pixels || repairs.negative_pixels || repairs.infinite_pixels)
-        builder_warn(b, "environment repairs",
-                     "%s: the map has %llu pixels that are not numbers, %llu negative and %llu "
-                     "infinite: they count as black, black and the brightest finite value",
-                     name, (unsigned long long)repairs.nan_pixels, (unsigned long long)repairs.negative_pixels,
-                     (unsigned long long)repairs.infinite_pixels);
+    warn_of_repairs(b, name, &repairs);
     too_bright = count_too_bright(&image);
     if (too_bright)
         builder_warn(b, "environment radiance", "%s: the map has %llu pixels above %g: they count as that", name,

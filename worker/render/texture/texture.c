@@ -1,6 +1,5 @@
 #include "worker/render/texture/texture.h"
 
-#include <inttypes.h>
 #include <string.h>
 
 #include "common/system/log.h"
@@ -64,11 +63,11 @@ static status decode_floats(struct texture_image *image, const uint8_t *data, si
                             struct error *err)
 {
     struct image_repairs repairs = {0};
+    char said[IMAGE_REPAIRS_TEXT];
+
     TRY(image_decode_float(&image->floats, data, size_bytes, name, &repairs, err));
-    if (repairs.nan_pixels || repairs.negative_pixels || repairs.infinite_pixels)
-        log_warn("texture %s: %" PRIu64 " NaN and %" PRIu64 " negative pixels read as 0, %" PRIu64
-                 " infinite ones as the largest finite value",
-                 name, repairs.nan_pixels, repairs.negative_pixels, repairs.infinite_pixels);
+    if (image_repairs_say(&repairs, said))
+        log_warn("texture %s: %s", name, said);
     image->layout = TEXTURE_FLOAT;
     image->width = image->floats.width;
     image->height = image->floats.height;

@@ -78,6 +78,7 @@ status pbrt_image_decode(struct pbrt *p, struct pbrt_image *image)
     struct image_repairs repairs = {0};
     const struct import_result *result_so_far = p->b->out;
     struct buffer borrowed = image->bytes;
+    char said[IMAGE_REPAIRS_TEXT];
     status result;
 
     if (image->pixels.pixels)
@@ -100,12 +101,8 @@ status pbrt_image_decode(struct pbrt *p, struct pbrt_image *image)
     }
     if (result != STATUS_OK)
         return result;
-    if (repairs.nan_pixels || repairs.infinite_pixels || repairs.negative_pixels)
-        pbrt_warn(p, &image->at, "picture repairs",
-                  "%s: %llu pixels are not numbers, %llu negative and %llu infinite: they count "
-                  "as black, black and the brightest finite value",
-                  image->name, (unsigned long long)repairs.nan_pixels, (unsigned long long)repairs.negative_pixels,
-                  (unsigned long long)repairs.infinite_pixels);
+    if (image_repairs_say(&repairs, said))
+        pbrt_warn(p, &image->at, "picture repairs", "%s: %s", image->name, said);
     image->width = image->pixels.width;
     image->height = image->pixels.height;
     image->channels = image->pixels.channels;
