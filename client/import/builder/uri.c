@@ -13,74 +13,97 @@
 
 enum { MESSAGE_URI_CHARS = 80 }; /* how much of a URI a message repeats */
 
-int uri_is_data(const char *uri) { return strncasecmp(uri, "data:", 5) == 0; }
+static const char *past_space(const char *text) { return text + strspn(text, " \t\r\n"); }
 
-/* Decode %XX; a '%' without two digits after it stays as it is. */
+int uri_is_data(const char *uri) { return strncasecmp(past_space(uri), "data:", 5) == 0; }
+
+/* The byte at text[*at], %XX decoded, and *at past it; a '%' without two digits after it stays as it is. */
+static uint8_t next_byte(const char *text, size_t size, size_t *at)
+{
+    const char *p = text + *at;
+
+    if (*p == '%' && *at + 2 < size && isxdigit((unsigned char)p[1]) && isxdigit((unsigned char)p[2])) {
+        const char digits[] = {p[1], p[2], 0};
+        *at += 3;
+        return (uint8_t)strtoul(digits, NULL, 16);
+    }
+    *at += 1;
+    return (uint8_t)*p;
+}
+
 static void percent_decode(const char *text, size_t size, struct buffer *out)
 {
-    for (size_t i = 0; i < size; i++) {
-        uint8_t byte = (uint8_t)text[i];
-        if (text[i] == '%' && i + 2 < size && isxdigit((unsigned char)text[i + 1]) &&
-            isxdigit((unsigned char)text[i + 2])) {
-            const char digits[] = {text[i + 1], text[i + 2], 0};
-            byte = (uint8_t)strtoul(digits, NULL, 16);
-            i += 2;
-        }
+    for (size_t i = 0; i < size;) {
+        uint8_t byte = next_byte(text, size, &i);
         buffer_append(out, &byte, 1);
     }
+    must_hold(out);
 }
 
-static int base64_digit(char c)
+/* Of the usual alphabet, or of that for URLs and names of files (RFC 4648, sections 4 and 5). */
+static int base64_digit(uint8_t c)
 {
-    if (c >= 'A' && c <= 'Z')
-        return c - 'A';
-    if (c >= 'a' && c <= 'z')
-        return c - 'a' + 26;
-    if (c >= '0' && c <= '9')
-        return c - '0' + 52;
-    return c == '+' ? 62 : c == '/' ? 63 : -1;
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    const char *at = c ? strchr(digits, c == '-' ? '+' : c == '_' ? '/' : c) : NULL;
+
+    return at ? (int)(at - digits) : -1;
 }
 
-static status base64_decode(const char *text, size_t size, struct buffer *out, struct error *err)
+/* White space counts for nothing. Fills `to`, which has room for 3/4 of the text, up to *end. */
+static status base64_decode(const char *text, size_t size, uint8_t *to, uint8_t **end, struct error *err)
 {
     uint32_t bits = 0;
-    int held = 0;
-    uint8_t *to;
+    size_t digits = 0, at = 0;
+    int ended = 0;
 
-    while (size && text[size - 1] == '=')
-        size--;
-    if (size % 4 == 1)
-        return error_set(err, STATUS_ERR_INPUT, "the base64 data is cut short");
-    to = must(buffer_append_space(out, size / 4 * 3 + (size % 4 ? size % 4 - 1 : 0)));
-    for (size_t i = 0; i < size; i++) {
-        int digit = base64_digit(text[i]);
-        if (digit < 0)
-            return error_set(err, STATUS_ERR_INPUT, "the base64 data has an invalid character at position %zu", i);
+    while (at < size) {
+        size_t before = at;
+        uint8_t c = next_byte(text, size, &at);
+        int digit = base64_digit(c);
+        ended |= c == '=';
+        if (c == '=' || (c && strchr(" \t\r\n\f", c)))
+            continue;
+        if (digit < 0 || ended)
+            return error_set(err, STATUS_ERR_INPUT, "the base64 data has an invalid character at position %zu", before);
         bits = bits << 6 | (uint32_t)digit;
-        held += 6;
-        if (held >= 8) {
-            held -= 8;
-            *to++ = (uint8_t)(bits >> held);
-        }
+        if (digits++ % 4)
+            *to++ = (uint8_t)(bits >> (6 - 2 * ((digits - 1) % 4)));
     }
-    return STATUS_OK;
+    *end = to;
+    return digits % 4 == 1 ? error_set(err, STATUS_ERR_INPUT, "the base64 data is cut short") : STATUS_OK;
+}
+
+/* Is one of the parameters before the comma "base64"? It should be the last, and is not always. */
+static int says_base64(const char *uri, const char *comma)
+{
+    while ((uri = memchr(uri, ';', (size_t)(comma - uri))) != NULL) {
+        uri = past_space(uri + 1);
+        if (strncasecmp(uri, "base64", 6) == 0 && strchr(";, ", uri[6]))
+            return 1;
+    }
+    return 0;
 }
 
 status uri_decode_data(const char *uri, size_t limit_bytes, struct buffer *out, struct error *err)
 {
     const char *comma = strchr(uri, ',');
-    size_t size;
+    size_t size, before = out->size;
+    uint8_t *to;
+    status result;
 
     if (!uri_is_data(uri) || !comma)
         return error_set(err, STATUS_ERR_INPUT, "the data URI has no comma before its data");
     size = strlen(comma + 1);
     if (size > limit_bytes)
         return error_set(err, STATUS_ERR_LIMIT, "the data URI has %zu bytes: at most %zu are taken", size, limit_bytes);
-    if (comma - uri >= 7 + 5 && strncasecmp(comma - 7, ";base64", 7) == 0)
-        return base64_decode(comma + 1, size, out, err);
-    percent_decode(comma + 1, size, out);
-    must_hold(out);
-    return STATUS_OK;
+    if (!says_base64(uri, comma)) {
+        percent_decode(comma + 1, size, out);
+        return STATUS_OK;
+    }
+    to = must(buffer_append_space(out, size));
+    result = base64_decode(comma + 1, size, to, &to, err);
+    out->size = result == STATUS_OK ? (size_t)(to - out->data) : before;
+    return result;
 }
 
 /* Does it have a scheme ("http:", "C:")? */
@@ -121,7 +144,6 @@ status uri_to_path(const char *uri, const char *folder, const struct input_files
                          "are read",
                          MESSAGE_URI_CHARS, uri);
     percent_decode(uri, strlen(uri), &decoded);
-    must_hold(&decoded);
     result = check_name(uri, buffer_text(&decoded), decoded.size, err);
     if (result != STATUS_OK)
         goto done;

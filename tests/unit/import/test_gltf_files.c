@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "client/import/builder/uri.h"
 #include "common/system/file.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
@@ -91,6 +92,62 @@ static void test_external_files(void **state)
         assert_says(&err, "scene.gltf: buffers[0]");
         assert_says(&err, bad[i].words);
     }
+}
+
+/* As browsers read them, or more leniently. */
+static void test_data_uris(void **state)
+{
+    static const char *const good[] = {
+        "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA",
+        "DATA:application/octet-stream;BASE64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA",
+        " data:application/octet-stream; base64 ,AAAAAAAAAAAA AAAAAACAPwAAAAAA\\nAAAAAAAAAAAAgD8AAAAA ",
+        "data:application/octet-stream;base64;charset=utf-8,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA",
+        "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAA%41",
+        "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAA%3D%3D",
+        "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAA==",
+        "data:,%00%00%00%00%00%00%00%00%00%00%00%00%00%00%80%3f%00%00%00%00%00%00%00%00%00%00%00%00%00%00%80%3f%00%00%00%00",
+    };
+    static const char *const bad[][2] = {
+        {"data:;base64,AAAAAAAA*AAA", "invalid character at position 8"},
+        {"data:;base64,AA==AAAA", "invalid character at position 4"},
+        {"data:;base64,AAAAA", "cut short"},
+    };
+    char path[256];
+    struct import_result r;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
+        struct error err = {0};
+        write_scene(good[i], path, sizeof path);
+        if (import_scene(path, &defaults, &r, &err) != STATUS_OK)
+            fail_msg("%s: %s", good[i], err.text);
+        assert_int_equal(r.triangles, 1);
+        assert_floats(view_mesh(&r, 0).positions, corner_positions, 9, 0);
+        import_result_release(&r);
+    }
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct error err = {0};
+        write_scene(bad[i][0], path, sizeof path);
+        assert_int_not_equal(import_scene(path, &defaults, &r, &err), STATUS_OK);
+        assert_says(&err, bad[i][1]);
+    }
+}
+
+/* The alphabet for URLs: all four digits that differ, in every place. */
+static void test_url_base64(void **state)
+{
+    struct buffer usual = BUFFER_INIT, other = BUFFER_INIT;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(uri_decode_data("data:;base64,+/+//+/+AAA+/w==", 100, &usual, &err), STATUS_OK);
+    assert_int_equal(uri_decode_data("data:;base64,-_-__-_-AAA-_w", 100, &other, &err), STATUS_OK);
+    assert_int_equal(usual.size, 10);
+    assert_int_equal(other.size, 10);
+    assert_memory_equal(usual.data, other.data, 10);
+    assert_memory_equal(usual.data, "\xfb\xff\xbf\xff\xef\xfe\0\0\x3e\xff", 10);
+    buffer_release(&usual);
+    buffer_release(&other);
 }
 
 static void test_environment(void **state)
@@ -307,6 +364,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_external_files),
+        cmocka_unit_test(test_data_uris),
+        cmocka_unit_test(test_url_base64),
         cmocka_unit_test(test_environment),
         cmocka_unit_test(test_report),
         /* The last three need the test data. */
