@@ -57,6 +57,8 @@ static void note_source(const char *path, const struct import_options *o, struct
         shell_option(out, "studio", o->studio);
     for (size_t i = 0; i < o->outside.count; i++)
         shell_option(out, "allow-outside", o->outside.items[i]);
+    if (o->strict)
+        buffer_puts(out, " --strict");
     if (o->image_megapixels != plain.image_megapixels)
         buffer_printf(out, " --max-image %lld", (long long)o->image_megapixels);
     if (o->images_bytes != plain.images_bytes)

@@ -651,7 +651,7 @@ def damaged_files():
                     with open(victim, "wb") as out:
                         out.write(whole[:int(len(whole) * share)])
                 what = "%s, %s of it" % (os.path.basename(victim), share)
-                for command in (["import", scene], ["render", scene, *tiny, "-o", "bad", *extra]):
+                for command in (["import", scene, "--strict"], ["render", scene, *tiny, "--strict", "-o", "bad", *extra]):
                     if command[0] == "import" and env:
                         continue
                     result = farm.cli(*command, env={"TMPDIR": temporary})

@@ -164,7 +164,7 @@ def not_regular():
         os.mkfifo(os.path.join(folder, "pipe"))
         for case in CASES:
             for name in ("pipe", "sub", ".", "/dev/zero"):
-                result = farm.cli("import", put_scene(folder, case, name), "--allow-outside", "/dev",
+                result = farm.cli("import", put_scene(folder, case, name), "--strict", "--allow-outside", "/dev",
                                   limit_s=20)
                 if result.code == 0:  # OBJ does without, and says so
                     expect(case.endswith(".obj"), result)

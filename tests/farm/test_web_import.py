@@ -297,7 +297,7 @@ def files_of_the_machine():
             scene["images"] = [{"uri": target}]
             api.put(number, "buffers/all.bin", files["buffers/all.bin"])
             api.put(number, "scene.gltf", json.dumps(scene).encode())
-            answer = api.ask("POST", "imports/%d" % number, {"scene": "scene.gltf", "options": SMALL})
+            answer = api.ask("POST", "imports/%d" % number, {"scene": "scene.gltf", "options": [*SMALL, "--strict"]})
             expect(400 <= answer.status < 500, (target, str(answer)))
             said.add(answer.json()["detail"].replace(target, "TARGET"))
             api.ask("DELETE", "imports/%d" % number, None, 204)

@@ -79,6 +79,7 @@ static const struct {
     {"camera", VALUE}, {"region", VALUE}, {"tonemap", VALUE}, {"tonemap-param", VALUE}, {"lut", PATH},
     {"alpha", FLAG}, {"half", FLAG}, {"format", VALUE}, {"png-bits", VALUE}, {"jpeg-quality", VALUE}, {"no-dither", FLAG},
     {"env", PATH}, {"scene", VALUE}, {"variant", VALUE}, {"animation", VALUE}, {"light-units", VALUE}, {"studio", VALUE},
+    {"strict", FLAG},
 #define SETTING(o, KIND, type, name, initial, least, most, shown, attribute, option, ...) {option, VALUE},
 #define FIELD(...)
 #define OPTION(o, name, option, ...) {option, VALUE},

@@ -138,28 +138,26 @@ const char *builder_name(struct builder *b, const char *name)
 
 /* ---- blobs -------------------------------------------------------------------------------- */
 
-static size_t digest_slot(const struct digest *digest, size_t size)
+/* Where the index has the blob, else the free place for it. */
+static size_t blob_slot(const struct builder *b, const struct digest *digest)
 {
     uint64_t start;
+    size_t at;
 
     memcpy(&start, digest->bytes, sizeof start);
-    return (size_t)start & (size - 1);
+    for (at = (size_t)start & (b->blob_index_size - 1); b->blob_index[at]; at = (at + 1) & (b->blob_index_size - 1))
+        if (digest_equal(&b->out->blobs[b->blob_index[at] - 1].digest, digest))
+            break;
+    return at;
 }
 
 static void blob_index_grow(struct builder *b)
 {
-    size_t size = b->blob_index_size ? b->blob_index_size * 2 : 64;
-    uint32_t *index = must(mem_calloc(size, sizeof *index));
-
-    for (size_t row = 0; row < b->out->blob_count; row++) {
-        size_t at = digest_slot(&b->out->blobs[row].digest, size);
-        while (index[at])
-            at = (at + 1) & (size - 1);
-        index[at] = (uint32_t)row + 1;
-    }
+    b->blob_index_size = b->blob_index_size ? b->blob_index_size * 2 : 64;
     mem_free(b->blob_index);
-    b->blob_index = index;
-    b->blob_index_size = size;
+    b->blob_index = must(mem_calloc(b->blob_index_size, sizeof *b->blob_index));
+    for (size_t row = 0; row < b->out->blob_count; row++)
+        b->blob_index[blob_slot(b, &b->out->blobs[row].digest)] = (uint32_t)row + 1;
 }
 
 static status blob_add(struct builder *b, uint8_t *data, size_t size_bytes, uint32_t *row)
@@ -179,12 +177,12 @@ static status blob_add(struct builder *b, uint8_t *data, size_t size_bytes, uint
     }
     if ((out->blob_count + 1) * 2 > b->blob_index_size)
         blob_index_grow(b);
-    for (at = digest_slot(&digest, b->blob_index_size); b->blob_index[at]; at = (at + 1) & (b->blob_index_size - 1))
-        if (digest_equal(&out->blobs[b->blob_index[at] - 1].digest, &digest)) {
-            *row = b->blob_index[at] - 1;
-            mem_free(data);
-            return STATUS_OK;
-        }
+    at = blob_slot(b, &digest);
+    if (b->blob_index[at]) {
+        *row = b->blob_index[at] - 1;
+        mem_free(data);
+        return STATUS_OK;
+    }
     MUST_GROW(out->blobs, b->blob_capacity, out->blob_count + 1);
     MUST_GROW(b->blob_mesh, b->blob_mesh_capacity, out->blob_count + 1);
     *row = (uint32_t)out->blob_count++;
@@ -200,15 +198,9 @@ refused:
 
 const struct import_blob *builder_blob(const struct builder *b, const struct scene_blob *blob)
 {
-    size_t at;
+    uint32_t row = b->blob_index_size ? b->blob_index[blob_slot(b, &blob->digest)] : 0;
 
-    if (b->blob_index_size == 0)
-        return NULL;
-    for (at = digest_slot(&blob->digest, b->blob_index_size); b->blob_index[at];
-         at = (at + 1) & (b->blob_index_size - 1))
-        if (digest_equal(&b->out->blobs[b->blob_index[at] - 1].digest, &blob->digest))
-            return &b->out->blobs[b->blob_index[at] - 1];
-    return NULL;
+    return row ? &b->out->blobs[row - 1] : NULL;
 }
 
 status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes, struct scene_blob *out)

@@ -1,5 +1,6 @@
 /* builder: images and the environment map. All are measured by their headers before anything is decoded. */
 #include <math.h>
+#include <stdio.h>
 
 #include "client/import/builder/builder.h"
 #include "common/system/file.h"
@@ -49,35 +50,29 @@ static status count_image(struct builder *b, const char *name, const uint8_t *da
                      name, (double)b->images_bytes / gib, (double)b->options->images_bytes / gib);
 }
 
-static void warn_of_repairs(struct builder *b, const char *name, const struct image_repairs *repairs)
-{
-    char said[IMAGE_REPAIRS_TEXT];
-
-    if (image_repairs_say(repairs, said))
-        builder_warn(b, "picture repairs", "%s: %s", name, said);
-}
-
-/* Decoded once, to report its faults now and not on a worker. An EXR, which may be large, is not. */
-static status check_hdr(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
+/* Decoded once, to report its faults now and not on a worker. */
+static status decode_once(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes,
+                          struct image *out)
 {
     struct image_repairs repairs = {0};
-    struct image image;
+    char said[IMAGE_REPAIRS_TEXT];
 
-    if (image_format_of(data, size_bytes) != IMAGE_HDR)
-        return STATUS_OK;
-    TRY(image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err));
-    image_release(&image);
-    warn_of_repairs(b, name, &repairs);
+    TRY(image_decode_hdr(out, data, size_bytes, name, &repairs, b->err));
+    if (image_repairs_say(&repairs, said))
+        builder_warn(b, "picture repairs", "%s: %s", name, said);
     return STATUS_OK;
 }
 
 status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes, uint32_t *row)
 {
     struct scene_image image = {.name = builder_name(b, name)};
+    struct image pixels = {0};
     size_t before = b->out->blob_count;
     status result = builder_check_image(b, image.name, data, size_bytes);
 
-    THEN(result, check_hdr(b, image.name, data, size_bytes));
+    if (result == STATUS_OK && image_format_of(data, size_bytes) == IMAGE_HDR)
+        result = decode_once(b, image.name, data, size_bytes, &pixels);
+    image_release(&pixels);
     if (result != STATUS_OK)
         mem_free(data);
     else
@@ -88,6 +83,23 @@ status builder_add_image(struct builder *b, const char *name, uint8_t *data, siz
     if (result != STATUS_OK)
         return result;
     return builder_add_image_row(b, &image, row);
+}
+
+status builder_leave_out(struct builder *b, const char *file, uint64_t line, const char *name, status why)
+{
+    char kind[300];
+
+    if (b->options->strict || (why != STATUS_ERR_INPUT && why != STATUS_ERR_UNSUPPORTED)) {
+        if (line && why != STATUS_ERR_NO_MEMORY && !b->error_is_placed) {
+            error_prefix(b->err, "%s:%llu", file, (unsigned long long)line);
+            b->error_is_placed = 1;
+        }
+        return why;
+    }
+    snprintf(kind, sizeof kind, "texture %.200s", name);
+    builder_warn_at(b, file, line, kind, "the texture \"%.200s\" cannot be used (%.250s): left out", name, b->err->text);
+    *b->err = (struct error){0};
+    return STATUS_OK;
 }
 
 /* ---- the environment ---------------------------------------------------------------------- */
@@ -105,7 +117,6 @@ static uint64_t count_too_bright(const struct image *image)
 
 static status check_environment(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
 {
-    struct image_repairs repairs = {0};
     struct image image = {0};
     uint64_t too_bright;
 
@@ -115,8 +126,7 @@ static status check_environment(struct builder *b, const char *name, const uint8
                          "(.hdr) file in latitude-longitude form",
                          name);
     TRY(builder_check_image(b, name, data, size_bytes));
-    TRY(image_decode_hdr(&image, data, size_bytes, name, &repairs, b->err));
-    warn_of_repairs(b, name, &repairs);
+    TRY(decode_once(b, name, data, size_bytes, &image));
     too_bright = count_too_bright(&image);
     if (too_bright)
         builder_warn(b, "environment radiance", "%s: the map has %llu pixels above %g: they count as that", name,

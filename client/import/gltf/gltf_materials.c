@@ -24,6 +24,7 @@ static status read_emission(struct gltf *g, json_t *in, const struct gltf_place 
 {
     json_t *extension = gltf_extension(in, "KHR_materials_emissive_strength");
     const struct gltf_place inner = gltf_within(at, ".KHR_materials_emissive_strength");
+    json_t *texture;
     float strength = 1;
 
     TRY(gltf_color(g, in, at, "emissiveFactor", 3, 1e15, m->emission));
@@ -33,7 +34,10 @@ static status read_emission(struct gltf *g, json_t *in, const struct gltf_place 
         m->emission[i] *= strength;
     if (m->emission[0] == 0 && m->emission[1] == 0 && m->emission[2] == 0)
         return STATUS_OK; /* black times any texture is black */
-    return gltf_slot(g, in, at, "emissiveTexture", &m->emission_texture, NULL);
+    TRY(gltf_slot(g, in, at, "emissiveTexture", &m->emission_texture, &texture));
+    if (texture && m->emission_texture.texture < 0)
+        memset(m->emission, 0, sizeof m->emission); /* it may say which small part glows */
+    return STATUS_OK;
 }
 
 static status read_alpha(struct gltf *g, json_t *in, const struct gltf_place *at, struct scene_material *m)

@@ -56,8 +56,9 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
     } else {
         result = gltf_fail(g, STATUS_ERR_INPUT, &at, "has neither a uri nor a bufferView");
     }
+    *row = BUILDER_NO_ROW;
     if (result == STATUS_OK && image_format_of(bytes.data, bytes.size) == IMAGE_UNKNOWN)
-        result = gltf_fail(g, STATUS_ERR_INPUT, &at,
+        result = gltf_fail(g, STATUS_ERR_UNSUPPORTED, &at,
                            "%.80s is %s file: PNG, JPEG and WebP textures are read (convert the "
                            "textures, for example with gltf-transform)",
                            file ? file : name ? name : "it",
@@ -67,6 +68,8 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
                                    bytes.data, bytes.size, &added);
         bytes = (struct buffer)BUFFER_INIT; /* taken over */
         *row = added;
+    } else if (file || result == STATUS_ERR_UNSUPPORTED) {
+        result = builder_leave_out(g->b, g->name, 0, file ? file : name ? name : numbered, result);
     }
     buffer_release(&bytes);
     return result;
@@ -103,7 +106,7 @@ static status read_sampler(struct gltf *g, size_t index, struct scene_texture *o
     return STATUS_OK;
 }
 
-/* *row stays BUILDER_NO_ROW for a texture in a form that is not read. */
+/* *row stays BUILDER_NO_ROW for a texture that is missing or in a form that is not read. */
 static status read_texture(struct gltf *g, size_t index, int64_t *row)
 {
     const struct gltf_place at = gltf_at("textures", index, "");
@@ -123,6 +126,8 @@ static status read_texture(struct gltf *g, size_t index, int64_t *row)
         builder_warn(g->b, "basisu", "textures[%zu] is in KTX2 form (KHR_texture_basisu), which is not read: %s", index,
                      source >= 0 ? "its other form is used" : "left out");
     if (source < 0) {
+        if (g->b->options->strict)
+            return gltf_fail(g, STATUS_ERR_UNSUPPORTED, &at, "has no image in a form that is read");
         if (!json_object_get(texture, "extensions"))
             builder_warn(g->b, "texture without source", "textures[%zu] has no image: left out", index);
         return STATUS_OK;
@@ -131,6 +136,8 @@ static status read_texture(struct gltf *g, size_t index, int64_t *row)
         TRY(read_sampler(g, (size_t)sampler, &out));
     if (g->image_rows[source] == GLTF_ROW_UNREAD)
         TRY(read_image(g, (size_t)source, &g->image_rows[source]));
+    if (g->image_rows[source] == BUILDER_NO_ROW)
+        return STATUS_OK;
     out.image = (uint32_t)g->image_rows[source];
     TRY(builder_add_texture(g->b, &out, &added));
     *row = added;

@@ -15,49 +15,35 @@ static const float HEIGHT_TEXELS = 8;
 
 /* ---- single files --------------------------------------------------------------------------- */
 
-static void warn_of_texture(struct obj *o, const struct obj_material *m, const struct obj_texture *map, const char *why)
+static status leave_out(struct obj *o, const struct obj_material *m, const struct obj_texture *map, status why)
 {
-    char kind[300];
-
-    snprintf(kind, sizeof kind, "texture %.200s", map->file);
-    builder_warn_at(o->b, o->files.texts[m->file], map->line, kind,
-                    "the texture \"%.200s\" cannot be used (%.250s): left out", map->file, why);
+    return builder_leave_out(o->b, o->files.texts[m->file], map->line, map->file, why);
 }
 
 /* The pixels, and the file itself in `bytes`. After a failure, which is a warning, *good is 0. */
 static status decode_map(struct obj *o, const struct obj_material *m, const struct obj_texture *map,
                          struct buffer *bytes, struct image8 *image, int *good)
 {
-    struct error inner = {0};
-    enum image_format format;
-    status result = obj_read_file(o, o->files.texts[m->file], map->file, IMPORT_FILE_BYTES_MAX, bytes, &inner);
+    enum image_format format = IMAGE_UNKNOWN;
+    status result = obj_read_file(o, o->files.texts[m->file], map->file, IMPORT_FILE_BYTES_MAX, bytes, o->err);
 
     if (result == STATUS_OK) {
         TRY(builder_check_image(o->b, map->file, bytes->data, bytes->size));
         format = image_format_of(bytes->data, bytes->size);
         if (format == IMAGE_UNKNOWN) {
-            result = error_set(&inner, STATUS_ERR_UNSUPPORTED,
+            result = error_set(o->err, STATUS_ERR_UNSUPPORTED,
                                "is not a PNG, JPEG, WebP, TGA, PFM, Radiance HDR or OpenEXR file: "
                                "convert it");
         } else if (image_format_is_float(format)) {
-            struct image_repairs repairs = {0};
             struct image deep = {0};
-            result = image_decode_float(&deep, bytes->data, bytes->size, map->file, &repairs, &inner);
+            result = image_decode_float(&deep, bytes->data, bytes->size, map->file, NULL, o->err);
             image_release(&deep);
         } else {
-            result = image_decode_8(image, bytes->data, bytes->size, map->file, &inner);
+            result = image_decode_8(image, bytes->data, bytes->size, map->file, o->err);
         }
     }
     *good = result == STATUS_OK;
-    if (result == STATUS_ERR_NO_MEMORY)
-        return error_no_memory(o->err, "a texture");
-    if (result == STATUS_ERR_FORBIDDEN) {
-        o->b->error_is_placed = 1;
-        return error_set(o->err, result, "%s:%u: %s", o->files.texts[m->file], map->line, inner.text);
-    }
-    if (result != STATUS_OK)
-        warn_of_texture(o, m, map, inner.text);
-    return STATUS_OK;
+    return *good ? STATUS_OK : leave_out(o, m, map, result);
 }
 
 /* One channel of a pixel, 0..1. */
@@ -352,8 +338,8 @@ static status baked_map(struct obj *o, const struct obj_material *m, const char 
         if (maps[i]->file) {
             result = decode_map(o, m, maps[i], &bytes, &placed[i]->image, &good);
             if (result == STATUS_OK && good && !placed[i]->image.pixels)
-                warn_of_texture(o, m, maps[i],
-                                "a floating point image cannot be combined with another, nor be a height map");
+                result = leave_out(o, m, maps[i], error_set(o->err, STATUS_ERR_UNSUPPORTED,
+                                   "a floating point image cannot be combined with another, nor be a height map"));
             buffer_release(&bytes);
         }
     if (result == STATUS_OK && (bake.a.image.pixels || bake.b.image.pixels))
@@ -460,6 +446,8 @@ status obj_textures(struct obj *o, const struct obj_material *in, struct scene_m
 {
     TRY(color_map(o, in, out));
     TRY(plain_map(o, in, OBJ_MAP_KE, &out->emission_texture));
+    if (in->maps[OBJ_MAP_KE].file && out->emission_texture.texture < 0)
+        memset(out->emission, 0, sizeof out->emission); /* it may say which small part glows */
     if (out->specular > 0)
         TRY(plain_map(o, in, OBJ_MAP_KS, &out->specular_color_texture));
     TRY(metal_maps(o, in, out));

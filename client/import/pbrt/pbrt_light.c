@@ -292,7 +292,7 @@ static status read_projection(struct pbrt *p, const struct pbrt_directive *d, st
 
     TRY(light_image(p, d, &image));
     if (!image)
-        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "a projection light needs a picture (\"string filename\")");
+        return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "a projection light needs a picture that can be read (\"string filename\")");
     if (!(fov >= FOV_MIN_DEG && fov <= FOV_MAX_DEG))
         return pbrt_fail(p, STATUS_ERR_INPUT, &d->at, "the projection light's fov is %g: it must be %g to %g degrees",
                          fov, FOV_MIN_DEG, FOV_MAX_DEG);

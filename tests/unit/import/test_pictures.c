@@ -61,10 +61,86 @@ static void exposure_of_zero_is_said(void **state)
     import_result_release(&result);
 }
 
+/* ---- pictures that cannot be had ------------------------------------------------------------- */
+
+#define GLTF(images, material)                                                                                        \
+    "{\"asset\":{\"version\":\"2.0\"},\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{\"mesh\":0}],"                              \
+    "\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0},\"material\":0}]}],"                                   \
+    "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"type\":\"VEC3\",\"count\":3}],"                           \
+    "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36}],\"buffers\":[{\"byteLength\":36,\"uri\":\"data:;base64,"         \
+    "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA\"}],\"textures\":[{\"source\":0}],\"images\":[" images             \
+    "],\"materials\":[{" material "}]}"
+#define COLORED "\"pbrMetallicRoughness\":{\"baseColorFactor\":[0.5,0.25,1,1],\"baseColorTexture\":{\"index\":0}}"
+
+static void missing_pictures_are_left_out(void **state)
+{
+    static const struct {
+        const char *name, *text;
+        float color[3];
+        const char *words;
+    } cases[] = {
+        {"a.gltf", GLTF("{\"uri\":\"gone.png\"}", COLORED), {0.5f, 0.25f, 1}, "a.gltf: the texture \"gone.png\" cannot be used (images[0]: "},
+        {"a.gltf", GLTF("{\"name\":\"w\",\"uri\":\"data:;base64,Qk0AAAAAAAAAAAAA\"}", COLORED), {0.5f, 0.25f, 1},
+         "a.gltf: the texture \"w\" cannot be used (images[0]: w is a BMP file"},
+        {"a.obj", "mtllib gone.mtl\n" TRIANGLE "usemtl m\nf 1/1 2/1 3/1\n", {0.5f, 0.25f, 1},
+         "gone.mtl:3: the texture \"gone.png\" cannot be used ("},
+        {"a.pbrt",
+         "WorldBegin\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"gone.png\"\n"
+         "Material \"diffuse\" \"texture reflectance\" \"t\"\nShape \"sphere\"\n",
+         {0.5f, 0.5f, 0.5f}, "a.pbrt:2: the texture \"gone.png\" cannot be used (the file \"gone.png\" does not exist): left out"},
+        {"a.pbrt",
+         "WorldBegin\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"gone.mtl\"\n"
+         "Material \"diffuse\" \"texture reflectance\" \"t\"\nShape \"sphere\"\n",
+         {0.5f, 0.5f, 0.5f}, "a.pbrt:2: the texture \"gone.mtl\" cannot be used (it has a form that is not read: "},
+    };
+
+    (void)state;
+    write_text("gone.mtl", "newmtl m\nKd 0.5 0.25 1\nmap_Kd gone.png\n");
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct import_options strict = defaults;
+        struct import_result result;
+        struct error err = {0};
+
+        import(cases[i].text, cases[i].name, NULL, &result);
+        assert_warned(&result, cases[i].words);
+        assert_floats(result.scene.materials[0].base_color, cases[i].color, 3, 0);
+        assert_int_equal(result.scene.materials[0].base_color_texture.texture, -1);
+        import_result_release(&result);
+        strict.strict = 1;
+        assert_int_not_equal(import_scene_memory(cases[i].text, strlen(cases[i].text), cases[i].name, folder, &strict,
+                                                 &result, &err),
+                             STATUS_OK);
+        assert_memory_equal(err.text, cases[i].words, strcspn(cases[i].words, " "));
+    }
+}
+
+/* A texture may say which small part glows: without it nothing does. */
+static void missing_emission_is_dark(void **state)
+{
+    static const char *const texts[][2] = {
+        {"a.gltf", GLTF("{\"uri\":\"gone.png\"}", "\"emissiveFactor\":[1,1,1],\"emissiveTexture\":{\"index\":0}")},
+        {"a.obj", "mtllib dark.mtl\n" TRIANGLE "usemtl m\nf 1/1 2/1 3/1\n"},
+    };
+
+    (void)state;
+    write_text("dark.mtl", "newmtl m\nKe 1 1 1\nmap_Ke gone.png\n");
+    for (size_t i = 0; i < 2; i++) {
+        struct import_result result;
+
+        import(texts[i][1], texts[i][0], NULL, &result);
+        assert_warned(&result, "\"gone.png\" cannot be used");
+        for (size_t m = 0; m < result.scene.material_count; m++)
+            assert_floats(result.scene.materials[m].emission, (const float[]){0, 0, 0}, 3, 0);
+        import_result_release(&result);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exposure_of_zero_is_said),
+        cmocka_unit_test(missing_pictures_are_left_out),
+        cmocka_unit_test(missing_emission_is_dark),
     };
 
     return cmocka_run_group_tests(tests, folder_set_up, folder_tear_down);

@@ -10,47 +10,43 @@
 
 /* ---- pictures ----------------------------------------------------------------------------- */
 
-/* Recognise the format; *known is 0 if it is not read. */
-static status recognise_image(struct pbrt *p, struct pbrt_image *image, const char *path, int *known)
+static status read_image(struct pbrt *p, const char *name, struct pbrt_image *image)
 {
     enum image_format format;
+    char *path = NULL;
+    status result = pbrt_resolve(&p->reader, name, &path, p->err);
 
+    THEN(result, input_files_read(p->b->files, path, PBRT_FILE_BYTES_MAX, &image->bytes, p->err));
+    mem_free(path);
+    if (result != STATUS_OK)
+        return result;
     format = image_format_of(image->bytes.data, image->bytes.size);
     image->is_float = image_format_is_float(format);
-    *known = format != IMAGE_UNKNOWN;
-    return builder_check_image(p->b, path, image->bytes.data, image->bytes.size);
+    if (format == IMAGE_UNKNOWN)
+        return error_set(p->err, STATUS_ERR_UNSUPPORTED,
+                         "it has a form that is not read: PNG, JPEG, WebP, EXR, HDR, TGA and PFM are");
+    return builder_check_image(p->b, name, image->bytes.data, image->bytes.size);
 }
 
 status pbrt_image(struct pbrt *p, const char *name, const struct pbrt_place *at, struct pbrt_image **out)
 {
     struct pbrt_image *image = pbrt_name_find(&p->images, name);
-    char *path = NULL;
-    int known = 0;
     status result;
 
     *out = image;
     if (image)
         return STATUS_OK;
-    TRY(pbrt_resolve(&p->reader, name, at, &path, p->err));
     image = must(ARENA_NEW(&p->arena, struct pbrt_image));
     image->row = BUILDER_NO_ROW;
     image->at = *at;
     image->name = pbrt_keep(p, name);
-    result = input_files_read(p->b->files, path, PBRT_FILE_BYTES_MAX, &image->bytes, p->err);
-    THEN(result, recognise_image(p, image, path, &known));
-    mem_free(path);
-    if (result == STATUS_OK && known)
-        pbrt_name_set(p, &p->images, name, image);
-    if (result != STATUS_OK || !known)
+    result = read_image(p, name, image);
+    if (result != STATUS_OK) {
         buffer_release(&image->bytes);
-    if (result != STATUS_OK)
-        return result;
-    *out = known ? image : NULL;
-    if (!known)
-        pbrt_warn(p, at, "picture form",
-                  "the picture \"%.200s\" has a form that is not read (PNG, JPEG, EXR, HDR, TGA "
-                  "and PFM are): left out",
-                  name);
+        return builder_leave_out(p->b, at->file, at->line, name, result);
+    }
+    pbrt_name_set(p, &p->images, name, image);
+    *out = image;
     return STATUS_OK;
 }
 
@@ -76,7 +72,6 @@ static status decode_8(struct pbrt *p, struct pbrt_image *image, struct image *o
 status pbrt_image_decode(struct pbrt *p, struct pbrt_image *image)
 {
     struct image_repairs repairs = {0};
-    const struct import_result *result_so_far = p->b->out;
     struct buffer borrowed = image->bytes;
     char said[IMAGE_REPAIRS_TEXT];
     status result;
@@ -84,12 +79,9 @@ status pbrt_image_decode(struct pbrt *p, struct pbrt_image *image)
     if (image->pixels.pixels)
         return STATUS_OK;
     if (image->row >= 0) { /* the builder has the bytes */
-        const struct digest *digest = &p->b->images[image->row].blob.digest;
-        for (size_t i = 0; i < result_so_far->blob_count; i++)
-            if (digest_equal(&result_so_far->blobs[i].digest, digest)) {
-                borrowed.data = result_so_far->blobs[i].data;
-                borrowed.size = result_so_far->blobs[i].size_bytes;
-            }
+        const struct import_blob *blob = builder_blob(p->b, &p->b->images[image->row].blob);
+        borrowed.data = blob->data;
+        borrowed.size = blob->size_bytes;
     }
     {
         struct buffer own = image->bytes;

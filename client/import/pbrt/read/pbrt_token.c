@@ -43,18 +43,16 @@ static char *try_folder(const struct input_files *files, const char *folder, con
     return NULL;
 }
 
-status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct pbrt_place *at, char **path,
-                    struct error *err)
+status pbrt_resolve(const struct pbrt_reader *r, const char *name, char **path, struct error *err)
 {
     const char *beside = r->depth ? r->stack[r->depth - 1].folder : NULL;
     char *slashed;
 
     *path = NULL;
     if (!r->folder)
-        return pbrt_error(err, STATUS_ERR_INPUT, at,
-                          "names the file \"%.*s\": files can be named only in a scene that is "
-                          "read from a folder",
-                          NAME_SHOWN, name);
+        return error_set(err, STATUS_ERR_INPUT,
+                         "names the file \"%.*s\": files can be named only in a scene that is read from a folder",
+                         NAME_SHOWN, name);
     slashed = must(mem_strdup(name));
     for (char *p = slashed; *p; p++)
         if (*p == '\\')
@@ -66,8 +64,19 @@ status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct 
         *path = try_folder(r->files, r->folder, slashed);
     mem_free(slashed);
     if (!*path)
-        return pbrt_error(err, STATUS_ERR_INPUT, at, "the file \"%.*s\" does not exist", NAME_SHOWN, name);
+        return error_set(err, STATUS_ERR_INPUT, "the file \"%.*s\" does not exist", NAME_SHOWN, name);
     return STATUS_OK;
+}
+
+/* The same with an error that names its place. */
+static status resolve_at(const struct pbrt_reader *r, const char *name, const struct pbrt_place *at, char **path,
+                         struct error *err)
+{
+    status result = pbrt_resolve(r, name, path, err);
+
+    if (result != STATUS_OK)
+        error_prefix(err, "%s:%u", at->file, at->line);
+    return result;
 }
 
 static int is_gzip(const struct buffer *data)
@@ -142,7 +151,7 @@ status pbrt_read_file(struct pbrt_reader *r, const char *name, const struct pbrt
     char *path;
     status result;
 
-    TRY(pbrt_resolve(r, name, at, &path, err));
+    TRY(resolve_at(r, name, at, &path, err));
     result = read_path(r, path, out, err);
     if (result != STATUS_OK && result != STATUS_ERR_NO_MEMORY)
         error_prefix(err, "%s:%u", at->file, at->line);
@@ -203,7 +212,7 @@ status pbrt_include(struct pbrt_reader *r, const char *name, const struct pbrt_p
     if (r->depth >= PBRT_INCLUDE_DEPTH_MAX || ++r->included > PBRT_INCLUDES_MAX)
         return pbrt_error(err, STATUS_ERR_LIMIT, at, "files include one another more than %d deep or %d times",
                           PBRT_INCLUDE_DEPTH_MAX, PBRT_INCLUDES_MAX);
-    TRY(pbrt_resolve(r, name, at, &path, err));
+    TRY(resolve_at(r, name, at, &path, err));
     s.path = canonical(path);
     s.folder = must(file_dirname(path));
     s.place.file = must(arena_strdup(r->arena, path));

@@ -74,9 +74,8 @@ status pbrt_next(struct pbrt_reader *r, struct pbrt_token *out, struct error *er
 /* A decimal number in float's range. 0: `text` is not one. */
 int pbrt_number(const char *text, double *out);
 
-/* The path of the file `name`, mem_alloc'd. ERR_INPUT names `at`. */
-status pbrt_resolve(const struct pbrt_reader *r, const char *name, const struct pbrt_place *at, char **path,
-                    struct error *err) MUST_CHECK;
+/* The path of the file `name`, mem_alloc'd. ERR_INPUT without its place. */
+status pbrt_resolve(const struct pbrt_reader *r, const char *name, char **path, struct error *err) MUST_CHECK;
 
 /* Read that file as a whole, unpacked if it is gzip. */
 status pbrt_read_file(struct pbrt_reader *r, const char *name, const struct pbrt_place *at, struct buffer *out,
