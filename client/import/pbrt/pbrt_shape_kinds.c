@@ -193,7 +193,7 @@ static status make_ply(struct pbrt *p, const struct pbrt_directive *d, struct me
     const char *name = pbrt_string(d->params, "filename", NULL);
     static const char *const detail[] = {"displacement.uvscale", "edgelength", NULL};
     struct origin_choice choice = {p, d};
-    const struct ply_origin origin = {choose_origin, &choice};
+    const struct ply_origin origin = {choose_origin, &choice, 1};
     struct buffer bytes = BUFFER_INIT;
     struct ply_report report = {0};
     status result;

@@ -51,7 +51,7 @@ static status store_position(struct ply *p, size_t vertex, int axis, double valu
     return STATUS_OK;
 }
 
-static float finite_or_zero(double value)
+float ply_finite(double value)
 {
     float f = (float)value;
 
@@ -73,9 +73,9 @@ static status read_vertex(struct ply *p, const struct element *element, size_t v
         if (property->role <= ROLE_Z)
             position[property->role - ROLE_X] = value;
         else if (property->role <= ROLE_NZ && out->normals)
-            out->normals[3 * vertex + property->role - ROLE_NX] = finite_or_zero(value);
+            out->normals[3 * vertex + property->role - ROLE_NX] = ply_finite(value);
         else if (property->role >= ROLE_U && property->role <= ROLE_V && out->uv[0])
-            out->uv[0][2 * vertex + property->role - ROLE_U] = finite_or_zero(value);
+            out->uv[0][2 * vertex + property->role - ROLE_U] = ply_finite(value);
         else if (property->role >= ROLE_RED && out->colors)
             out->colors[4 * vertex + property->role - ROLE_RED] = color_value(property, value);
     }
@@ -193,6 +193,45 @@ static status read_strip(struct ply *p, const struct property *property)
     return STATUS_OK;
 }
 
+static status read_face(struct ply *p, const struct element *element)
+{
+    const size_t first_corner = p->corner_count, first_face = p->face_count;
+    float color[4] = {1, 1, 1, 1};
+    int has_color = 0, has_texcoords = 0;
+    double value;
+
+    for (uint32_t i = 0; i < element->property_count; i++) {
+        const struct property *property = &p->properties[element->first_property + i];
+        switch (property->role) {
+        case ROLE_CORNERS:
+            TRY(element->kind == ELEMENT_FACE ? read_corners(p, property) : read_strip(p, property));
+            break;
+        case ROLE_TEXCOORDS:
+            TRY(ply_texcoords_read(p, property, first_corner));
+            has_texcoords = 1;
+            break;
+        case ROLE_TEXNUMBER:
+            TRY(ply_value_read(p, property->type, &value));
+            p->report.faces_elsewhere += value > 0;
+            break;
+        case ROLE_RED:
+        case ROLE_GREEN:
+        case ROLE_BLUE:
+        case ROLE_ALPHA:
+            TRY(ply_value_read(p, property->type, &value));
+            color[property->role - ROLE_RED] = color_value(property, value);
+            has_color = 1;
+            break;
+        default: TRY(ply_property_skip(p, property));
+        }
+    }
+    if (has_texcoords)
+        ply_texcoords_end(p);
+    if (has_color && p->face_count > first_face)
+        ply_face_color_add(p, color);
+    return STATUS_OK;
+}
+
 static status read_faces(struct ply *p, const struct element *element)
 {
     int has_corners = 0;
@@ -203,15 +242,7 @@ static status read_faces(struct ply *p, const struct element *element)
         return error_set(p->err, STATUS_ERR_INPUT, "the element %s lacks the list vertex_indices",
                          element->kind == ELEMENT_FACE ? "face" : "tristrips");
     for (uint64_t f = 0; f < element->count; f++)
-        for (uint32_t i = 0; i < element->property_count; i++) {
-            const struct property *property = &p->properties[element->first_property + i];
-            if (property->role == ROLE_CORNERS && element->kind == ELEMENT_FACE)
-                TRY(read_corners(p, property));
-            else if (property->role == ROLE_CORNERS)
-                TRY(read_strip(p, property));
-            else
-                TRY(ply_property_skip(p, property));
-        }
+        TRY(read_face(p, element));
     return STATUS_OK;
 }
 
@@ -284,6 +315,7 @@ static status read_all(struct ply *p)
         case ELEMENT_OTHER: TRY(read_other(p, element)); break;
         }
     }
+    TRY(ply_corners_split(p));
     return make_triangles(p);
 }
 
@@ -300,6 +332,8 @@ status ply_read(const void *data, size_t size_bytes, const struct ply_origin *or
     mem_free(p.properties);
     mem_free(p.corners);
     mem_free(p.sizes);
+    mem_free(p.corner_uv.values);
+    mem_free(p.face_colors.values);
     if (result != STATUS_OK)
         mesh_source_release(out);
     if (report)

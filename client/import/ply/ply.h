@@ -3,8 +3,9 @@
  * Read: format ascii, binary_little_endian and binary_big_endian 1.0; of element `vertex` the properties x y z, nx ny
  * nz, a pair of texture coordinates (u v, s t, texture_u texture_v or texture_s texture_t), red green blue and alpha
  * (integers: 8 or 16 bit sRGB display colours, made linear; floating point: linear already); of element `face` the list
- * vertex_indices or vertex_index, polygons of any size (see polygon.h); of element `tristrips` the same list, in which a
- * negative number ends a strip. Every other element and property, lists
+ * vertex_indices or vertex_index, polygons of any size (see polygon.h), the list texcoord (u and v of each corner) and a colour of
+ * the whole face; of element `tristrips` the same list, in which a negative number ends a strip; of the comments
+ * "TextureFile NAME". Every other element and property, lists
  * included, is skipped. Any of the eight scalar types, by either of their names.
  *
  * The file is hostile: counts are checked against the number of bytes.
@@ -17,18 +18,24 @@ enum {
     PLY_ELEMENTS_MAX = 64,    /* in one header */
     PLY_PROPERTIES_MAX = 256, /* of one element */
     PLY_HEADER_LINE_BYTES_MAX = 4096,
+    PLY_TEXTURE_BYTES_MAX = 255, /* of a texture's name */
 };
 
-/* Counts of omissions, for warnings. */
+/* The picture that the file names, and counts of omissions, for warnings. */
 struct ply_report {
-    size_t faces_invalid; /* fewer than 3 corners, or a corner that is not a vertex: dropped */
-    size_t faces_fanned;  /* concave faces that could not be cut cleanly */
+    char texture[PLY_TEXTURE_BYTES_MAX + 1]; /* "": none */
+    size_t faces_elsewhere;                  /* show another than the first of several textures */
+    size_t texcoords_odd;                    /* faces with a list of texture coordinates that does not fit */
+    int face_colors_unread;                  /* beside colours of vertices */
+    size_t faces_invalid;                    /* fewer than 3 corners, or a corner that is not a vertex: dropped */
+    size_t faces_fanned;                     /* concave faces that could not be cut cleanly */
 };
 
 /* Chooses the origin of the positions from the first vertex (mesh.h). */
 struct ply_origin {
     void (*choose)(void *user, const double first[3], double origin[3]);
     void *user;
+    int vertices_only; /* leave out what faces say of their corners: texture coordinates, colours */
 };
 
 /* Does it begin like a PLY file? */

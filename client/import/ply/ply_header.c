@@ -151,6 +151,36 @@ static status parse_element(struct ply *p, struct word line)
     return STATUS_OK;
 }
 
+static enum ply_role role_of(enum element_kind kind, struct word name, int is_list)
+{
+    enum ply_role role = is_list ? ROLE_NONE : parse_role(name);
+
+    if (kind == ELEMENT_VERTEX)
+        return role;
+    if (kind == ELEMENT_OTHER)
+        return ROLE_NONE;
+    if (is_list && (word_is(name, "vertex_indices") || word_is(name, "vertex_index")))
+        return ROLE_CORNERS;
+    if (kind == ELEMENT_STRIPS)
+        return ROLE_NONE;
+    if (word_is(name, is_list ? "texcoord" : "texnumber"))
+        return is_list ? ROLE_TEXCOORDS : ROLE_TEXNUMBER;
+    return role >= ROLE_RED && role < ROLE_COUNT ? role : ROLE_NONE;
+}
+
+/* "comment TextureFile NAME", as photogrammetry writes; the first one counts. */
+static void parse_comment(struct ply *p, struct word line)
+{
+    if (!word_is(next_word(&line), "TextureFile"))
+        return;
+    while (line.length && (*line.text == ' ' || *line.text == '\t'))
+        line.text++, line.length--;
+    while (line.length && (line.text[line.length - 1] == ' ' || line.text[line.length - 1] == '\t'))
+        line.length--;
+    if (line.length && !p->report.texture[0] && line.length <= PLY_TEXTURE_BYTES_MAX)
+        memcpy(p->report.texture, line.text, line.length);
+}
+
 static status parse_property(struct ply *p, struct word line)
 {
     struct element *element;
@@ -172,10 +202,9 @@ static status parse_property(struct ply *p, struct word line)
         return error_set(p->err, STATUS_ERR_INPUT, "line %zu: a property needs a known type and a name", p->line);
     if (element->property_count == PLY_PROPERTIES_MAX)
         return error_set(p->err, STATUS_ERR_LIMIT, "line %zu: more than %d properties", p->line, PLY_PROPERTIES_MAX);
-    if (element->kind == ELEMENT_VERTEX && !is_list)
-        property.role = parse_role(name);
-    if ((element->kind == ELEMENT_FACE || element->kind == ELEMENT_STRIPS) && is_list && (word_is(name, "vertex_indices") || word_is(name, "vertex_index")))
-        property.role = ROLE_CORNERS;
+    property.role = role_of(element->kind, name, is_list);
+    if (property.role != ROLE_CORNERS && element->kind != ELEMENT_VERTEX && p->origin && p->origin->vertices_only)
+        property.role = ROLE_NONE;
     /* Of several properties with one role, the first one counts. */
     for (uint32_t i = 0; i < element->property_count; i++)
         if (p->properties[element->first_property + i].role == property.role)
@@ -204,7 +233,9 @@ status ply_header_read(struct ply *p)
             TRY(parse_element(p, line));
         else if (word_is(word, "property"))
             TRY(parse_property(p, line));
-        else if (word.length && !word_is(word, "comment") && !word_is(word, "obj_info"))
+        else if (word_is(word, "comment"))
+            parse_comment(p, line);
+        else if (word.length && !word_is(word, "obj_info"))
             return error_set(p->err, STATUS_ERR_INPUT, "line %zu: \"%.*s\" is not a PLY keyword", p->line,
                              (int)(word.length < 40 ? word.length : 40), word.text);
     }

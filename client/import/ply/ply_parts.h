@@ -32,6 +32,8 @@ enum ply_role {
     ROLE_ALPHA,
     ROLE_COUNT,
     ROLE_CORNERS,
+    ROLE_TEXCOORDS, /* u and v of each corner of a face */
+    ROLE_TEXNUMBER, /* which of the textures a face shows */
     ROLE_NONE
 };
 
@@ -47,6 +49,11 @@ struct element {
     enum element_kind kind;
     uint64_t count;
     uint32_t first_property, property_count;
+};
+
+struct ply_list {
+    float *values;
+    size_t count, capacity;
 };
 
 struct ply {
@@ -67,7 +74,20 @@ struct ply {
     size_t corner_count, corner_capacity;
     uint32_t *sizes; /* corners of each face */
     size_t face_count, face_capacity;
+    struct ply_list corner_uv;   /* [2] a corner, or empty */
+    struct ply_list face_colors; /* [4] a face, or empty */
 };
+
+float ply_finite(double value); /* 0 for what is not finite */
+
+/* ply_corners.c: the list of a face whose corners begin, or will begin, at `first_corner`. */
+status ply_texcoords_read(struct ply *p, const struct property *property, size_t first_corner) MUST_CHECK;
+/* The face is read: as many values as corners. */
+void ply_texcoords_end(struct ply *p);
+/* For the last face. */
+void ply_face_color_add(struct ply *p, const float color[4]);
+/* Make a vertex of each distinct corner, if corners have more than their vertex. */
+status ply_corners_split(struct ply *p) MUST_CHECK;
 
 /* ply_header.c: fill format, elements and properties; `at` ends behind end_header. */
 status ply_header_read(struct ply *p) MUST_CHECK;

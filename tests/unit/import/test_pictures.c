@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -135,12 +136,47 @@ static void missing_emission_is_dark(void **state)
     }
 }
 
+/* ---- the picture that a PLY file names -------------------------------------------------------- */
+
+#define PLY(comment)                                                                                                  \
+    "ply\nformat ascii 1.0\ncomment VCGLIB generated\ncomment " comment "\nelement vertex 3\nproperty float x\n"           \
+    "property float y\nproperty float z\nproperty float s\nproperty float t\nproperty uchar red\n"                      \
+    "property uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"  \
+    "0 0 0 0 0 9 9 9\n1 0 0 1 0 9 9 9\n0 1 0 0 1 9 9 9\n3 0 1 2\n"
+
+static void ply_files_have_textures(void **state)
+{
+    static const char *const names[] = {"TextureFile skin 0.hdr", "TextureFile C:\\scan\\skin 0.hdr", "TextureFile ./skin 0.hdr"};
+    struct import_result result;
+
+    (void)state;
+    write_text("skin 0.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\200\100\040\201\200\200\200\200");
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char text[1024];
+
+        snprintf(text, sizeof text, PLY("%s"), names[i]);
+        import(text, "a.ply", NULL, &result);
+        assert_int_equal(result.scene.materials[0].base_color_texture.texture, 0);
+        assert_non_null(strstr(result.scene.images[0].name, "skin 0.hdr"));
+        assert_null(view_mesh(&result, 0).colors);
+        assert_floats(view_mesh(&result, 0).uv0, (const float[]){0, 1, 1, 1, 0, 0}, 6, 0);
+        assert_floats(result.scene.materials[0].base_color, (const float[]){1, 1, 1}, 3, 0);
+        import_result_release(&result);
+    }
+    import(PLY("TextureFile gone.png"), "a.ply", NULL, &result);
+    assert_warned(&result, "a.ply: the texture \"gone.png\" cannot be used (");
+    assert_int_equal(result.scene.materials[0].base_color_texture.texture, -1);
+    assert_non_null(view_mesh(&result, 0).colors);
+    import_result_release(&result);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exposure_of_zero_is_said),
         cmocka_unit_test(missing_pictures_are_left_out),
         cmocka_unit_test(missing_emission_is_dark),
+        cmocka_unit_test(ply_files_have_textures),
     };
 
     return cmocka_run_group_tests(tests, folder_set_up, folder_tear_down);

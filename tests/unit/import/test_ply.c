@@ -296,6 +296,104 @@ static void liars_are_refused(void **state)
     refuse_text(ASCII VERTICES(1) FACES(1) "end_header\n1 2 3\n-1 1", STATUS_ERR_INPUT, "list");
 }
 
+static void plain_origin(void *user, const double first[3], double origin[3])
+{
+    (void)user;
+    mesh_origin_choose(first, origin);
+}
+
+/* ---- what faces say of their corners ---------------------------------------------------------- */
+
+/* The attributes of corner `i` of the triangles. */
+static const float *at_corner(const struct mesh_source *mesh, const float *array, size_t width, size_t i)
+{
+    return array + width * mesh->indices[i];
+}
+
+static void corners_have_texture_coordinates(void **state)
+{
+    /* Beside vertex 0 of the first face, that of the second has another place in the picture. The list may come first. */
+    static const char *const files[] = {
+        ASCII "comment TextureFile  my skin.png \n" VERTICES(4) FACES(2) "property list uchar float texcoord\n"
+              "end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 .5 0 1 1 0 1\n",
+        ASCII "comment TextureFile my skin.png\ncomment TextureFile other.png\n" VERTICES(4) "element face 2\n"
+              "property list uchar float texcoord\nproperty list uchar int vertex_indices\nproperty int texnumber\n"
+              "end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n6 0 0 1 0 1 1 3 0 1 2 0\n6 .5 0 1 1 0 1 3 0 2 3 1\n"};
+    static const float wanted[6][2] = {{0, 0}, {1, 0}, {1, 1}, {.5f, 0}, {1, 1}, {0, 1}};
+    static const float places[6][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+
+    (void)state;
+    for (size_t k = 0; k < 2; k++) {
+        struct mesh_source mesh;
+        struct ply_report report;
+
+        read_ok(files[k], &mesh, &report);
+        assert_int_equal(mesh.vertex_count, 5); /* vertex 2 is the same for both */
+        assert_non_null(mesh.uv[0]);
+        for (size_t i = 0; i < 6; i++) {
+            assert_memory_equal(at_corner(&mesh, mesh.uv[0], 2, i), wanted[i], sizeof wanted[i]);
+            assert_memory_equal(at_corner(&mesh, mesh.positions, 3, i), places[i], sizeof places[i]);
+        }
+        assert_string_equal(report.texture, "my skin.png");
+        assert_int_equal(report.faces_elsewhere, k);
+        assert_int_equal(report.texcoords_odd, 0);
+        mesh_source_release(&mesh);
+    }
+}
+
+/* Too many, too few, none, and a face that is left out: the other corners keep their own. */
+static void odd_lists_of_texture_coordinates(void **state)
+{
+    struct mesh_source mesh;
+    struct ply_report report;
+
+    (void)state;
+    read_ok(ASCII VERTICES(3) FACES(5) "property list uchar float texcoord\n"
+            "end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 8 1 1 1 1 1 1 9 9\n3 0 1 2 2 2 2\n3 0 1 7 6 4 4 4 4 4 4\n"
+            "3 0 1 2 0\n3 0 1 2 6 3 3 3 3 3 3\n",
+            &mesh, &report);
+    assert_int_equal(mesh.triangle_count, 4);
+    assert_int_equal(report.faces_invalid, 1);
+    assert_int_equal(report.texcoords_odd, 3);
+    for (size_t i = 0; i < 12; i++) {
+        static const float wanted[] = {1, 1, 1, 2, 0, 0, 0, 0, 0, 3, 3, 3};
+        assert_true(at_corner(&mesh, mesh.uv[0], 2, i)[0] == wanted[i]);
+        assert_true(at_corner(&mesh, mesh.uv[0], 2, i)[1] == wanted[i]);
+    }
+    mesh_source_release(&mesh);
+}
+
+static void faces_have_colors(void **state)
+{
+    static const char colored[] = ASCII VERTICES(4)
+        FACES(2) "property uchar red\nproperty uchar green\nproperty uchar blue\nelement tristrips 1\n"
+                 "property list uchar int vertex_indices\n"
+                 "end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3 0 255 0\n3 0 1 3\n";
+    const struct ply_origin plain = {plain_origin, NULL, 1};
+    struct mesh_source mesh;
+    struct ply_report report;
+    struct error err = {0};
+
+    (void)state;
+    read_ok(colored, &mesh, &report);
+    assert_int_equal(mesh.triangle_count, 3);
+    for (size_t i = 0; i < 9; i++) { /* a strip has none: white */
+        const float *rgba = at_corner(&mesh, mesh.colors, 4, i);
+        assert_true(rgba[0] == (i / 3 != 1) && rgba[1] == (i / 3 != 0) && rgba[2] == (i / 3 == 2) && rgba[3] == 1);
+    }
+    mesh_source_release(&mesh);
+    assert_int_equal(ply_read(colored, sizeof colored - 1, &plain, &mesh, NULL, &err), STATUS_OK);
+    assert_int_equal(mesh.vertex_count, 4);
+    assert_null(mesh.colors);
+    mesh_source_release(&mesh);
+    read_ok(ASCII VERTICES(3) "property uchar red\nproperty uchar green\nproperty uchar blue\n" FACES(
+                1) "property uchar red\nend_header\n0 0 0 0 0 255\n1 0 0 0 0 255\n0 1 0 0 0 255\n3 0 1 2 255\n",
+            &mesh, &report);
+    assert_true(mesh.colors[0] == 0 && mesh.colors[2] == 1);
+    assert_int_equal(report.face_colors_unread, 1);
+    mesh_source_release(&mesh);
+}
+
 static void headers_have_limits(void **state)
 {
     struct buffer file = BUFFER_INIT;
@@ -321,8 +419,9 @@ static void headers_have_limits(void **state)
 
 static status read_a_face(void *user)
 {
-    static const char text[] =
-        ASCII VERTICES(5) FACES(1) "end_header\n0 0 0\n1 0 0\n1 1 0\n0.5 0.5 0\n0 1 0\n5 0 1 2 3 4\n";
+    static const char text[] = ASCII VERTICES(5)
+        FACES(1) "property list uchar float texcoord\nproperty uchar red\nend_header\n0 0 0\n1 0 0\n1 1 0\n"
+                 "0.5 0.5 0\n0 1 0\n5 0 1 2 3 4 10 0 0 1 0 1 1 .5 .5 0 1 9\n";
     struct mesh_source mesh;
     struct error err = {0};
     status result = ply_read(text, sizeof text - 1, NULL, &mesh, NULL, &err);
@@ -349,6 +448,9 @@ int main(void)
         cmocka_unit_test(bad_faces_are_dropped),
         cmocka_unit_test(strips_are_triangles),
         cmocka_unit_test(liars_are_refused),
+        cmocka_unit_test(corners_have_texture_coordinates),
+        cmocka_unit_test(odd_lists_of_texture_coordinates),
+        cmocka_unit_test(faces_have_colors),
         cmocka_unit_test(headers_have_limits),
         cmocka_unit_test(out_of_memory_ends_it),
     };
