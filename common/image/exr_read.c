@@ -2,10 +2,12 @@
  *
  * The data window counts: its pixels are the picture, wherever it lies in the display window, because an environment
  * map does not need a frame around it. In a tiled file with several levels the finest is read. Channels in order of
- * preference: R, G and B outside layers (a missing one is 0); Y alone; R, G and B of a layer. Alpha is the one beside
- * them, and is read only on request. A chromaticities attribute other than Rec. 709's is honoured.
+ * preference: R, G and B outside layers (a missing one is 0); Y alone; R, G and B of a layer; the only channel of a part, which
+ * is grey whatever its name. Small letters count as capitals where there are none. Alpha is the one beside them, and is
+ * read only on request. A chromaticities attribute other than Rec. 709's is honoured.
  */
 #include <string.h>
+#include <strings.h>
 
 #include "common/base/bytes.h"
 #include "common/image/color.h"
@@ -47,12 +49,14 @@ static status fail(struct exr_reader *r, exr_result_t result, struct error *err)
 
 static int find_channel(const exr_attr_chlist_t *list, const char *prefix, size_t prefix_length, const char *name)
 {
-    for (int i = 0; i < list->num_channels; i++) {
-        const char *have = list->entries[i].name.str;
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < list->num_channels; i++) {
+            const char *have = list->entries[i].name.str;
 
-        if (have && strncmp(have, prefix, prefix_length) == 0 && strcmp(have + prefix_length, name) == 0)
-            return i;
-    }
+            if (have && strncmp(have, prefix, prefix_length) == 0 &&
+                (pass ? strcasecmp : strcmp)(have + prefix_length, name) == 0)
+                return i;
+        }
     return -1;
 }
 
@@ -82,7 +86,7 @@ static int select_layer(const exr_attr_chlist_t *list, struct selection *s)
         const char *dot = name ? strrchr(name, '.') : NULL;
         size_t length;
 
-        if (!dot || strcmp(dot, ".R") != 0)
+        if (!dot || strcasecmp(dot, ".R") != 0)
             continue;
         length = (size_t)(dot - name) + 1;
         s->in_layer = 1;
@@ -103,7 +107,8 @@ static int select_layer(const exr_attr_chlist_t *list, struct selection *s)
 
 static const char view_layer[] = "ViewLayer.";
 
-static int select_channels(const exr_attr_chlist_t *list, const char *wanted, struct selection *s)
+/* `lone`: the only channel of the part, which is grey; else any other choice. */
+static int select_channels(const exr_attr_chlist_t *list, const char *wanted, int lone, struct selection *s)
 {
     int y;
 
@@ -116,9 +121,15 @@ static int select_channels(const exr_attr_chlist_t *list, const char *wanted, st
         s->luminance = s->in_layer = 1;
         return s->rgb[0] >= 0;
     }
+    y = find_channel(list, "", 0, "Y");
+    if (list->num_channels == 1 && y < 0) {
+        s->rgb[0] = s->rgb[1] = s->rgb[2] = 0;
+        s->luminance = 1;
+        s->in_layer = !strchr("RGBA", list->entries[0].name.str[0]) || list->entries[0].name.str[1];
+        return lone;
+    }
     if (select_rgb(list, "", 0, s))
         return 1;
-    y = find_channel(list, "", 0, "Y");
     if (y >= 0) {
         s->rgb[0] = s->rgb[1] = s->rgb[2] = y; /* alpha was searched above */
         s->luminance = 1;
@@ -138,7 +149,9 @@ static status find_part(struct exr_reader *r, struct error *err)
         return fail(r, result, err);
     if (count > PARTS_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "%s: %d parts are more than %d", r->name, count, (int)PARTS_MAX);
-    for (int part = 0; part < count; part++) {
+    for (int at = 0; at < 2 * count; at++) {
+        const int part = at % count;
+
         result = exr_get_storage(r->context, part, &r->storage);
         if (result == EXR_ERR_SUCCESS &&
             (r->storage == EXR_STORAGE_DEEP_SCANLINE || r->storage == EXR_STORAGE_DEEP_TILED)) {
@@ -154,7 +167,7 @@ static status find_part(struct exr_reader *r, struct error *err)
         if (result != EXR_ERR_SUCCESS)
             return fail(r, result, err);
         r->part = part;
-        if (select_channels(r->channels, r->wanted, &r->selection))
+        if (select_channels(r->channels, r->wanted, at >= count, &r->selection))
             return STATUS_OK;
     }
     if (deep)

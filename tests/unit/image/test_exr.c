@@ -568,8 +568,8 @@ static void test_layers_and_parts(void **state)
     static const struct part_spec parts[2] = {
         {"depth", EXR_STORAGE_SCANLINE, {"Z"}, FLOATS, {5}},
         {"light", EXR_STORAGE_SCANLINE, {"B", "G", "R"}, FLOATS, {2, 1, 0}}};
-    static const struct part_spec green = {NULL, EXR_STORAGE_SCANLINE, {"G"}, FLOATS, {1}};
-    static const struct part_spec depth = {NULL, EXR_STORAGE_SCANLINE, {"Z"}, FLOATS, {1}};
+    static const struct part_spec green = {NULL, EXR_STORAGE_SCANLINE, {"A", "G"}, FLOATS, {2, 1}};
+    static const struct part_spec depth = {NULL, EXR_STORAGE_SCANLINE, {"Z", "id"}, FLOATS, {1, 2}};
     struct buffer file = BUFFER_INIT;
     struct error err = {0};
     struct image out;
@@ -599,6 +599,37 @@ static void test_layers_and_parts(void **state)
     write_parts(&file, &parts[1], 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 1);
     assert_int_equal(exr_decode(&out, file.data, file.size, "cube.exr", &err), STATUS_ERR_UNSUPPORTED);
     assert_non_null(strstr(err.text, "cube"));
+    buffer_release(&file);
+}
+
+/* One channel is grey, whatever its name, and small letters are capitals. */
+static void test_names_of_channels(void **state)
+{
+    static const char *const lone[] = {"R", "G", "A", "Z", "Y", "y", "r", "height", "layer.R", "layer.mask"};
+    static const struct part_spec small = {NULL, EXR_STORAGE_SCANLINE, {"b", "g", "r"}, FLOATS, {2, 1, 0}};
+    static const struct part_spec small_layer = {NULL, EXR_STORAGE_SCANLINE, {"l.b", "l.g", "l.r"}, FLOATS, {2, 1, 0}};
+    struct buffer file = BUFFER_INIT;
+    struct image out;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof lone / sizeof *lone; i++) {
+        const struct part_spec one = {NULL, EXR_STORAGE_SCANLINE, {lone[i]}, FLOATS, {1}};
+
+        write_parts(&file, &one, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+        out = decode(&file);
+        for (uint32_t p = 0; p < 9 * 5; p++)
+            for (uint32_t c = 0; c < 3; c++)
+                assert_true(out.pixels[3 * p + c] == pattern(p % 9, p / 9, 1));
+        image_release(&out);
+    }
+    write_parts(&file, &small, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+    out = decode(&file);
+    assert_true(worst(&out) == 0.0f);
+    image_release(&out);
+    write_parts(&file, &small_layer, 1, 9, 5, EXR_COMPRESSION_ZIP, NULL, 0);
+    out = decode(&file);
+    assert_true(worst(&out) == 0.0f);
+    image_release(&out);
     buffer_release(&file);
 }
 
@@ -968,6 +999,7 @@ int main(void)
         cmocka_unit_test(test_tiles_and_levels),
         cmocka_unit_test(test_mixed_types),
         cmocka_unit_test(test_layers_and_parts),
+        cmocka_unit_test(test_names_of_channels),
         cmocka_unit_test(test_chromaticities),
         cmocka_unit_test(test_damage),
         cmocka_unit_test(test_damage_older_api),
