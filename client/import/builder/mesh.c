@@ -105,6 +105,18 @@ void mesh_source_release(struct mesh_source *mesh)
     memset(mesh, 0, sizeof *mesh);
 }
 
+float mesh_color_range(const float *values, size_t count)
+{
+    float most = 0;
+
+    for (size_t i = 0; i < count; i++) {
+        if (values[i] < 0 || values[i] > floorf(values[i]))
+            return 1;
+        most = fmaxf(most, values[i]);
+    }
+    return most <= 4 || most > 65535 ? 1 : most > 255 ? 65535 : 255;
+}
+
 static int deforms(const struct mesh_source *mesh) { return mesh->influences || mesh->morph_count; }
 
 static void gather_bytes(void **array, size_t row_bytes, const uint32_t *from, size_t count)

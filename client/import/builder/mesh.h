@@ -53,6 +53,10 @@ void mesh_origin_near(const double *points, size_t count, const double shared[3]
 /* Coordinate `axis` of a position, relative to the origin. */
 float mesh_place(const struct mesh_origin *origin, double value, int axis);
 
+/* What vertex colours (not numbers: none) are to be divided by: 1, or 255 or 65535 if they are such whole numbers without
+ * being marked as that. Bright ones, up to 4, are no such numbers. */
+float mesh_color_range(const float *values, size_t count);
+
 /* Replace the vertices by copies: new vertex i is old vertex from[i]. */
 void mesh_source_gather(struct mesh_source *mesh, const uint32_t *from, size_t count);
 

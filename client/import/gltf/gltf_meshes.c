@@ -31,16 +31,23 @@ static status read_positions(struct gltf *g, json_t *attributes, const struct gl
 }
 
 /* COLOR_0 as RGBA 0..1; left out when it changes nothing. */
-static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_place *at, struct mesh_source *mesh)
+static status read_colors(struct gltf *g, json_t *attributes, const struct gltf_place *at, const char *name,
+                          struct mesh_source *mesh)
 {
     float *raw = NULL;
     int components = 0, acts = 0;
+    float range;
 
     TRY(gltf_attribute(g, attributes, at, "COLOR_0", 3, 4, 0, mesh->vertex_count, &raw, &components));
     if (!raw)
         return STATUS_OK;
+    range = mesh_color_range(raw, mesh->vertex_count * (size_t)components);
+    if (range > 1)
+        builder_warn(g->b, "vertex color range",
+                     "%s[%zu]%s of \"%.80s\": COLOR_0 goes up to %g but is not marked as normalized: read as if it were",
+                     at->table, at->row, at->part, name, (double)range);
     for (size_t i = 0; i < mesh->vertex_count * (size_t)components; i++) {
-        raw[i] = fminf(fmaxf(raw[i], 0.0f), 1.0f) + 0.0f;
+        raw[i] = fminf(fmaxf(raw[i] / range, 0.0f), 1.0f) + 0.0f;
         acts |= raw[i] != 1;
     }
     if (acts) {
@@ -186,8 +193,8 @@ static void warn_of_leftovers(struct gltf *g, json_t *attributes, const struct g
 }
 
 static status read_source(struct gltf *g, json_t *primitive, json_t *attributes, const struct gltf_place *at,
-                          uint64_t mode, const struct scene_material *material, const struct mesh_tangents *tangents,
-                          struct mesh_source *mesh)
+                          const char *name, uint64_t mode, const struct scene_material *material,
+                          const struct mesh_tangents *tangents, struct mesh_source *mesh)
 {
     const struct gltf_place inner = gltf_within(at, ".attributes");
 
@@ -210,7 +217,7 @@ static status read_source(struct gltf *g, json_t *primitive, json_t *attributes,
                          "(0, 0) is used",
                          at->table, at->row, at->part, set);
     }
-    return read_colors(g, attributes, &inner, mesh);
+    return read_colors(g, attributes, &inner, name, mesh);
 }
 
 /* What moves the vertices. */
@@ -259,7 +266,7 @@ static status read_primitive(struct gltf *g, json_t *primitive, const struct glt
     tangents = tangents_of(&g->b->materials[material_row]);
     warn_of_axes(g, &g->b->materials[material_row]);
     result = gltf_draco_read(g, primitive, attributes, at, mode);
-    THEN(result, read_source(g, primitive, attributes, at, mode, &g->b->materials[material_row], &tangents, &mesh));
+    THEN(result, read_source(g, primitive, attributes, at, name, mode, &g->b->materials[material_row], &tangents, &mesh));
     if (result == STATUS_OK && mesh.positions)
         result = read_deformation(g, primitive, attributes, at, use, &mesh, out);
     if (result == STATUS_OK && !mesh.positions) {

@@ -45,13 +45,13 @@ static status read_vertex(struct obj *o, struct obj_line *line)
     if (count >= 6 && !o->colors) {
         MUST_GROW(o->colors, o->color_capacity, 4 * (o->v_count + 1));
         for (size_t i = 0; i < 4 * o->v_count; i++)
-            o->colors[i] = 1;
+            o->colors[i] = NAN;
     }
     if (o->colors) {
         const double *rgb = count >= 7 ? x + 4 : x + 3;
         MUST_GROW(o->colors, o->color_capacity, 4 * (o->v_count + 1));
         for (size_t c = 0; c < 4; c++)
-            o->colors[4 * o->v_count + c] = c < 3 && count >= 6 ? srgb_decode((float)rgb[c]) + 0.0f : 1.0f;
+            o->colors[4 * o->v_count + c] = c < 3 && count >= 6 ? (float)rgb[c] : NAN;
     }
     o->v_count++;
     return STATUS_OK;
@@ -297,6 +297,19 @@ static void obj_release(struct obj *o)
     mem_free(o->v);
 }
 
+/* Display colours become linear; where a vertex has none, white. */
+static void decode_colors(struct obj *o)
+{
+    size_t count = o->colors ? 4 * o->v_count : 0;
+    float range = mesh_color_range(o->colors, count);
+
+    if (range > 1)
+        builder_warn_at(o->b, o->name, 0, "vertex colours", "its vertex colours go up to %g, not 1: read as such",
+                        (double)range);
+    for (size_t i = 0; i < count; i++)
+        o->colors[i] = isnan(o->colors[i]) ? 1.0f : srgb_decode(o->colors[i] / range) + 0.0f;
+}
+
 static int obj_recognise(const void *data, size_t size_bytes, const char *name)
 {
     static const char *const first_words[] = {"v", "vn", "vt", "mtllib", "usemtl", "o", "g"};
@@ -326,6 +339,7 @@ static status obj_import(const void *data, size_t size_bytes, const char *name, 
     status result = read_text(&o, data, size_bytes);
 
     THEN(result, obj_read_libraries(&o));
+    decode_colors(&o);
     THEN(result, obj_make_meshes(&o));
     if (result == STATUS_OK && b->instance_count == 0) {
         char why[64];

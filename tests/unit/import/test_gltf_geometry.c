@@ -114,6 +114,39 @@ static void test_unused_arrays(void **state)
     import_result_release(&r);
 }
 
+/* Whole numbers up to 255 or 65535 that are not marked as normalized: read as if they were, with a warning. */
+static void test_unmarked_colors(void **state)
+{
+    static const uint8_t bytes[12] = {255, 0, 51, 255, 0, 255, 0, 255, 102, 102, 102, 255};
+    static const uint16_t words[12] = {65535, 0, 13107, 65535, 0, 65535, 0, 65535, 26214, 26214, 26214, 65535};
+    static const float floats[12] = {255, 0, 51, 255, 0, 255, 0, 255, 102, 102, 102, 255};
+    static const float wanted[12] = {1, 0, 0.2f, 1, 0, 1, 0, 1, 0.4f, 0.4f, 0.4f, 1};
+    static const float bright[12] = {3, 0, 0, 1, 255, 0.5f, 0, 1, 0, 0, 1, 1};
+
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        struct maker m = triangle_maker();
+        struct import_result r;
+
+        if (i == 0)
+            put_accessor(&m, put_view(&m, bytes, sizeof bytes, 0), "VEC4", 5121, 3, "");
+        else if (i == 1)
+            put_accessor(&m, put_view(&m, words, sizeof words, 0), "VEC4", 5123, 3, "");
+        else
+            put_floats(&m, "VEC4", i == 2 ? floats : bright, 12, 3);
+        maker_import(&m,
+                     ONE_NODE ",\"meshes\":[{\"name\":\"shirt\",\"primitives\":[{\"attributes\":{\"POSITION\":0,"
+                              "\"COLOR_0\":1}}]}]",
+                     &r);
+        assert_int_equal(warned(&r, "of \"shirt\": COLOR_0 goes up to "), i < 3);
+        if (i < 3)
+            assert_floats(view_mesh(&r, 0).colors, wanted, 12, 1e-6f);
+        else
+            assert_true(view_mesh(&r, 0).colors[0] == 1 && view_mesh(&r, 0).colors[5] == 0.5f);
+        import_result_release(&r);
+    }
+}
+
 static void test_quantized(void **state)
 {
     static const int16_t positions[12] = {0, 0, 0, 0, 32767, 0, 0, 0, 0, -32767, 16384, 0};
@@ -353,6 +386,7 @@ int main(void)
         cmocka_unit_test(test_digest_is_stable),
         cmocka_unit_test(test_attributes),
         cmocka_unit_test(test_unused_arrays),
+        cmocka_unit_test(test_unmarked_colors),
         cmocka_unit_test(test_quantized),
         cmocka_unit_test(test_interleaved),
         cmocka_unit_test(test_sparse),

@@ -188,6 +188,27 @@ static void vertex_colors(void **state)
     import_result_release(&result);
 }
 
+/* Colours of 0 to 255 are read as if they were 0 to 1, with a warning; those that are only bright are clamped. */
+static void vertex_colors_of_255(void **state)
+{
+    struct import_result result;
+    struct mesh_view view;
+
+    (void)state;
+    import("v 0 0 0 255 0 51\nv 1 0 0 1 1 1\nv 0 1 0\nf 1 2 3\n", &result);
+    assert_warned_at(&result, "test.obj: ", "vertex colours go up to 255");
+    view = view_mesh(&result, 0);
+    assert_true(view.colors[0] == 1 && view.colors[1] == 0);
+    assert_float_equal(view.colors[2], 0.0331, 1e-4); /* sRGB 0.2 */
+    assert_float_equal(view.colors[4], 0.000304, 1e-6);
+    assert_true(view.colors[8] == 1 && view.colors[3] == 1);
+    import_result_release(&result);
+    import("v 0 0 0 3 0 0.5\nv 1 0 0 255 1 1\nv 0 1 0\nf 1 2 3\n", &result);
+    assert_false(warned(&result, "vertex colours"));
+    assert_true(view_mesh(&result, 0).colors[0] == 1);
+    import_result_release(&result);
+}
+
 /* A tent of two slopes that meet at a right angle along x = 0. */
 #define TENT "v -1 0 0\nv 0 0 1\nv 0 1 1\nv -1 1 0\nv 1 0 0\nv 1 1 0\n"
 
@@ -656,6 +677,7 @@ int main(void)
         cmocka_unit_test(attributes_make_vertices),
         cmocka_unit_test(groups_and_materials_make_meshes),
         cmocka_unit_test(vertex_colors),
+        cmocka_unit_test(vertex_colors_of_255),
         cmocka_unit_test(smoothing),
         cmocka_unit_test(smoothing_crosses_materials),
         cmocka_unit_test(what_cannot_be_drawn_is_warned_of),
