@@ -115,6 +115,25 @@ static void warn_of_invisible(struct builder *b)
     }
 }
 
+/* From outside such a body shows its back faces alone. bodies_find() reports those that let light through; a lamp may shine
+ * inwards. */
+static void warn_of_inside_out(struct builder *b)
+{
+    const struct scene *scene = &b->out->scene;
+
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        const struct scene_material *m = &scene->materials[scene->instances[i].material];
+        if (scene->meshes[scene->instances[i].mesh].closed < 0 && !m->double_sided && m->transmission == 0 &&
+            m->emission[0] + m->emission[1] + m->emission[2] == 0)
+            builder_warn(b, "inside out",
+                         "the mesh \"%.200s\" is closed, but all its faces look inwards, and its material \"%.80s\" is "
+                         "single-sided: from outside it is black; turn its faces around",
+                         scene->meshes[scene->instances[i].mesh].name, m->name);
+    }
+    for (uint32_t i = 0; i < scene->mesh_count; i++)
+        scene->meshes[i].closed = scene->meshes[i].closed > 0;
+}
+
 /* Unlit materials emit by themselves and need no light. */
 static int is_unlit(const struct scene *scene)
 {
@@ -301,6 +320,7 @@ status builder_finish(struct builder *b, const char *title, const struct import_
     THEN(result, hand_over_cameras(b, &framed));
     if (result != STATUS_OK)
         return result;
+    warn_of_inside_out(b);
     result = scene_validate(&out->scene, b->err);
     if (result == STATUS_OK) {
         scene_rebase(b);

@@ -124,11 +124,12 @@ static int edges_match(const struct edges *e, uint32_t *parent)
     return 1;
 }
 
-/* Six times the signed volume of each connected part; all must be positive: a part wound
- * inwards shows its back faces to the outside. */
-static int volumes_positive(const struct mesh_source *mesh, uint32_t *parent, double *volume)
+/* The sign that the volumes of all connected parts have, 0: not the same. A part wound inwards shows its back faces to the
+ * outside. volume[] becomes six times that of each part. */
+static int sign_of_volumes(const struct mesh_source *mesh, uint32_t *parent, double *volume)
 {
     const float *origin = mesh->positions; /* a point near the mesh: less cancellation */
+    size_t out = 0, in = 0, parts = 0;
 
     for (size_t t = 0; t < mesh->triangle_count; t++) {
         double p[3][3];
@@ -141,9 +142,12 @@ static int volumes_positive(const struct mesh_source *mesh, uint32_t *parent, do
                                                 p[0][2] * (p[1][0] * p[2][1] - p[1][1] * p[2][0]);
     }
     for (size_t t = 0; t < mesh->triangle_count; t++)
-        if (part_of(parent, (uint32_t)t) == t && !(volume[t] > 0))
-            return 0;
-    return 1;
+        if (part_of(parent, (uint32_t)t) == t) {
+            out += volume[t] > 0;
+            in += volume[t] < 0;
+            parts++;
+        }
+    return out == parts ? 1 : in == parts ? -1 : 0;
 }
 
 int mesh_is_closed(const struct mesh_source *mesh)
@@ -167,7 +171,7 @@ int mesh_is_closed(const struct mesh_source *mesh)
     for (size_t t = 0; t < triangles; t++)
         parent[t] = (uint32_t)t;
     edges.weld = weld;
-    closed = edges_match(&edges, parent) && volumes_positive(mesh, parent, volume);
+    closed = edges_match(&edges, parent) ? sign_of_volumes(mesh, parent, volume) : 0;
     mem_free(volume);
     mem_free(edges.table);
     mem_free(parent);

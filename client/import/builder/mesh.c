@@ -366,7 +366,9 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
     if (repaired)
         builder_warn(b, "normals", "%s: %zu normals have no direction: made from the triangles", name, repaired);
     prepare_tangents(b, mesh, name, tangents);
-    out.closed = !deforms(mesh) && mesh_is_closed(mesh);
+    out.closed = mesh_is_closed(mesh);
+    if (deforms(mesh) && out.closed > 0)
+        out.closed = 0;
     out.vertex_count = (uint32_t)mesh->vertex_count;
     out.triangle_count = (uint32_t)mesh->triangle_count;
     out.arrays = (mesh->normals ? MESH_NORMALS : 0u) | (mesh->tangents ? MESH_TANGENTS : 0u) |

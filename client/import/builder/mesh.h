@@ -76,7 +76,7 @@ status mesh_finish(struct builder *b, struct mesh_source *mesh, const char *name
 void tangents_generate(struct mesh_source *mesh, const struct mesh_tangents *wanted);
 
 /* closed.c: every edge joins exactly two triangles in opposite directions and each
- * connected part has a positive volume. 0 when in doubt. */
+ * connected part has a positive volume; -1: a negative one, it is inside out. 0 when in doubt. */
 int mesh_is_closed(const struct mesh_source *mesh);
 
 /* closed.c: number vertices so that equal keys (`key_bytes` at `keys`, a row a vertex) get

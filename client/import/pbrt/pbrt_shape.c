@@ -207,7 +207,7 @@ static status add_light(struct pbrt *p, const struct pbrt_directive *d, struct p
     s->one_sided = 1;
     copy_mesh(mesh, &back);
     result = add_part(p, d, s, mesh, &row);
-    if (result == STATUS_OK && row >= 0 && !p->b->meshes[row].closed) {
+    if (result == STATUS_OK && row >= 0 && p->b->meshes[row].closed <= 0) {
         s->light = NULL;
         mesh_source_reverse(&back);
         result = add_part(p, d, s, &back, &row);

@@ -357,6 +357,19 @@ static void test_closed(void **state)
             put_accessor(&m, 1, "SCALAR", 5123, 30, "");
         maker_import(&m, kind == 2 ? open : rest, &r);
         assert_int_equal(r.scene.meshes[0].closed, kind == 0);
+        assert_int_equal(warned(&r, "all its faces look inwards"), kind == 1);
+        import_result_release(&r);
+    }
+    { /* of a double-sided material it looks as it should */
+        struct maker m = {0};
+        struct import_result r;
+        put_box(&m, 1);
+        maker_import(&m,
+                     ONE_NODE ",\"materials\":[{\"doubleSided\":true}],\"meshes\":[{\"primitives\":[{\"material\":0,"
+                              "\"attributes\":{\"POSITION\":0},\"indices\":1}]}]",
+                     &r);
+        assert_false(warned(&r, "inwards"));
+        assert_int_equal(r.scene.meshes[0].closed, 0);
         import_result_release(&r);
     }
 }
