@@ -56,6 +56,24 @@ static const struct {
     {"KHR_node_selectability", SUPPORT_NOTHING},
     {"KHR_node_hoverability", SUPPORT_NOTHING},
     {"FB_ngon_encoding", SUPPORT_NOTHING},
+    {"AGI_articulations", SUPPORT_NOTHING},
+    {"AGI_stk_metadata", SUPPORT_NOTHING},
+    {"EXT_feature_metadata", SUPPORT_NOTHING},
+    {"EXT_instance_features", SUPPORT_NOTHING},
+    {"EXT_mesh_features", SUPPORT_NOTHING},
+    {"EXT_mesh_manifold", SUPPORT_NOTHING},
+    {"EXT_structural_metadata", SUPPORT_NOTHING},
+    {"GODOT_single_root", SUPPORT_NOTHING},
+    {"KHR_audio", SUPPORT_NOTHING},
+    {"KHR_audio_emitter", SUPPORT_NOTHING},
+    {"KHR_implicit_shapes", SUPPORT_NOTHING},
+    {"KHR_interactivity", SUPPORT_NOTHING},
+    {"KHR_physics_rigid_bodies", SUPPORT_NOTHING},
+    {"MSFT_lod", SUPPORT_NOTHING},
+    {"MSFT_screencoverage", SUPPORT_NOTHING},
+    {"OMI_collider", SUPPORT_NOTHING},
+    {"OMI_physics_body", SUPPORT_NOTHING},
+    {"OMI_physics_shape", SUPPORT_NOTHING},
 };
 
 /* The row of an extension, or -1. */
@@ -84,6 +102,15 @@ static status refuse_extension(struct gltf *g, const char *name, int known)
                      clean);
 }
 
+/* Each name once. */
+static void warn_of_extension(struct gltf *g, const char *name)
+{
+    char kind[128];
+
+    snprintf(kind, sizeof kind, "extension %.80s", name);
+    builder_warn_at(g->b, g->name, 0, kind, "the extension \"%.80s\" is not known: ignored", name);
+}
+
 static status check_extensions(struct gltf *g)
 {
     const struct gltf_place at = gltf_at("", 0, "");
@@ -104,7 +131,7 @@ static status check_extensions(struct gltf *g)
     for (size_t i = 0; i < json_array_size(used); i++) {
         const char *name = json_string_value(json_array_get(used, i));
         if (name && extension_find(name) < 0 && !gltf_reads_material_extension(name))
-            builder_warn(g->b, "extension", "the extension \"%.80s\" is not known: ignored", name);
+            warn_of_extension(g, name);
     }
     if (gltf_extension(g->root, "EXT_lights_image_based"))
         builder_warn(g->b, "image based light",

@@ -22,9 +22,11 @@ static void test_extension_errors(void **state)
     maker_refuse(&m, "\"extensionsRequired\":[\"KHR_texture_basisu\"]", "KHR_texture_basisu|convert");
     maker_refuse(&m, "\"extensionsRequired\":[7]", "extensionsRequired[0]");
     m = triangle_maker();
-    maker_import(&m, "\"extensionsUsed\":[\"ACME_magic\",\"KHR_xmp\"]," ONE_NODE "," ONE_TRIANGLE, &r);
+    maker_import(&m, "\"extensionsUsed\":[\"ACME_magic\",\"KHR_xmp\",\"EXT_mesh_features\",\"ACME_more\"]," ONE_NODE "," ONE_TRIANGLE, &r);
     assert_warned(&r, "ACME_magic");
+    assert_warned(&r, "ACME_more");
     assert_false(warned(&r, "KHR_xmp"));
+    assert_false(warned(&r, "EXT_mesh_features"));
     import_result_release(&r);
     m = triangle_maker();
     maker_import(&m,
