@@ -269,9 +269,10 @@ static status read_channel(struct gltf *g, json_t *channel, json_t *samplers, co
         return gltf_fail(g, STATUS_ERR_INPUT, at, "names no sampler");
     if (g->node_data[out.channel.node].channels[path] >= 0) {
         builder_warn(g->b, "animated twice",
-                     "%s[%zu]%s: animates the %s of nodes[%u], which an earlier channel does "
-                     "already: the first is taken (choose an animation with --animation)",
-                     at->table, at->row, at->part, path_names[path], out.channel.node);
+                     "%s[%zu]%s: animates the %s of nodes[%u], which an earlier channel does already: the first is "
+                     "taken (--animation \"%.80s\" takes this animation alone)",
+                     at->table, at->row, at->part, path_names[path], out.channel.node,
+                     g->b->out->animations[at->row].name);
         return STATUS_OK;
     }
     out.channel.path = (enum scene_channel_path)path;
@@ -352,13 +353,42 @@ static const char **list_animations(struct gltf *g)
     return names;
 }
 
+/* One key each, as Godot's RESET has: where to begin from. */
+static int is_pose(const struct gltf *g, size_t index)
+{
+    json_t *samplers = json_object_get(json_array_get(g->animations, index), "samplers"), *sampler;
+    size_t i;
+
+    json_array_foreach(samplers, i, sampler) {
+        json_t *accessor = json_array_get(g->accessors, (size_t)json_integer_value(json_object_get(sampler, "input")));
+        if (json_integer_value(json_object_get(accessor, "count")) != 1)
+            return 0;
+    }
+    return json_array_size(samplers) > 0;
+}
+
+/* Taken first, a pose would hold still what others move. */
+static int is_left_out(struct gltf *g, size_t index, size_t moving)
+{
+    if (moving == 0 || !is_pose(g, index))
+        return 0;
+    builder_warn(g->b, "pose",
+                 "animations[%zu] \"%.80s\" is a pose without duration beside others that last: left out "
+                 "(--animation %zu takes it)",
+                 index, g->b->out->animations[index].name, index);
+    return 1;
+}
+
 status gltf_animations(struct gltf *g, const char *wanted)
 {
     struct import_result *out = g->b->out;
     const char **names = list_animations(g);
     status result = STATUS_OK;
     int none = wanted && strcmp(wanted, "none") == 0, chosen = -1;
+    size_t moving = 0;
 
+    for (size_t i = 0; i < out->animation_count; i++)
+        moving += !is_pose(g, i);
     if (wanted && !none) {
         chosen = gltf_choice(wanted, names, out->animation_count);
         if (chosen < 0)
@@ -369,7 +399,7 @@ status gltf_animations(struct gltf *g, const char *wanted)
     }
     mem_free(names);
     for (size_t i = 0; result == STATUS_OK && !none && i < out->animation_count; i++) {
-        if (chosen >= 0 && (size_t)chosen != i)
+        if (chosen >= 0 ? (size_t)chosen != i : is_left_out(g, i, moving))
             continue;
         out->animations[i].taken = 1;
         result = read_animation(g, i, &out->animations[i].duration_s);

@@ -144,7 +144,7 @@ static void test_choice(void **state)
     assert_int_equal(r.scene.channel_count, 2); /* all; of two for one thing the first */
     assert_int_equal(r.scene.channels[0].interpolation, INTERPOLATE_LINEAR);
     assert_warned(&r, "animations[1].channels[0]: ");
-    assert_warned(&r, "first is taken");
+    assert_warned(&r, "first is taken (--animation \"run\" takes this animation alone)");
     import_result_release(&r);
     options.animation = "run";
     import_ok_with(file.data, file.size, "a.gltf", &options, &r);
@@ -165,6 +165,41 @@ static void test_choice(void **state)
     options.animation = "swim";
     assert_int_equal(import_scene_memory(file.data, file.size, "a.gltf", NULL, &options, &r, &err), STATUS_ERR_INPUT);
     assert_says(&err, "no animation \"swim\"|has 2");
+    buffer_release(&file);
+    maker_release(&m);
+}
+
+/* Godot's RESET, a pose, comes before what moves, and would hold it still. Alone, or asked for, it is taken. */
+static void test_pose(void **state)
+{
+    static const float first[1] = {0}, moved[3] = {7, 8, 9}, times[3] = {0, 1, 4};
+    struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    struct maker m = motion_maker();
+    struct buffer rest = BUFFER_INIT, file = BUFFER_INIT;
+    struct import_result r;
+    int at, to, lasts;
+
+    (void)state;
+    at = put_accessor(&m, put_view(&m, first, sizeof first, 0), "SCALAR", 5126, 1, ",\"min\":[0],\"max\":[0]");
+    to = put_floats(&m, "VEC3", moved, 3, 1);
+    lasts = put_accessor(&m, put_view(&m, times, sizeof times, 0), "SCALAR", 5126, 3, ",\"min\":[0],\"max\":[4]");
+    buffer_printf(&rest,
+                  TWO_NODES ",\"animations\":[{\"name\":\"RESET\",\"samplers\":[{\"input\":%d,\"output\":%d}],\"channels\":[" CHANNEL(
+                      0, 0, "translation") "]},{\"name\":\"walk\",\"samplers\":[{\"input\":%d,\"output\":2}],\"channels\":[" CHANNEL(
+                      0, 0, "translation") "]}]," ONE_TRIANGLE,
+                  at, to, lasts);
+    maker_write(&m, buffer_text(&rest), &file);
+    import_ok_with(file.data, file.size, "a.gltf", &options, &r);
+    assert_int_equal(r.scene.channel_count, 1);
+    assert_true(!r.animations[0].taken && r.animations[1].taken && r.animations[1].duration_s == 4);
+    assert_warned(&r, "animations[0] \"RESET\" is a pose without duration");
+    import_result_release(&r);
+    options.animation = "RESET";
+    import_ok_with(file.data, file.size, "a.gltf", &options, &r);
+    assert_int_equal(r.scene.channel_count, 0);
+    assert_true(r.animations[0].taken && r.scene.instances[0].to_world.m[0][3] + r.scene.origin[0] == 7);
+    import_result_release(&r);
+    buffer_release(&rest);
     buffer_release(&file);
     maker_release(&m);
 }
@@ -391,6 +426,7 @@ int main(void)
         cmocka_unit_test(test_only_what_moves),
         cmocka_unit_test(test_standing_still),
         cmocka_unit_test(test_choice),
+        cmocka_unit_test(test_pose),
         cmocka_unit_test(test_durations),
         cmocka_unit_test(test_pointers),
         cmocka_unit_test(test_followers),
