@@ -393,22 +393,21 @@ static void health_set(struct wire_work *out, const struct health *in)
     out->message.health = out->pointers;
 }
 
+#define COPY_COUNTER(name, limit, attribute) to->name = in->name;
+
 Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work *in)
 {
-    azulejo__wire__work__init(&out->message);
-    out->message.samples = in->samples;
-    out->message.rays = in->rays;
-    out->message.vertices = in->vertices;
-    out->message.subject_samples = in->subject_samples;
-    out->message.leaked_rays = in->leaked_rays;
-    out->message.clamped_samples = in->clamped_samples;
-    out->message.clamped_luminance = in->clamped_luminance;
-    out->message.kept_luminance = in->kept_luminance;
+    Azulejo__Wire__Work *to = &out->message;
+
+    azulejo__wire__work__init(to);
+    WORK_COUNTERS(COPY_COUNTER)
+    to->clamped_luminance = in->clamped_luminance;
+    to->kept_luminance = in->kept_luminance;
     memcpy(out->depth, in->depth.sum, sizeof out->depth);
-    out->message.depth = out->depth;
-    out->message.n_depth = depth_light_is_known(&in->depth) ? DEPTH_SUMS : 0;
+    to->depth = out->depth;
+    to->n_depth = depth_light_is_known(&in->depth) ? DEPTH_SUMS : 0;
     health_set(out, &in->health);
-    return &out->message;
+    return to;
 }
 
 static status health_get(struct health *out, const Azulejo__Wire__Work *in, struct error *err)
@@ -432,24 +431,19 @@ static status health_get(struct health *out, const Azulejo__Wire__Work *in, stru
     return STATUS_OK;
 }
 
-status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in, struct error *err)
+status wire_work_get(struct unit_work *to, const Azulejo__Wire__Work *in, struct error *err)
 {
-    memset(out, 0, sizeof *out);
+    memset(to, 0, sizeof *to);
     if (!in)
         return STATUS_OK;
-    out->samples = in->samples;
-    out->rays = in->rays;
-    out->vertices = in->vertices;
-    out->subject_samples = in->subject_samples;
-    out->leaked_rays = in->leaked_rays;
-    out->clamped_samples = in->clamped_samples;
-    out->clamped_luminance = in->clamped_luminance;
-    out->kept_luminance = in->kept_luminance;
+    WORK_COUNTERS(COPY_COUNTER)
+    to->clamped_luminance = in->clamped_luminance;
+    to->kept_luminance = in->kept_luminance;
     if (in->n_depth != 0 && in->n_depth != DEPTH_SUMS)
         return error_set(err, STATUS_ERR_PROTOCOL, "%zu sums of light by depth instead of %d", in->n_depth, DEPTH_SUMS);
     for (size_t i = 0; i < in->n_depth; i++)
-        out->depth.sum[i] = in->depth[i];
-    return health_get(&out->health, in, err);
+        to->depth.sum[i] = in->depth[i];
+    return health_get(&to->health, in, err);
 }
 
 /* ---- blobs ----------------------------------------------------------------------------- */

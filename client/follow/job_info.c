@@ -79,25 +79,17 @@ status frame_choice_of_job(struct connection *c, uint64_t job, const struct fram
     return result;
 }
 
-/* The share of the light that clamping removed. */
-static double clamped_share(const Azulejo__Wire__Work *w)
-{
-    double all = w->clamped_luminance + w->kept_luminance;
-
-    return all > 0 ? w->clamped_luminance / all : 0;
-}
-
 /* ---- health ---------------------------------------------------------------------------------- */
 
-/* What went wrong with samples; nothing is known of counters that do not fit. */
-static struct health job_health(const Azulejo__Wire__JobInfo *job)
+/* What was counted; nothing is known of what went wrong where that does not fit. */
+static struct unit_work job_work(const Azulejo__Wire__JobInfo *job)
 {
     struct unit_work work;
     struct error unused;
 
     if (wire_work_get(&work, job->work, &unused) != STATUS_OK)
         memset(&work.health, 0, sizeof work.health);
-    return work.health;
+    return work;
 }
 
 /* Where the job's pixels are in the whole picture. */
@@ -110,14 +102,14 @@ static struct tile_rect job_rect(const Azulejo__Wire__JobInfo *job)
 
 static void print_health(FILE *out, const Azulejo__Wire__JobInfo *job)
 {
-    struct health health = job_health(job);
+    const struct unit_work work = job_work(job);
     char line[HEALTH_TEXT_SIZE];
 
     for (int k = 0; k < HEALTH_KINDS && job->settings; k++) {
-        if (!health_is_told(&health, (enum health_kind)k, job->work ? job->work->samples : 0))
+        if (!health_is_told(&work.health, (enum health_kind)k, work.samples))
             continue;
         field_print(out, "health",
-                    health_text(line, &health, (enum health_kind)k, job_rect(job), job->last_frame > job->first_frame));
+                    health_text(line, &work.health, (enum health_kind)k, job_rect(job), job->last_frame > job->first_frame));
         field_print(out, "", health_rows[k].remedy);
     }
 }
@@ -163,10 +155,11 @@ void job_info_print_summary(FILE *out, const Azulejo__Wire__JobInfo *job)
     print_health(out, job);
     print_depth(out, job);
     if (job->work && job->settings && job->settings->clamp > 0) {
+        const struct unit_work work = job_work(job);
         snprintf(line, sizeof line,
                  "%" PRIu64 " samples were above %g and are scaled down to it: the picture lacks %.3g %% "
                  "of its light",
-                 job->work->clamped_samples, (double)job->settings->clamp, 100 * clamped_share(job->work));
+                 work.clamped_samples, (double)job->settings->clamp, 100 * unit_work_clamped_share(&work));
         field_print(out, "clamped", line);
     }
     if (job->develop_error[0])

@@ -115,6 +115,11 @@ static inline void film_level_count(struct film *film, uint32_t group, uint32_t 
     *(is->skipped ? &film->skipped[group][level] : &film->at_level[group][level]) += (uint32_t)tiles;
 }
 
+/* The work as bytes: so many of WORK_COUNTERS, and of the health's counters those in `mask`. All counters are put. */
+size_t film_work_bytes(uint32_t counters, uint32_t mask);
+uint8_t *film_work_put(uint8_t *out, const struct unit_work *work, uint32_t mask);
+void film_work_get(const uint8_t **in, struct unit_work *work, uint32_t counters, uint32_t mask);
+
 /* A level as bytes. */
 enum { FILM_LEVEL_BYTES = 8 + 8 + 8 + 8 + 4 + 4 + 4 + LEVEL_BINS * 2 + LEVEL_SPREADS * 2 };
 uint8_t *film_level_put(uint8_t *out, const struct film_level *level);

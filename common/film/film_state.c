@@ -1,6 +1,7 @@
 /* A tile's state on disk, little-endian:
  *   magic, length in bytes, frame width, height, AOVs, tile (32 bits each)
- *   for each group: whole passes, samples of the short pass's end (0: none), levels, 0 (32 bits each)
+ *   for each group: whole passes, samples of the short pass's end (0: none), levels, how many of WORK_COUNTERS follow the
+ *     first (32 bits each)
  *     sums of the whole passes, if there are any; of the short one, if there is one:
  *       the work (64 bits each: counts, doubles, the health's counts and examples), tail count, 0,
  *       tail, values (doubles)
@@ -20,7 +21,7 @@ enum {
     STATE_MAGIC = 0x375a5441, /* "ATZ7": 6 lacks the subject's samples */
     STATE_HEADER_BYTES = 6 * 4,
     GROUP_HEADER_BYTES = 4 * 4,
-    WORK_BYTES = (6 + 2 + DEPTH_SUMS + 2 * HEALTH_KINDS) * 8,
+    HEALTH_ALL = (1 << HEALTH_KINDS) - 1,
     TAIL_BYTES = 8 + TAIL_MAX * 8,
     LOG_BYTES = 16,
     STATE_CHECK_BYTES = 8,
@@ -30,16 +31,24 @@ enum {
 
 /* ---- lengths -------------------------------------------------------------------------------- */
 
-static size_t sums_size(size_t numbers) { return WORK_BYTES + TAIL_BYTES + numbers * 8; }
+size_t film_work_bytes(uint32_t counters, uint32_t mask)
+{
+    return (counters + 2 + DEPTH_SUMS + 2 * (size_t)__builtin_popcount(mask)) * 8;
+}
+
+static size_t sums_size(uint32_t counters, size_t numbers)
+{
+    return film_work_bytes(counters, HEALTH_ALL) + TAIL_BYTES + numbers * 8;
+}
 
 static size_t recent_size(const struct film *film, uint32_t tile, uint32_t whole_passes)
 {
     return film_has_recent(whole_passes) ? film_radiance_numbers(film, tile) * sizeof(float) : 0;
 }
 
-static size_t group_size(size_t numbers, int parts, size_t recent, uint32_t levels, uint32_t passes)
+static size_t group_size(size_t sums, int parts, size_t recent, uint32_t levels, uint32_t passes)
 {
-    return GROUP_HEADER_BYTES + (size_t)parts * sums_size(numbers) + recent + (size_t)levels * FILM_LEVEL_BYTES +
+    return GROUP_HEADER_BYTES + (size_t)parts * sums + recent + (size_t)levels * FILM_LEVEL_BYTES +
            (size_t)passes * LOG_BYTES;
 }
 
@@ -58,8 +67,8 @@ size_t film_tile_state_size(const struct film *film, uint32_t tile)
         const struct film_group *g = &film->tiles[tile].groups[i];
         int cut = has_cut(film, i, g->passes);
         uint32_t whole = g->passes - (uint32_t)cut;
-        size += group_size(film_group_numbers(film, tile, i), parts_of(whole, cut), recent_size(film, tile, whole),
-                           g->level_count, g->passes);
+        size += group_size(sums_size(WORK_COUNTER_COUNT, film_group_numbers(film, tile, i)), parts_of(whole, cut),
+                           recent_size(film, tile, whole), g->level_count, g->passes);
     }
     return size;
 }
@@ -69,8 +78,8 @@ size_t film_tile_state_bound(const struct film *film, uint32_t tile)
     size_t size = STATE_HEADER_BYTES + STATE_CHECK_BYTES;
 
     for (uint32_t i = 0; i < GROUPS; i++)
-        size += group_size(film_group_numbers(film, tile, i), 2, film_radiance_numbers(film, tile) * sizeof(float),
-                           LEVELS_MAX, PASSES_MAX);
+        size += group_size(sums_size(WORK_COUNTER_COUNT, film_group_numbers(film, tile, i)), 2,
+                           film_radiance_numbers(film, tile) * sizeof(float), LEVELS_MAX, PASSES_MAX);
     return size;
 }
 
@@ -83,21 +92,26 @@ size_t film_tile_length(const uint8_t prefix[FILM_STATE_PREFIX])
 
 /* ---- to bytes ------------------------------------------------------------------------------- */
 
-static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbers)
+uint8_t *film_work_put(uint8_t *at, const struct unit_work *w, uint32_t mask)
 {
-    const struct unit_work *w = &sums->work;
-    const uint64_t work[] = {w->samples, w->rays, w->vertices, w->subject_samples, w->leaked_rays, w->clamped_samples};
-
-    for (size_t i = 0; i < sizeof work / sizeof *work; i++)
-        at = bytes_add64(at, work[i]);
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        at = bytes_add64(at, w->count[i]);
     at = bytes_add_double(at, w->clamped_luminance);
     at = bytes_add_double(at, w->kept_luminance);
     for (int i = 0; i < DEPTH_SUMS; i++)
         at = bytes_add_double(at, w->depth.sum[i]);
     for (int k = 0; k < HEALTH_KINDS; k++) {
+        if (!(mask >> k & 1))
+            continue;
         at = bytes_add64(at, w->health.count[k]);
         at = bytes_add64(at, w->health.first[k]);
     }
+    return at;
+}
+
+static uint8_t *put_sums(uint8_t *at, const struct film_sums *sums, size_t numbers)
+{
+    at = film_work_put(at, &sums->work, HEALTH_ALL);
     at = bytes_add32(at, sums->tail.count);
     at = bytes_add32(at, 0);
     for (uint32_t i = 0; i < TAIL_MAX; i++) {
@@ -140,7 +154,7 @@ static uint8_t *put_group(uint8_t *at, const struct film *film, uint32_t tile, u
     at = bytes_add32(at, g->passes - (uint32_t)cut);
     at = bytes_add32(at, cut ? film_samples_after(film, group, g->passes) : 0);
     at = bytes_add32(at, g->level_count);
-    at = bytes_add32(at, 0);
+    at = bytes_add32(at, WORK_COUNTER_COUNT - WORK_COUNTERS_FIRST);
     if (g->passes > (uint32_t)cut)
         at = put_sums(at, g->whole, numbers);
     if (cut)
@@ -176,7 +190,7 @@ void film_tile_save(const struct film *film, uint32_t index, uint8_t *out)
 
 /* A group's header, checked against what follows it. */
 struct group_header {
-    uint32_t whole, cut_end, levels;
+    uint32_t whole, cut_end, levels, counters;
     int keeps_cut;   /* the short pass also belongs to this cap */
     uint32_t passes; /* in the state */
 };
@@ -188,8 +202,9 @@ static int get_group_header(const struct film *film, uint32_t group, const uint8
     h->whole = bytes_take32(at);
     h->cut_end = bytes_take32(at);
     h->levels = bytes_take32(at);
-    (void)bytes_take32(at);
-    if (h->whole > PASSES_MAX || h->levels != level_count(h->whole))
+    h->counters = WORK_COUNTERS_FIRST + bytes_take32(at);
+    if (h->whole > PASSES_MAX || h->levels != level_count(h->whole) || h->counters < WORK_COUNTERS_FIRST ||
+        h->counters > WORK_COUNTER_COUNT)
         return 0;
     end = h->whole ? pass_boundary(h->whole - 1) : 0;
     if (end > samples)
@@ -209,11 +224,11 @@ static int floats_are_finite(const uint8_t *at, size_t size)
     return 1;
 }
 
-static int sums_are_good(const uint8_t *at, size_t numbers)
+static int sums_are_good(const uint8_t *at, uint32_t counters, size_t numbers)
 {
     uint32_t tails;
 
-    at += WORK_BYTES;
+    at += film_work_bytes(counters, HEALTH_ALL);
     tails = bytes_take32(&at);
     if (tails > TAIL_MAX)
         return 0;
@@ -224,22 +239,25 @@ static int sums_are_good(const uint8_t *at, size_t numbers)
     return 1;
 }
 
-static void get_sums(const uint8_t **at, struct film_sums *sums, size_t numbers)
+void film_work_get(const uint8_t **at, struct unit_work *w, uint32_t counters, uint32_t mask)
 {
-    uint64_t *const work[] = {&sums->work.samples,         &sums->work.rays,
-                              &sums->work.vertices,        &sums->work.subject_samples,
-                              &sums->work.leaked_rays,     &sums->work.clamped_samples};
-
-    for (size_t i = 0; i < sizeof work / sizeof *work; i++)
-        *work[i] = bytes_take64(at);
-    sums->work.clamped_luminance = bytes_take_double(at);
-    sums->work.kept_luminance = bytes_take_double(at);
+    for (uint32_t i = 0; i < counters; i++)
+        w->count[i] = bytes_take64(at);
+    w->clamped_luminance = bytes_take_double(at);
+    w->kept_luminance = bytes_take_double(at);
     for (int i = 0; i < DEPTH_SUMS; i++)
-        sums->work.depth.sum[i] = bytes_take_double(at);
+        w->depth.sum[i] = bytes_take_double(at);
     for (int k = 0; k < HEALTH_KINDS; k++) {
-        sums->work.health.count[k] = bytes_take64(at);
-        sums->work.health.first[k] = bytes_take64(at);
+        if (!(mask >> k & 1))
+            continue;
+        w->health.count[k] = bytes_take64(at);
+        w->health.first[k] = bytes_take64(at);
     }
+}
+
+static void get_sums(const uint8_t **at, struct film_sums *sums, uint32_t counters, size_t numbers)
+{
+    film_work_get(at, &sums->work, counters, HEALTH_ALL);
     sums->tail.count = bytes_take32(at);
     (void)bytes_take32(at);
     for (uint32_t i = 0; i < TAIL_MAX; i++) {
@@ -293,19 +311,20 @@ static status check_state(const struct film *film, uint32_t tile, const uint8_t 
         return error_set(err, STATUS_ERR_CORRUPT, "tile %u: the stored state belongs to another tile or frame", tile);
     for (uint32_t g = 0; g < GROUPS; g++) {
         struct group_header *h = &headers[g];
-        size_t numbers = film_group_numbers(film, tile, g), sums = sums_size(numbers), recent, size_all;
+        size_t numbers = film_group_numbers(film, tile, g), sums, recent, size_all;
         int count;
         parts[g] = at;
         if (end - at < GROUP_HEADER_BYTES || !get_group_header(film, g, &at, h))
             return error_set(err, STATUS_ERR_CORRUPT, "tile %u: the stored state has passes that the frame has not",
                              tile);
+        sums = sums_size(h->counters, numbers);
         count = parts_of(h->whole, h->cut_end != 0);
         recent = recent_size(film, tile, h->whole);
-        size_all = group_size(numbers, count, recent, h->levels, h->passes);
+        size_all = group_size(sums, count, recent, h->levels, h->passes);
         if ((size_t)(end - parts[g]) < size_all)
             return error_set(err, STATUS_ERR_CORRUPT, "tile %u: its stored state is cut off", tile);
         for (int i = 0; i < count; i++)
-            if (!sums_are_good(at + (size_t)i * sums, numbers))
+            if (!sums_are_good(at + (size_t)i * sums, h->counters, numbers))
                 return error_set(err, STATUS_ERR_CORRUPT, "tile %u: a stored sum is not finite", tile);
         if (!floats_are_finite(at + (size_t)count * sums, recent))
             return error_set(err, STATUS_ERR_CORRUPT, "tile %u: a stored sum is not finite", tile);
@@ -360,14 +379,14 @@ static void group_load(struct film *film, uint32_t tile, uint32_t group, const s
     group_clear(film, tile, group);
     at += GROUP_HEADER_BYTES;
     if (h->whole > 0) {
-        get_sums(&at, g->whole, numbers);
+        get_sums(&at, g->whole, h->counters, numbers);
         unit_work_add(&film->work, &g->whole->work);
     }
     if (h->keeps_cut) {
-        get_sums(&at, g->cut, numbers);
+        get_sums(&at, g->cut, h->counters, numbers);
         unit_work_add(&film->work, &g->cut->work);
     } else if (h->cut_end != 0) {
-        at += sums_size(numbers);
+        at += sums_size(h->counters, numbers);
     }
     for (size_t i = 0; i < recent_size(film, tile, h->whole) / sizeof(float); i++)
         g->recent[i] = bytes_take_float(&at);

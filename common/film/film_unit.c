@@ -1,5 +1,6 @@
 /* A folded unit on disk, little-endian:
- *   group, pass, deliverer, cost, tail count, level + 1 (0: none, or left out), mask of the health's counters, floats (32 bits each)
+ *   group, pass, deliverer, cost, tail count, level + 1 (0: none, or left out) (32 bits each)
+ *   mask of the health's counters (24 bits), how many of WORK_COUNTERS follow the first (8 bits), floats (32 bits)
  *   hash, work (64 bits each: counts, doubles), of the counters in the mask count and example (64 bits each)
  *   tail (value and pixel, 32 bits each), the level, if there is one, sums (floats) */
 #include <math.h>
@@ -8,7 +9,8 @@
 #include "common/base/bytes.h"
 #include "common/film/film_parts.h"
 
-enum { HEAD_BYTES = 8 * 4, COST_AT = 12, COUNTS = 6, WORK_BYTES = (1 + COUNTS + 2 + DEPTH_SUMS) * 8 };
+enum { HEAD_BYTES = 8 * 4, COST_AT = 12, MASK_BITS = 24, MORE_COUNTERS = WORK_COUNTER_COUNT - WORK_COUNTERS_FIRST };
+_Static_assert((int)HEALTH_KINDS <= MASK_BITS, "a unit's head has a bit for each");
 
 static uint32_t health_mask(const struct health *health)
 {
@@ -19,47 +21,28 @@ static uint32_t health_mask(const struct health *health)
     return mask;
 }
 
-static size_t unit_size(uint32_t mask, uint32_t tails, int level, size_t count)
+static size_t unit_size(uint32_t more, uint32_t mask, uint32_t tails, int level, size_t count)
 {
-    return HEAD_BYTES + WORK_BYTES + (size_t)__builtin_popcount(mask) * 16 + tails * 8 +
+    return HEAD_BYTES + 8 + film_work_bytes(WORK_COUNTERS_FIRST + more, mask) + tails * 8 +
            (level ? FILM_LEVEL_BYTES : 0) + count * sizeof(float);
 }
 
 size_t film_unit_size(const struct film_fold *f)
 {
-    return unit_size(health_mask(&f->work->health), f->tail->count, f->level != NULL, f->count);
-}
-
-static uint8_t *put_work(uint8_t *at, const struct unit_work *w, uint32_t mask)
-{
-    const uint64_t counts[COUNTS] = {w->samples, w->rays, w->vertices, w->subject_samples, w->leaked_rays,
-                                     w->clamped_samples};
-
-    for (int i = 0; i < COUNTS; i++)
-        at = bytes_add64(at, counts[i]);
-    at = bytes_add_double(at, w->clamped_luminance);
-    at = bytes_add_double(at, w->kept_luminance);
-    for (int i = 0; i < DEPTH_SUMS; i++)
-        at = bytes_add_double(at, w->depth.sum[i]);
-    for (int k = 0; k < HEALTH_KINDS; k++) {
-        if (!(mask >> k & 1))
-            continue;
-        at = bytes_add64(at, w->health.count[k]);
-        at = bytes_add64(at, w->health.first[k]);
-    }
-    return at;
+    return unit_size(MORE_COUNTERS, health_mask(&f->work->health), f->tail->count, f->level != NULL, f->count);
 }
 
 void film_unit_save(const struct film_fold *f, uint8_t *out)
 {
     uint32_t mask = health_mask(&f->work->health);
     const uint32_t head[] = {f->group, f->pass, f->deliverer, f->cost, f->tail->count,
-                             f->level ? (uint32_t)level_at(f->pass + 1) + 1 : 0, mask, (uint32_t)f->count};
+                             f->level ? (uint32_t)level_at(f->pass + 1) + 1 : 0,
+                             mask | (uint32_t)MORE_COUNTERS << MASK_BITS, (uint32_t)f->count};
     uint8_t *at = out;
 
     for (size_t i = 0; i < sizeof head / sizeof *head; i++)
         at = bytes_add32(at, head[i]);
-    at = put_work(bytes_add64(at, f->hash), f->work, mask);
+    at = film_work_put(bytes_add64(at, f->hash), f->work, mask);
     for (uint32_t i = 0; i < f->tail->count; i++)
         at = bytes_add32(bytes_add_float(at, f->tail->entries[i].value), f->tail->entries[i].pixel);
     if (f->level)
@@ -75,36 +58,17 @@ void film_unit_set_cost(const struct film *film, uint32_t tile, uint8_t *unit)
     bytes_put32(unit + COST_AT, g->log[bytes_get32(unit + 4)].cost);
 }
 
-static void get_work(const uint8_t **at, struct unit_work *w, uint32_t mask)
-{
-    uint64_t *const counts[COUNTS] = {&w->samples, &w->rays, &w->vertices, &w->subject_samples, &w->leaked_rays,
-                                &w->clamped_samples};
-
-    for (int i = 0; i < COUNTS; i++)
-        *counts[i] = bytes_take64(at);
-    w->clamped_luminance = bytes_take_double(at);
-    w->kept_luminance = bytes_take_double(at);
-    for (int i = 0; i < DEPTH_SUMS; i++)
-        w->depth.sum[i] = bytes_take_double(at);
-    for (int k = 0; k < HEALTH_KINDS; k++) {
-        if (!(mask >> k & 1))
-            continue;
-        w->health.count[k] = bytes_take64(at);
-        w->health.first[k] = bytes_take64(at);
-    }
-}
-
 /* What a unit begins with, without its hash. */
 struct unit_head {
-    uint32_t group, pass, deliverer, cost, tails, level, mask, count;
+    uint32_t group, pass, deliverer, cost, tails, level, mask, count, more; /* `more`: counters */
 };
 
 static int head_fits(const struct film *film, uint32_t tile, const struct unit_head *h, size_t size)
 {
     return tile < film->tiles_total && h->group < GROUPS && h->pass < PASSES_MAX && h->tails <= TAIL_MAX &&
-           h->level <= 1 + (uint32_t)LEVELS_MAX && h->mask < 1u << HEALTH_KINDS &&
+           h->level <= 1 + (uint32_t)LEVELS_MAX && h->mask < 1u << HEALTH_KINDS && h->more <= MORE_COUNTERS &&
            h->count == film_unit_numbers(film, tile, h->group, h->pass) &&
-           size == unit_size(h->mask, h->tails, h->level > 0, h->count);
+           size == unit_size(h->more, h->mask, h->tails, h->level > 0, h->count);
 }
 
 static status fold(struct film *film, const struct unit_result *unit, const struct unit_head *h, uint64_t hash,
@@ -148,13 +112,15 @@ status film_unit_load(struct film *film, uint32_t tile, const uint8_t *data, siz
     *result = FILM_UNIT_OTHER;
     for (size_t i = 0; i < sizeof head / sizeof *head && size_bytes >= HEAD_BYTES; i++, at += 4)
         *head[i] = bytes_get32(at);
+    h.more = h.mask >> MASK_BITS;
+    h.mask &= (1u << MASK_BITS) - 1;
     if (size_bytes < HEAD_BYTES || !head_fits(film, tile, &h, size_bytes))
         return error_set(err, STATUS_ERR_CORRUPT, "tile %u: a stored result is not of this frame", tile);
     unit.group = h.group;
     unit.pass = h.pass;
     unit.count = h.count;
     hash = bytes_take64(&at);
-    get_work(&at, &unit.work, h.mask);
+    film_work_get(&at, &unit.work, WORK_COUNTERS_FIRST + h.more, h.mask);
     unit.tail.count = h.tails;
     for (uint32_t i = 0; i < h.tails; i++, at += 8)
         unit.tail.entries[i] =

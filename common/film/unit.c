@@ -5,13 +5,9 @@
 
 void unit_work_add(struct unit_work *sum, const struct unit_work *more)
 {
-    sum->samples += more->samples;
-    sum->rays += more->rays;
-    sum->vertices += more->vertices;
-    sum->subject_samples += more->subject_samples;
-    sum->leaked_rays += more->leaked_rays;
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        sum->count[i] += more->count[i];
     health_add(&sum->health, &more->health);
-    sum->clamped_samples += more->clamped_samples;
     sum->clamped_luminance += more->clamped_luminance;
     sum->kept_luminance += more->kept_luminance;
     depth_light_add(&sum->depth, &more->depth);
@@ -19,13 +15,9 @@ void unit_work_add(struct unit_work *sum, const struct unit_work *more)
 
 void unit_work_subtract(struct unit_work *sum, const struct unit_work *less)
 {
-    sum->samples -= less->samples;
-    sum->rays -= less->rays;
-    sum->vertices -= less->vertices;
-    sum->subject_samples -= less->subject_samples;
-    sum->leaked_rays -= less->leaked_rays;
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        sum->count[i] -= less->count[i];
     health_subtract(&sum->health, &less->health);
-    sum->clamped_samples -= less->clamped_samples;
     sum->clamped_luminance -= less->clamped_luminance;
     sum->kept_luminance -= less->kept_luminance;
     depth_light_subtract(&sum->depth, &less->depth);
@@ -109,9 +101,7 @@ static uint64_t double_bits(double value)
 uint64_t unit_hash(const struct unit_result *unit)
 {
     const struct unit_work *w = &unit->work;
-    const uint64_t counts[] = {w->samples, w->rays, w->vertices, w->subject_samples, w->leaked_rays, w->clamped_samples,
-                               double_bits(w->clamped_luminance), double_bits(w->kept_luminance),
-                               unit->tail.count};
+    const uint64_t rest[] = {double_bits(w->clamped_luminance), double_bits(w->kept_luminance), unit->tail.count};
     uint64_t hash = 0x243f6a8885a308d3ull ^ unit->count;
 
     for (size_t i = 0; i < unit->count; i++) {
@@ -128,7 +118,9 @@ uint64_t unit_hash(const struct unit_result *unit)
     hash = hash_words(hash, w->health.first, HEALTH_KINDS);
     for (int i = 0; i < DEPTH_SUMS; i++)
         hash = hash_mix(hash, double_bits(w->depth.sum[i]));
-    return hash_words(hash, counts, sizeof counts / sizeof *counts);
+    for (int i = 0; i < WORK_COUNTERS_FIRST; i++)
+        hash = hash_mix(hash, w->count[i]);
+    return hash_words(hash, rest, sizeof rest / sizeof *rest);
 }
 
 uint64_t hash_bytes(const uint8_t *data, size_t size_bytes)

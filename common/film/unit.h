@@ -12,17 +12,45 @@
 #include "common/film/health.h"
 #include "common/film/tiles.h"
 
+/* Counts of the work done. All that treats them alike follows from a row and its field of message Work
+ * (docs/EXTENDING.md).
+ * X(name, limit, attribute)
+ *   name       the member, its field, and its key in JSON and manifests
+ *   limit      no unit has more: SAMPLES, or STEPS (SAMPLE_COUNTS_MAX a sample)
+ *   attribute  of an EXR's header; NULL: none */
+#define WORK_COUNTERS(X)                                                                               \
+    X(samples, SAMPLES, NULL)                                                                          \
+    X(rays, STEPS, "azulejo:rays")                                                                     \
+    X(vertices, STEPS, "azulejo:vertices")                                                             \
+    /* Samples whose camera ray met a medium, or a surface that did not merely shine brighter than all \
+     * that it reflects: neither the background nor a lamp seen directly. */                           \
+    X(subject_samples, SAMPLES, NULL)                                                                  \
+    /* Slipped through something closed: traced again. */                                              \
+    X(leaked_rays, STEPS, "azulejo:leakedRays")                                                        \
+    /* settings.clamp: scaled down. */                                                                 \
+    X(clamped_samples, SAMPLES, NULL)
+
+enum work_counter {
+#define WORK_COUNTER(name, limit, attribute) WORK_##name,
+    WORK_COUNTERS(WORK_COUNTER)
+    WORK_COUNTER_COUNT,
+    /* Films and unit_hash() have had these since film format 7. What a film has of later rows it says, and the
+     * hash leaves them out: it stays comparable with those that are kept. */
+    WORK_COUNTERS_FIRST = WORK_clamped_samples + 1,
+};
+
 /* Work done, and its faults. */
 struct unit_work {
-    uint64_t samples, rays, vertices;
-    /* Samples whose camera ray met a medium, or a surface that did not merely shine brighter than all that it
-     * reflects: neither the background nor a lamp seen directly. */
-    uint64_t subject_samples;
-    uint64_t leaked_rays; /* slipped through something closed: traced again */
+    union { /* by number, and by name */
+        uint64_t count[WORK_COUNTER_COUNT];
+        struct {
+#define WORK_MEMBER(name, limit, attribute) uint64_t name;
+            WORK_COUNTERS(WORK_MEMBER)
+        };
+    };
     HEALTH_COUNTERS;
-    /* settings.clamp: samples that were scaled down, and sums over the samples of the luminance that they
-     * lost and of what was kept. 0 where nothing is clamped. */
-    uint64_t clamped_samples;
+    /* settings.clamp: sums over the samples of the luminance that they lost and of what was kept. 0 where
+     * nothing is clamped. */
     double clamped_luminance, kept_luminance;
     struct depth_light depth;
 };

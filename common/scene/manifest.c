@@ -178,16 +178,16 @@ static void write_error(struct buffer *out, const struct manifest *m)
                   m->error.display, m->error.display_all, m->error.worst_part, m->error.fireflies, m->error.subject);
 }
 
-static void write_health(struct buffer *out, const struct manifest *m)
+static void write_health(struct buffer *out, const struct unit_work *work, const struct health_row *rows)
 {
     int some = 0;
 
     buffer_puts(out, "  \"health\": [");
-    for (int k = 0; m->health && k < HEALTH_KINDS; k++)
-        if (m->health->count[k] > 0) {
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        if (work->health.count[k] > 0) {
             buffer_printf(out, "%s{\"kind\": \"%s\", \"count\": %" PRIu64 ", \"share\": %.3g}", some ? ", " : "",
-                          m->health_rows[k].name, m->health->count[k],
-                          m->samples ? (double)m->health->count[k] / (double)m->samples : 0);
+                          rows[k].name, work->health.count[k],
+                          work->samples ? (double)work->health.count[k] / (double)work->samples : 0);
             some = 1;
         }
     buffer_puts(out, "],\n");
@@ -195,6 +195,8 @@ static void write_health(struct buffer *out, const struct manifest *m)
 
 void manifest_write(struct buffer *out, const struct manifest *m)
 {
+    static const struct unit_work none;
+    const struct unit_work *work = m->work ? m->work : &none;
     uint64_t off = m->called_for & ~m->effects & m->without;
 
     buffer_printf(out, "{\n  \"azulejo_effects\": %d,\n", MANIFEST_VERSION);
@@ -220,13 +222,13 @@ void manifest_write(struct buffer *out, const struct manifest *m)
     write_depth(out, m);
     buffer_puts(out, "},\n");
     write_error(out, m);
-    write_health(out, m);
+    write_health(out, work, m->health_rows);
     buffer_printf(out, "  \"audit\": {\"units\": %" PRIu32 ", \"says\": \"%s\"},\n", m->audited,
                   m->audited ? "audited" : "not audited");
-    buffer_printf(out,
-                  "  \"work\": {\"frame_samples\": %" PRIu64 ", \"samples\": %" PRIu64
-                  ", \"rays\": %" PRIu64 ", \"vertices\": %" PRIu64 ", \"cpu_s\": ",
-                  m->frame_samples, m->samples, m->rays, m->vertices);
+    buffer_printf(out, "  \"work\": {\"frame_samples\": %" PRIu64, m->frame_samples);
+#define COUNTER(name, limit, attribute) buffer_printf(out, ", \"" #name "\": %" PRIu64, work->name);
+    WORK_COUNTERS(COUNTER)
+    buffer_puts(out, ", \"cpu_s\": ");
     write_rounded(out, (double)m->cpu_ns / 1e9, 1e3);
     buffer_puts(out, "},\n");
     write_time(out, m);

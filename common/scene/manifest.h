@@ -11,7 +11,7 @@
  *   error            how wrong the picture may be (common/accuracy/accuracy.h); null: not known
  *   health           what went wrong with single samples, also where it is too little to be seen: count and share
  *   audit            how many of its units another worker had rendered again when it was done, with the same bits
- *   work             counts of samples, rays, path vertices; CPU time
+ *   work             what was counted (WORK_COUNTERS of common/film/unit.h); CPU time
  *   time             share of each stage (stages.h), and the number of samples of the threads' work
  *
  * Most effects that ran have a share of the time, too; the share of no effect is in `time`.
@@ -21,8 +21,7 @@
 #include <stdint.h>
 
 #include "common/base/buffer.h"
-#include "common/film/depth_light.h"
-#include "common/film/health.h"
+#include "common/film/unit.h"
 #include "common/scene/scene_effects.h"
 #include "common/scene/stages.h"
 
@@ -47,10 +46,10 @@ struct manifest {
     struct depth_report depth;
     int error_known;
     struct { double display, display_all, worst_part, fireflies, subject; } error;
-    const struct health *health; /* of `samples` samples; NULL: nothing went wrong */
-    const struct health_row *health_rows; /* [HEALTH_KINDS], names of its counters */
     uint32_t audited; /* units that another worker rendered again with the same bits, in the coordinator's run */
-    uint64_t samples, rays, vertices, cpu_ns; /* counted; less than the frame has after a restart */
+    const struct health_row *health_rows; /* [HEALTH_KINDS], names of its counters */
+    const struct unit_work *work;         /* NULL: nothing is counted, and nothing went wrong */
+    uint64_t cpu_ns;                      /* measured; less than the frame took after a restart */
     uint64_t stages[STAGE_COUNT];
     uint64_t accounts[EFFECT_ACCOUNTS]; /* what is charged to an effect that did not run, or that
                                            has no account of its own, counts as no effect's */

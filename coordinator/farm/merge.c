@@ -81,12 +81,19 @@ static int health_fits(const struct job_frame *frame, const struct tile_result *
            p.sample / GROUPS < end;
 }
 
+enum { LIMIT_SAMPLES = 1, LIMIT_STEPS = SAMPLE_COUNTS_MAX };
+static const struct {
+    const char *name;
+    uint64_t most; /* a sample */
+} counters[] = {
+#define COUNTER(name, limit, attribute) {#name, LIMIT_##limit},
+    WORK_COUNTERS(COUNTER)};
+
 /* Impossible counts would overflow the film's. */
 static status check_work(const struct job_frame *frame, const struct tile_result *result, struct error *err)
 {
     const struct unit_work *w = &result->work;
     uint64_t samples = job_frame_unit_samples(frame, result->unit);
-    uint64_t most = samples * SAMPLE_COUNTS_MAX;
 
     if (!is_amount(w->clamped_luminance) || !is_amount(w->kept_luminance))
         return error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
@@ -103,13 +110,11 @@ static status check_work(const struct job_frame *frame, const struct tile_result
                              result->unit.tile, result->unit.group, result->unit.pass,
                              (unsigned long long)w->health.count[k], health_rows[k].name, (unsigned long long)samples,
                              (unsigned long long)w->health.first[k]);
-    if (w->samples == samples && w->rays <= most && w->vertices <= most && w->leaked_rays <= most &&
-        w->clamped_samples <= samples && w->subject_samples <= samples)
-        return STATUS_OK;
-    return error_set(err, STATUS_ERR_PROTOCOL,
-                     "a result with %llu samples, %llu rays and %llu vertices for %llu samples",
-                     (unsigned long long)w->samples, (unsigned long long)w->rays, (unsigned long long)w->vertices,
-                     (unsigned long long)samples);
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        if (w->count[i] > samples * counters[i].most || (i == WORK_samples && w->samples != samples))
+            return error_set(err, STATUS_ERR_PROTOCOL, "a result with %llu %s for %llu samples",
+                             (unsigned long long)w->count[i], counters[i].name, (unsigned long long)samples);
+    return STATUS_OK;
 }
 
 /* Sums of radiance are negative only where samples were, which the result counts, or with dispersion, whose single

@@ -60,11 +60,13 @@ static void add_samples(struct attributes *a, const struct development *d)
 /* What the film contains, and what went wrong in it: the same on every farm. */
 static void add_work(struct attributes *a, const struct development *d, char first[HEALTH_KINDS][HEALTH_TEXT_SIZE])
 {
+#define COUNTER(name, limit, attribute) attribute,
+    static const char *const attributes[] = {WORK_COUNTERS(COUNTER)};
     const struct unit_work *w = &d->work;
 
-    add_number(a, "azulejo:rays", (double)w->rays);
-    add_number(a, "azulejo:vertices", (double)w->vertices);
-    add_number(a, "azulejo:leakedRays", (double)w->leaked_rays);
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        if (attributes[i])
+            add_number(a, attributes[i], (double)w->count[i]);
     for (int k = 0; k < HEALTH_KINDS; k++) {
         add_number(a, health_rows[k].attribute, (double)w->health.count[k]);
         health_first_text(first[k], w->health.first[k], settings_rect(&d->settings));

@@ -31,12 +31,11 @@ status develop_manifest(struct development *d, const struct store *store, struct
         .pixel_samples = {d->coverage.least, development_mean_samples(d), d->coverage.most},
         .tiles_empty = d->coverage.tiles_empty, .max_depth = d->settings.max_depth,
         .depth_known = depth_light_is_known(&d->work.depth),
-        .depth = depth_light_report(&d->work.depth, d->work.samples, d->settings.max_depth), .samples = d->work.samples,
-        .rays = d->work.rays, .vertices = d->work.vertices, .cpu_ns = d->stats.cpu_ns,
+        .depth = depth_light_report(&d->work.depth, d->work.samples, d->settings.max_depth),
+        .work = &d->work, .cpu_ns = d->stats.cpu_ns,
     };
 
     m.audited = d->audited;
-    m.health = &d->work.health;
     m.health_rows = health_rows;
     m.error_known = d->point.figures.known && isfinite(d->point.figures.worst_part);
     if (m.error_known) {

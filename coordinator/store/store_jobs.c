@@ -71,35 +71,43 @@ void store_job_forget(struct store *store, uint64_t id)
         log_error("%s", err.text);
 }
 
-enum { HEALTH_ROW_BYTES = 3 * 8 };
+/* A row is three numbers: a kind of the health's, its count and example; or COUNTER_KIND more than the number of one of WORK_COUNTERS that
+ * has no column, its count and 0. Programs skip the kinds that they do not know. */
+enum { COUNT_ROW_BYTES = 3 * 8, COUNT_ROWS = HEALTH_KINDS + WORK_COUNTER_COUNT - WORK_COUNTERS_FIRST, COUNTER_KIND = 1 << 16 };
 
-/* The kinds that occurred, HEALTH_ROW_BYTES each; `rows` has room for all. */
-static struct buffer write_health(const struct health *health, uint8_t *rows)
+static void write_count(struct buffer *out, uint64_t kind, uint64_t count, uint64_t first)
+{
+    if (count > 0) {
+        bytes_add64(bytes_add64(bytes_add64(out->data + out->size, kind), count), first);
+        out->size += COUNT_ROW_BYTES;
+    }
+}
+
+/* What occurred; `rows` has room for COUNT_ROWS. */
+static struct buffer write_counts(const struct unit_work *work, uint8_t *rows)
 {
     struct buffer out = {.data = rows};
 
-    for (uint64_t k = 0; k < HEALTH_KINDS; k++) {
-        if (health->count[k] == 0)
-            continue;
-        bytes_put64(rows + out.size, k);
-        bytes_put64(rows + out.size + 8, health->count[k]);
-        bytes_put64(rows + out.size + 16, health->first[k]);
-        out.size += HEALTH_ROW_BYTES;
-    }
+    for (int k = 0; k < HEALTH_KINDS; k++)
+        write_count(&out, (uint64_t)k, work->health.count[k], work->health.first[k]);
+    for (int i = WORK_COUNTERS_FIRST; i < WORK_COUNTER_COUNT; i++)
+        write_count(&out, COUNTER_KIND + (uint64_t)i, work->count[i], 0);
     return out;
 }
 
-static void read_health(sqlite3_stmt *row, int at, struct health *out)
+static void read_counts(sqlite3_stmt *row, int at, struct unit_work *out)
 {
     const uint8_t *data = sqlite3_column_blob(row, at);
     int bytes = sqlite3_column_bytes(row, at);
 
-    for (int i = 0; data && i + HEALTH_ROW_BYTES <= bytes; i += HEALTH_ROW_BYTES) {
-        uint64_t kind = bytes_get64(data + i);
-        if (kind >= HEALTH_KINDS)
-            continue;
-        out->count[kind] = bytes_get64(data + i + 8);
-        out->first[kind] = bytes_get64(data + i + 16);
+    for (int i = 0; data && i + COUNT_ROW_BYTES <= bytes; i += COUNT_ROW_BYTES) {
+        uint64_t kind = bytes_get64(data + i), count = bytes_get64(data + i + 8);
+        if (kind < HEALTH_KINDS) {
+            out->health.count[kind] = count;
+            out->health.first[kind] = bytes_get64(data + i + 16);
+        } else if (kind - COUNTER_KIND < WORK_COUNTER_COUNT) {
+            out->count[kind - COUNTER_KIND] = count;
+        }
     }
 }
 
@@ -110,12 +118,8 @@ static struct buffer write_depth(const struct depth_light *light, uint8_t *bytes
 {
     struct buffer out = {.data = bytes};
 
-    for (int i = 0; i < DEPTH_SUMS && depth_light_is_known(light); i++) {
-        uint64_t bits;
-        memcpy(&bits, &light->sum[i], sizeof bits);
-        bytes_put64(bytes + out.size, bits);
-        out.size += sizeof bits;
-    }
+    for (; out.size < DEPTH_BYTES && depth_light_is_known(light); out.size += 8)
+        bytes_add_double(bytes + out.size, light->sum[out.size / 8]);
     return out;
 }
 
@@ -125,10 +129,8 @@ static void read_depth(sqlite3_stmt *row, int at, struct depth_light *out)
 
     if (!data || sqlite3_column_bytes(row, at) != DEPTH_BYTES)
         return;
-    for (int i = 0; i < DEPTH_SUMS; i++) {
-        uint64_t bits = bytes_get64(data + i * 8);
-        memcpy(&out->sum[i], &bits, sizeof bits);
-    }
+    for (int i = 0; i < DEPTH_SUMS; i++)
+        out->sum[i] = bytes_take_double(&data);
     if (!depth_light_is_valid(out))
         memset(out, 0, sizeof *out);
 }
@@ -138,14 +140,14 @@ static struct unit_work read_work(sqlite3_stmt *row, int at)
     struct unit_work work = {.samples = column_number(row, at),
                              .rays = column_number(row, at + 1),
                              .vertices = column_number(row, at + 2),
+                             .dropped_samples = column_number(row, at + 3),
                              .leaked_rays = column_number(row, at + 4),
+                             .clamped_values = column_number(row, at + 5),
                              .clamped_samples = column_number(row, at + 6),
                              .clamped_luminance = sqlite3_column_double(row, at + 7),
                              .kept_luminance = sqlite3_column_double(row, at + 8)};
 
-    work.dropped_samples = column_number(row, at + 3);
-    work.clamped_values = column_number(row, at + 5);
-    read_health(row, at + 9, &work.health);
+    read_counts(row, at + 9, &work);
     read_depth(row, at + 10, &work.depth);
     return work;
 }
@@ -399,8 +401,8 @@ static status write_done(struct store *store, const void *user, struct error *er
     const struct frame_done *d = user;
     const struct unit_work *work = d->work;
     const struct frame_makers unknown = {0}, *makers = d->makers ? d->makers : &unknown;
-    uint8_t rows[HEALTH_KINDS * HEALTH_ROW_BYTES], sums[DEPTH_BYTES];
-    const struct buffer health = write_health(&work->health, rows), depth = write_depth(&work->depth, sums);
+    uint8_t rows[COUNT_ROWS * COUNT_ROW_BYTES], sums[DEPTH_BYTES];
+    const struct buffer health = write_counts(work, rows), depth = write_depth(&work->depth, sums);
 
     TRY(check_rules(store, d->job, d->epoch_floor, err));
     if (d->point)

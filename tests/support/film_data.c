@@ -33,6 +33,8 @@ struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32
     unit.work.vertices = unit.work.rays / 2;
     unit.work.subject_samples = unit.work.samples / (1 + tile % 3);
     unit.work.leaked_rays = tile;
+    for (uint32_t i = WORK_COUNTERS_FIRST; i < WORK_COUNTER_COUNT; i++)
+        unit.work.count[i] = 1 + tile + pass + i;
     for (uint32_t k = 0; k < HEALTH_KINDS; k++) { /* some tiles have none, some passes come first later */
         unit.work.health.count[k] = (tile + pass + k) % 3;
         if (unit.work.health.count[k])

@@ -241,9 +241,9 @@ static void hostile_results_are_refused(void **state)
     REFUSED(bad.work.samples++);
     REFUSED(bad.work.samples = 0);
     REFUSED(bad.work.dropped_samples = bad.work.samples + 1);
-    REFUSED(bad.work.rays = UINT64_MAX);
     REFUSED(bad.work.vertices = (uint64_t)1 << 60);
-    REFUSED(bad.work.leaked_rays = UINT64_MAX);
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        REFUSED(bad.work.count[i] = UINT64_MAX);
     REFUSED(bad.work.clamped_values = UINT32_MAX);
     REFUSED(bad.tail.count = TAIL_MAX + 1);
     REFUSED(bad.tail = ((struct tail){1, {{NAN, 0, 0}}}));

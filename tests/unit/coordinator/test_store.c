@@ -91,6 +91,8 @@ static void jobs_survive_a_restart(void **state)
                               .leaked_rays = 9, .clamped_values = 10, .clamped_samples = 7,
                               .clamped_luminance = 8.5, .kept_luminance = 1e30,
                               .depth = {{0.1, 1e300, 3, 0, 5e-324}}};
+    for (uint64_t i = WORK_COUNTERS_FIRST; i < WORK_COUNTER_COUNT; i++)
+        work.count[i] = i << 40;
     for (uint32_t k = 0; k < HEALTH_KINDS; k++) {
         work.health.count[k] += k;
         if (k % 2)

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/base/bytes.h"
 #include "common/film/film.h"
 #include "tests/support/film_data.h"
 
@@ -101,6 +102,59 @@ static void origins_go_to_disk_and_back(void **state)
     film_free(loaded);
 }
 
+/* The bytes without the counters that came after film format 7. Both groups of the one tile have one pass. */
+static size_t as_format_7(uint8_t *out, const uint8_t *in, size_t size)
+{
+    enum { HEADER = 24, CHECK = 8, GROUP = 16, FIRST = WORK_COUNTERS_FIRST * 8, ALL = WORK_COUNTER_COUNT * 8 };
+    size_t group = (size - HEADER - CHECK) / GROUPS, less = size - GROUPS * (ALL - FIRST), rest = group - GROUP - ALL;
+    uint8_t *at = out;
+
+    memcpy(at, in, HEADER);
+    bytes_put32(out + 4, (uint32_t)less);
+    at += HEADER;
+    for (const uint8_t *from = in + HEADER; from < in + size - CHECK; from += group) {
+        memcpy(at, from, GROUP + FIRST);
+        bytes_put32(at + GROUP - 4, 0);
+        memcpy(at + GROUP + FIRST, from + GROUP + ALL, rest);
+        at += GROUP + FIRST + rest;
+    }
+    bytes_put64(at, hash_bytes(out, (size_t)(at - out)));
+    assert_int_equal(at + CHECK - out, less);
+    return less;
+}
+
+/* Films that are kept have the counters of their time, and the hashes of results are the same. */
+static void films_of_before_are_read(void **state)
+{
+    static float sums[TILE_FLOATS_MAX];
+    struct film *film = film_data_whole(16, 16, 2, 0), *back = film_data_new(16, 16, 2, 0);
+    struct film *large = film_data_new(80, 40, 16, 0);
+    struct unit_result unit = film_data_unit(large, 7, 1, 0, sums);
+    size_t size = film_tile_state_size(film, 0);
+    uint8_t *now = malloc(size), *before = malloc(size);
+    struct unit_work work = film_work(film), had;
+    struct error err = {0};
+
+    (void)state;
+    assert_true(now && before);
+    assert_int_equal(unit_hash(&unit), 0x36cf722695d04c5e);
+    film_tile_save(film, 0, now);
+    size = as_format_7(before, now, size);
+    assert_int_equal(size, 13216);
+    assert_int_equal(bytes_get64(before + size - 8), 0x36f335af07698629); /* of that program's film */
+    if (film_tile_load(back, 0, before, size, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    had = film_work(back);
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        assert_int_equal(had.count[i], i < WORK_COUNTERS_FIRST ? work.count[i] : 0);
+    assert_true(had.kept_luminance == work.kept_luminance);
+    free(now);
+    free(before);
+    film_free(film);
+    film_free(back);
+    film_free(large);
+}
+
 /* The bound does not depend on the cap, and the largest film keeps to it. */
 static void the_bound_is_fixed(void **state)
 {
@@ -191,6 +245,7 @@ int main(void)
         cmocka_unit_test(the_bound_is_fixed),
         cmocka_unit_test(a_larger_cap_goes_on),
         cmocka_unit_test(damaged_state_is_refused),
+        cmocka_unit_test(films_of_before_are_read),
     };
     return cmocka_run_group_tests_name("film state", tests, NULL, NULL);
 }

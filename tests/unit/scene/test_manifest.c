@@ -127,6 +127,26 @@ static void test_switched_off(void **state)
     json_decref(json);
 }
 
+/* Every counter, under the key that it has in all JSON. */
+static void test_work(void **state)
+{
+#define KEY(name, limit, attribute) #name,
+    static const char *const keys[] = {WORK_COUNTERS(KEY)};
+#undef KEY
+    struct manifest m = of_effects(EFFECT_DIFFUSE);
+    struct unit_work work = {.samples = 1};
+    json_t *json;
+
+    (void)state;
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        work.count[i] = (uint64_t)i + 1;
+    m.work = &work;
+    json = written(&m);
+    for (int i = 0; i < WORK_COUNTER_COUNT; i++)
+        assert_int_equal(json_integer_value(json_object_get(json_object_get(json, "work"), keys[i])), i + 1);
+    json_decref(json);
+}
+
 /* null where nothing is known, and where no deeper path is recommended. */
 static void test_depth(void **state)
 {
@@ -162,7 +182,7 @@ int main(void)
         cmocka_unit_test(test_whole),
         cmocka_unit_test(test_nobody_looked),
         cmocka_unit_test(test_switched_off),
-        cmocka_unit_test(test_depth),
+        cmocka_unit_test(test_work), cmocka_unit_test(test_depth),
     };
 
     return cmocka_run_group_tests_name("manifest", tests, NULL, NULL);
