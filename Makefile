@@ -138,9 +138,10 @@ endif
 SCENE_SHARED := $(foreach c,$(call sources,scenes),$(if $(filter make_%,$(notdir $(c))),,$(c)))
 SCENE_TOOLS := $(patsubst scenes/%.c,$(BIN)/scenes/%,$(filter-out $(SCENE_SHARED),$(call sources,scenes)))
 
-# These are compiled with another table of material fields, or of settings (below).
+# These are compiled with another table of material fields, of settings or of work counters (below).
 ROW_TEST_SRC := tests/unit/scene/test_material_row.c
 SETTING_ROW_TEST_SRC := tests/unit/schema/test_setting_row.c
+COUNTER_ROW_TEST_SRC := tests/unit/film/test_counter_row.c
 # Tests of the page's room, which a build without it skips by name.
 ifneq ($(WEB),1)
 WEB_TEST_SRC := $(shell grep -rl '"web/' tests --include='*.c' 2>/dev/null)
@@ -148,7 +149,7 @@ endif
 TEST_SRC := $(filter-out $(WEB_TEST_SRC),$(foreach d,unit statistics numerics,$(shell find tests/$(d) -name 'test_*.c' 2>/dev/null)))
 # And this one with a path tracer that goes wrong on purpose.
 FAULT_TEST_SRC := tests/unit/render/test_health.c
-TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(filter-out $(ROW_TEST_SRC) $(SETTING_ROW_TEST_SRC) $(FAULT_TEST_SRC),$(TEST_SRC))))
+TESTS := $(patsubst %.c,$(BUILD)/%,$(sort $(filter-out $(ROW_TEST_SRC) $(SETTING_ROW_TEST_SRC) $(COUNTER_ROW_TEST_SRC) $(FAULT_TEST_SRC),$(TEST_SRC))))
 # Helpers of tests: any other .c file under tests/support.
 SUPPORT_SRC := $(call sources,tests/support)
 LIB_SUPPORT := $(BUILD)/lib/libsupport.a
@@ -337,32 +338,40 @@ $(ROW_TEST): $(ROW_OBJ) $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
 	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
 
-# The same for render settings, a number and a choice, last in the struct: what treats them alike, and what holds them on
-# the way there.
+# The same for render settings, a number and a choice, last in the struct, and for a work counter: what treats them alike,
+# and what holds them on the way there.
 SETTING_ROW := $(ROW)/setting
 SETTING_ROW_TEST := $(filter $(TEST_SRC:%.c=$(BUILD)/%),$(SETTING_ROW_TEST_SRC:%.c=$(BUILD)/%))
-SETTING_ROW_SRC := $(SETTING_ROW_TEST_SRC) common/scene/settings.c protocol/message.c protocol/json/json_wire.c client/options/job_options.c client/options/schedule_option.c \
-  web/uploads/import_check.c $(wildcard coordinator/pictures/develop*.c)
-SETTING_ROW_OBJ := $(SETTING_ROW_SRC:%.c=$(SETTING_ROW)/obj/%.o) $(SETTING_ROW)/protocol/azulejo.pb-c.o
+COUNTER_ROW_TEST := $(COUNTER_ROW_TEST_SRC:%.c=$(BUILD)/%)
+COUNTER_ROW_SRC := common/scene/settings.c common/scene/manifest.c protocol/message.c protocol/json/json_wire.c $(call sources,common/film) \
+  $(wildcard coordinator/pictures/develop*.c)
+SETTING_ROW_SRC := $(COUNTER_ROW_SRC) client/options/job_options.c client/options/schedule_option.c web/uploads/import_check.c
+SETTING_ROW_OBJ := $(SETTING_ROW)/protocol/azulejo.pb-c.o
 SETTING_ROWS := SETTING(o, NUMBER, float, haze, 0.5, 0.1, 2, LISTED, "azulejo:haze", "haze", "X", "haze (default 0.5)") \
   SETTING(o, CHOICE, enum sampler_kind, dust, SAMPLER_INDEPENDENT, 0, 0, LISTED, "azulejo:dust", "dust", "HOW", \
   "dust (default independent)", CHOICE_OF(SAMPLER, SAMPLERS), .says = "fine dust")
 $(SETTING_ROW)/common/schema/settings.h: common/schema/settings.h Makefile
 	@mkdir -p $(@D)
 	$(call show,GEN)sed '/ SETTING(o, SWITCH, int, not_robust,/,/^$$/ s/^$$/    $(SETTING_ROWS)\n/; / SETTING(o, SWITCH, int, not_robust,/,/^$$/ s/))$$/)) \\/' $< >$@
+COUNTER_ROW := X(hazy_rays, STEPS, "azulejo:hazyRays")
+$(SETTING_ROW)/common/film/unit.h: common/film/unit.h Makefile
+	@mkdir -p $(@D)
+	$(call show,GEN)sed '/^#define WORK_COUNTERS/,/^$$/ s/^$$/    $(COUNTER_ROW)\n/; /^#define WORK_COUNTERS/,/^$$/ s/)$$/& \\/' $< >$@
 $(SETTING_ROW)/protocol/azulejo.proto: protocol/azulejo.proto Makefile
 	@mkdir -p $(@D)
-	$(call show,GEN)sed 's/^  bool not_robust = 24;/&\n  float haze = 998;\n  uint32 dust = 999;/' $< >$@
+	$(call show,GEN)sed 's/^  bool not_robust = 24;/&\n  float haze = 998;\n  uint32 dust = 999;/; s/^  uint64 leaked_rays = 5;/  uint64 hazy_rays = 998;\n&/' $< >$@
 $(SETTING_ROW)/protocol/azulejo.pb-c.c $(SETTING_ROW)/protocol/azulejo.pb-c.h: $(SETTING_ROW)/protocol/azulejo.proto
 	$(call show,GEN)cd $(SETTING_ROW) && $(PROTOC_C) --c_out=. protocol/azulejo.proto
 $(SETTING_ROW)/protocol/azulejo.pb-c.o: $(SETTING_ROW)/protocol/azulejo.pb-c.c
 	$(call show,CC)$(CC) -I$(SETTING_ROW) $(CPPFLAGS) $(filter-out $(WARNINGS),$(CFLAGS)) -MMD -MP -c -o $@ $<
-$(SETTING_ROW)/obj/%.o: %.c | $(SETTING_ROW)/common/schema/settings.h $(SETTING_ROW)/protocol/azulejo.pb-c.h $(PROTO_HDR)
+$(SETTING_ROW)/obj/%.o: %.c | $(SETTING_ROW)/common/schema/settings.h $(SETTING_ROW)/common/film/unit.h $(SETTING_ROW)/protocol/azulejo.pb-c.h $(PROTO_HDR)
 	@mkdir -p $(@D)
 	$(call show,CC)$(CC) -I$(SETTING_ROW) $(CPPFLAGS) -DAZULEJO_VERSION='"$(VERSION)"' $(CFLAGS) -O1 -MMD -MP -c -o $@ $<
-$(SETTING_ROW_TEST): $(SETTING_ROW_OBJ) $(LIB_SUPPORT) $(LIBRARIES)
+$(SETTING_ROW_TEST): $(SETTING_ROW_SRC:%.c=$(SETTING_ROW)/obj/%.o)
+$(COUNTER_ROW_TEST): $(COUNTER_ROW_SRC:%.c=$(SETTING_ROW)/obj/%.o)
+$(SETTING_ROW_TEST) $(COUNTER_ROW_TEST): $(BUILD)/%: $(SETTING_ROW)/obj/%.o $(SETTING_ROW_OBJ) $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
-	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_ALL)
+	$(call show,LD)$(CC) $(LDFLAGS) -o $@ $(filter %.o,$^) $(filter %.a,$^) -lcmocka $(LIBS_ALL)
 
 # The same for a verb: a row of verbs.h, its message, and its function in tests/unit/schema; programs that have it.
 VERB_ROW := $(ROW)/verb
@@ -455,7 +464,7 @@ ifneq ($(DOUBLE),)
 tests:
 	@echo "make: the double build has no tests: use 'make precision'" >&2; exit 1
 else
-tests: all $(TESTS) $(ROW_TEST) $(SETTING_ROW_TEST) $(VERB_ROW_PROGRAMS) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_LIBRARIES) $(ODD_WORKERS) $(CLIENTS) $(FUZZ_REPLAY) $(MAN)
+tests: all $(TESTS) $(ROW_TEST) $(SETTING_ROW_TEST) $(COUNTER_ROW_TEST) $(VERB_ROW_PROGRAMS) $(FAULT_TEST) $(FAULT_PROGRAMS) $(TOOLS) $(ODD_LIBRARIES) $(ODD_WORKERS) $(CLIENTS) $(FUZZ_REPLAY) $(MAN)
 endif
 
 test: tests layers circles fields words budget docs-check ## every test; the end says "N passed, N failed"
@@ -504,8 +513,8 @@ fields: ## prove that each field of a job is written in one room of the coordina
 budget: ## prove that folders and circles of includes stay within their limits (scripts/budget.txt)
 	@scripts/check-budget.py
 
-tables: all $(ROW_TEST) $(SETTING_ROW_TEST) $(VERB_ROW_PROGRAMS) ## prove that one row more of the tables of materials, settings and verbs needs no other edit
-	@BUILD=$(BUILD) tests/run.sh 'test_(material|setting)_row'
+tables: all $(ROW_TEST) $(SETTING_ROW_TEST) $(COUNTER_ROW_TEST) $(VERB_ROW_PROGRAMS) ## prove that one row more of the tables of materials, settings, work counters and verbs needs no other edit
+	@BUILD=$(BUILD) tests/run.sh 'test_(material|setting|counter)_row'
 	@BUILD=$(BUILD) python3 -B tests/farm/test_verbs.py row
 
 docs-check: all $(MAN) ## prove that the documents name only what exists: links, pictures, commands, options, figures
