@@ -28,7 +28,9 @@
     /* Slipped through something closed: traced again. */                                              \
     X(leaked_rays, STEPS, "azulejo:leakedRays")                                                        \
     /* settings.clamp: scaled down. */                                                                 \
-    X(clamped_samples, SAMPLES, NULL)
+    X(clamped_samples, SAMPLES, NULL)                                                                  \
+    /* Of the camera and of paths, which end so: met nothing. */                                       \
+    X(escaped_rays, SAMPLES, "azulejo:escapedRays")
 
 enum work_counter {
 #define WORK_COUNTER(name, limit, attribute) WORK_##name,

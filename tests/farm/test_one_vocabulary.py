@@ -55,6 +55,8 @@ def jobs_and_workers():
             farm.wait_for_job(number)
             wait_for(lambda: api("/jobs/%d" % number)["jobs"][0]["frames_developed"] > 0, "pictures")
             job = same(lambda: command(farm, "show", number), lambda: api("/jobs/%d" % number)["jobs"][0])
+            work = job["work"]
+            expect(0 < int(work["escaped_rays"]) <= int(work["samples"]), work)
             same(lambda: command(farm, "show", number, "--history"),
                  lambda: api("/jobs/%d/frames/%d/history" % (number, job["now_frame"])))
             same(lambda: [json.loads(line) for line in farm.cli("log", number, "--json", expect=0).out.splitlines()],

@@ -111,16 +111,27 @@ static void test_inputs_matter(void **state)
 }
 
 /* The colour at the middle of the picture. */
-static double centre(struct scene_builder *b, uint32_t spp)
+static double centre_counted(struct scene_builder *b, uint32_t spp, uint32_t max_depth, struct unit_work *work)
 {
     struct render_settings settings = builder_settings(1, 1, spp);
-    struct render_scene *scene = builder_build(b, &settings);
     struct render_stats stats = {0};
+    struct render_scene *scene;
     double mean[3];
 
+    settings.max_depth = max_depth;
+    settings.no_roulette = 1;
+    scene = builder_build(b, &settings);
     builder_render(scene, &settings, 0, mean, NULL, &stats);
     render_scene_free(scene);
+    *work = stats.work;
     return mean[1];
+}
+
+static double centre(struct scene_builder *b, uint32_t spp)
+{
+    struct unit_work unused;
+
+    return centre_counted(b, spp, SETTINGS_DEPTH_DEFAULT, &unused);
 }
 
 static void facing_quad(struct scene_builder *b, float flip)
@@ -131,6 +142,33 @@ static void facing_quad(struct scene_builder *b, float flip)
     b->scene.materials[0].base_color[1] = 0.25f;
     builder_place(b, builder_quad(b), 0, vec3_make(1, flip, 1), vec3_splat(0));
     builder_environment_constant(b, vec3_splat(1));
+}
+
+/* Rays of the camera and of paths that met nothing; the rays towards lights, which meet nothing where they should, are
+ * not among them. */
+static void test_escapes_are_counted(void **state)
+{
+    struct scene_builder b;
+    struct unit_work work;
+
+    (void)state;
+    facing_quad(&b, 1);
+    builder_camera(&b, vec3_make(0, 3, 0), vec3_make(0, 6, 0), 0.01f);
+    centre_counted(&b, 8, 3, &work);
+    assert_int_equal(work.rays, 8);
+    assert_int_equal(work.escaped_rays, 8);
+    builder_release(&b);
+    facing_quad(&b, 1);
+    builder_camera(&b, vec3_make(0.1f, 3, 0), vec3_make(0.1f, 0, 0), 0.01f);
+    centre_counted(&b, 8, 3, &work);
+    assert_int_equal(work.escaped_rays, 0); /* unlit: the path ends there */
+    b.scene.materials[0].unlit = 0;
+    centre_counted(&b, 8, 3, &work);
+    assert_true(work.rays > 2 * 8); /* besides the camera's and the path's those towards the sky above */
+    assert_int_equal(work.escaped_rays, 8);
+    centre_counted(&b, 8, 0, &work);
+    assert_int_equal(work.escaped_rays, 0);
+    builder_release(&b);
 }
 
 static void test_culling(void **state)
@@ -194,6 +232,7 @@ static void test_watertight(void **state)
         builder_render(scene, &settings, 0, mean, NULL, &stats);
         for (size_t i = 0; i < 64 * 64 * 3; i++)
             assert_true(mean[i] == 0);
+        assert_int_equal(stats.work.escaped_rays, 0);
         render_scene_free(scene);
         builder_release(&b);
     }
@@ -315,6 +354,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_tiles_are_pure),  cmocka_unit_test(test_inputs_matter),
         cmocka_unit_test(test_culling),         cmocka_unit_test(test_closed_mesh_from_inside),
+        cmocka_unit_test(test_escapes_are_counted),
         cmocka_unit_test(test_watertight),      cmocka_unit_test(test_alpha_mask),
         cmocka_unit_test(test_instanced_equals_baked),
         cmocka_unit_test(test_hostile_blobs),   cmocka_unit_test(test_out_of_memory),

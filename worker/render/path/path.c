@@ -205,6 +205,7 @@ static inline __attribute__((always_inline)) enum path_end path_visit(struct pat
     }
     notes->throughput = path->throughput;
     if (!met) {
+        path->stats->work.escaped_rays++;
         if (path->depth > 0 || !path_is_cut_out(scene))
             path_add(path, notes, FROM_PATH, path_escaped(path, notes));
         return PATH_ESCAPED;
