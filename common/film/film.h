@@ -87,8 +87,6 @@ uint32_t film_tile_seen(const struct film *film, uint32_t tile, uint32_t group);
 uint32_t film_tile_waiting(const struct film *film, uint32_t tile);
 /* Units that are wanted, over all tiles and groups. */
 uint64_t film_wanted(const struct film *film);
-/* The most passes that are wanted of any tile and group. */
-uint32_t film_wanted_most(const struct film *film);
 /* Has this unit arrived (folded or waiting)? */
 int film_has(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
 /* Who delivered this unit; 0: it is not there. */

@@ -42,17 +42,6 @@ uint32_t film_tile_waiting(const struct film *film, uint32_t tile)
 
 uint64_t film_wanted(const struct film *film) { return film->wanted; }
 
-uint32_t film_wanted_most(const struct film *film)
-{
-    uint32_t most = 0;
-
-    for (uint32_t i = 0; i < film->tiles_total; i++)
-        for (uint32_t g = 0; g < GROUPS; g++)
-            if (film->tiles[i].groups[g].wanted > most)
-                most = film->tiles[i].groups[g].wanted;
-    return most;
-}
-
 static const struct waiting *waiting_find(const struct film_group *g, uint32_t pass)
 {
     for (const struct waiting *w = g->waiting; w && w->pass <= pass; w = w->next)

@@ -16,8 +16,6 @@ static struct key_row *find(const struct keyring *ring, const char *name)
     return NULL;
 }
 
-const struct key_row *keyring_find(const struct keyring *ring, const char *name) { return find(ring, name); }
-
 static status add(struct keyring *ring, const struct key_row *row, struct error *err)
 {
     if (ring->count >= KEYRING_NAMES_MAX)

@@ -48,7 +48,5 @@ status keyring_revoke(struct keyring *ring, const char *name, const char *who, i
 status keyring_rotate(struct keyring *ring, const char *name, uint32_t keep_s, const char *who, int64_t now_s,
                       struct key_row *out, struct error *err) MUST_CHECK;
 
-/* The row of a name; NULL: it was neither used nor changed. */
-const struct key_row *keyring_find(const struct keyring *ring, const char *name);
 /* Has the time of an older generation run out between the two moments? Then connections are to be checked again. */
 int keyring_ends(const struct keyring *ring, int64_t from_s, int64_t to_s);
