@@ -1,7 +1,7 @@
 /* OpenEXR pictures, through OpenEXRCore from memory.
  *
- * The data window counts: its pixels are the picture, wherever it lies in the display window, because an environment
- * map does not need a frame around it. In a tiled file with several levels the finest is read. Channels in order of
+ * The data window counts: its pixels are the picture, wherever it lies in the display window (image_size.h tells where).
+ * In a tiled file with several levels the finest is read. Channels in order of
  * preference: R, G and B outside layers (a missing one is 0); Y alone; R, G and B of a layer; the only channel of a part, which
  * is grey whatever its name. Small letters count as capitals where there are none. Alpha is the one beside them, and is
  * read only on request. A chromaticities attribute other than Rec. 709's is honoured.

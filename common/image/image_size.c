@@ -118,35 +118,62 @@ static int hdr_size(const uint8_t *data, size_t size, struct image_size *out)
     return 1;
 }
 
-/* OpenEXR: attributes (name, type, size, value) up to an empty name; "dataWindow" is a box2i. */
+/* Of a box2i: x, y, width, height. */
+static void read_box(const uint8_t *p, int64_t out[4])
+{
+    for (int i = 0; i < 2; i++) {
+        out[i] = (int32_t)bytes_get32(p + 4 * i);
+        out[2 + i] = (int32_t)bytes_get32(p + 8 + 4 * i) - out[i] + 1;
+    }
+}
+
+static void note_part(const int64_t data[4], const int64_t display[4], struct image_size *out)
+{
+    for (int i = 0; i < 2; i++)
+        if (data[2 + i] < 1 || data[i] < display[i] || data[i] + data[2 + i] > display[i] + display[2 + i])
+            return;
+    if (data[2] == display[2] && data[3] == display[3])
+        return;
+    out->whole_width = (uint32_t)display[2];
+    out->whole_height = (uint32_t)display[3];
+    out->x = (uint32_t)(data[0] - display[0]);
+    out->y = (uint32_t)(data[1] - display[1]);
+}
+
+/* OpenEXR: attributes (name, type, size, value) up to an empty name. */
 static int exr_size(const uint8_t *data, size_t size, struct image_size *out)
 {
+    int64_t window[4] = {0}, display[4] = {0};
     size_t at = 8;
 
-    while (at < size && data[at]) {
+    while (at < size && data[at] && (!window[2] || !display[2])) {
         const uint8_t *name = data + at;
         size_t length = strnlen((const char *)name, size - at < EXR_NAME_MAX ? size - at : EXR_NAME_MAX);
         size_t type, value;
         uint32_t bytes;
         if (at + length >= size || length == EXR_NAME_MAX)
-            return 0;
+            break;
         type = at + length + 1;
         length = strnlen((const char *)data + type, size - type < EXR_NAME_MAX ? size - type : EXR_NAME_MAX);
         value = type + length + 1 + 4;
         if (length == EXR_NAME_MAX || value > size)
-            return 0;
+            break;
         bytes = bytes_get32(data + value - 4);
         if (bytes > size - value)
-            return 0;
-        if (strcmp((const char *)name, "dataWindow") == 0 && bytes == 16) {
-            out->width = bytes_get32(data + value + 8) - bytes_get32(data + value) + 1;
-            out->height = bytes_get32(data + value + 12) - bytes_get32(data + value + 4) + 1;
-            out->pixel_bytes = FLOAT_RGB_BYTES;
-            return 1;
-        }
+            break;
+        if (strcmp((const char *)name, "dataWindow") == 0 && bytes == 16)
+            read_box(data + value, window);
+        if (strcmp((const char *)name, "displayWindow") == 0 && bytes == 16)
+            read_box(data + value, display);
         at = value + bytes;
     }
-    return 0;
+    if (!window[2])
+        return 0;
+    out->width = (uint32_t)window[2];
+    out->height = (uint32_t)window[3];
+    out->pixel_bytes = FLOAT_RGB_BYTES;
+    note_part(window, display, out);
+    return 1;
 }
 
 int image_size_of(const uint8_t *data, size_t size, struct image_size *out)

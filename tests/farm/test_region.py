@@ -58,12 +58,15 @@ def the_same_bits():
             stem = "part/" + name.rsplit(".", 1)[0]
             whole, part = read_exr(farm.path("whole.exr")), read_exr(farm.path(stem + ".exr"))
             check(part, whole)
+            for pair in ((stem + ".exr", "whole.exr"), ("whole.exr", stem + ".exr")):
+                expect("every one of %d pixels" % (W * H) in farm.cli("compare", *pair, expect=0).out, pair)
             expect(png_size(farm.path(stem + ".png")) == (W, H), "PNG")
             expect(" --size %dx%d --region %d,%d,%d,%d " % (WIDTH, HEIGHT, X, Y, W, H) in
                    part.attributes["azulejo:command"].decode(), part.attributes["azulejo:command"])
         for edge in ((0, 0, 1, 1), (WIDTH - 1, HEIGHT - 1, 1, 1), (0, 0, WIDTH, 1), (16, 16, 16, 16)):
             farm.cli("render", scene, *options, "--region", "%d,%d,%d,%d" % edge, "-o", "edge.exr", connect=False, expect=0)
             check(read_exr(farm.path("edge.exr")), whole, *edge)
+        farm.cli("compare", "edge.exr", "whole.exr", expect=0)
         # All of it is the picture itself.
         farm.cli("render", scene, *options, "--region", "0,0,%d,%d" % (WIDTH, HEIGHT), "-o", "all.exr", connect=False,
                  expect=0)

@@ -2,14 +2,16 @@
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "client/commands/command.h"
 #include "client/views/compare.h"
 #include "client/follow/job_info.h"
 #include "common/base/buffer.h"
+#include "common/image/image_size.h"
 #include "common/system/file.h"
 
-static status picture_load(const char *path, struct image *out, struct error *err)
+static status picture_load(const char *path, struct image *out, struct image_size *size, struct error *err)
 {
     struct buffer data = BUFFER_INIT;
     struct image_repairs repairs = {0};
@@ -17,10 +19,25 @@ static status picture_load(const char *path, struct image *out, struct error *er
     status result = file_read(path, IMAGE_BYTES_MAX, &data, err);
 
     THEN(result, image_decode_hdr(out, data.data, data.size, path, &repairs, err));
+    if (!image_size_of(data.data, data.size, size))
+        memset(size, 0, sizeof *size);
     buffer_release(&data);
     if (result == STATUS_OK && image_repairs_say(&repairs, said))
         fprintf(stderr, "warning: %s: %s\n", path, said);
     return result;
+}
+
+/* Where `part` is a region of a picture of this size (--region), that region. */
+static void crop(struct image *image, const struct image_size *part)
+{
+    if (image->width != part->whole_width || image->height != part->whole_height)
+        return;
+    for (uint32_t y = 0; y < part->height; y++)
+        memmove(image->pixels + 3 * (size_t)y * part->width,
+                image->pixels + 3 * ((size_t)(part->y + y) * image->width + part->x),
+                3 * sizeof *image->pixels * part->width);
+    image->width = part->width;
+    image->height = part->height;
 }
 
 static void print_text(const struct comparison *c)
@@ -64,15 +81,18 @@ static status run(const struct command *command, int argc, char *const *argv, in
         {0},
     };
     struct image a = {0}, b = {0};
+    struct image_size a_size, b_size;
     struct comparison comparison;
     struct positionals rest;
     status result = command_parse(command, table, argc, argv, 2, 2, &rest, &done, err);
 
     if (result != STATUS_OK || done)
         return result;
-    result = picture_load(rest.items[0], &a, err);
-    THEN(result, picture_load(rest.items[1], &b, err));
+    result = picture_load(rest.items[0], &a, &a_size, err);
+    THEN(result, picture_load(rest.items[1], &b, &b_size, err));
     if (result == STATUS_OK) {
+        crop(&b, &a_size);
+        crop(&a, &b_size);
         image_compare(&a, &b, &comparison);
         if (!comparison.same_size)
             result = error_set(err, STATUS_ERR_INPUT, "%s has %ux%u pixels, %s has %ux%u", rest.items[0], a.width,
@@ -95,7 +115,7 @@ const struct command command_compare = {
     .usage = "azulejo compare PICTURE REFERENCE [OPTION]...",
     .summary = "tell how far two EXR or HDR pictures are apart",
     .description = "Compare two EXR or Radiance HDR pictures. Exit status 0 when they are the same to the bit (or\n"
-                   "within --max-relmse), 1 when they differ. The relative MSE is pbrt's,\n"
-                   "mean((a-b)^2 / (b^2 + 0.01)).",
+                   "within --max-relmse), 1 when they differ. A region (render --region) is compared with that part\n"
+                   "of a whole picture. The relative MSE is pbrt's, mean((a-b)^2 / (b^2 + 0.01)).",
     .run = run,
 };

@@ -1,6 +1,7 @@
 /* builder: images and the environment map. All are measured by their headers before anything is decoded. */
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "client/import/builder/builder.h"
 #include "common/system/file.h"
@@ -115,18 +116,56 @@ static uint64_t count_too_bright(const struct image *image)
     return count;
 }
 
-static status check_environment(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
+/* A map whose data window is a part of its display window is a part of the sky: it becomes a file of the whole, black
+ * around it. */
+static status make_whole(struct builder *b, const char *name, const struct image_size *part, struct image *map,
+                         uint8_t **data, size_t *size_bytes)
+{
+    struct image whole;
+    struct buffer file = BUFFER_INIT;
+    status result;
+
+    builder_warn(b, "environment window",
+                 "%s: the map has %ux%u pixels of a picture of %ux%u, from column %u, row %u: the rest of the sky is black",
+                 name, part->width, part->height, part->whole_width, part->whole_height, part->x, part->y);
+    TRY(builder_check_pixels(b, name, part->whole_width, part->whole_height));
+    TRY(image_init(&whole, part->whole_width, part->whole_height, 3, b->err));
+    for (uint32_t y = 0; y < map->height; y++)
+        memcpy(whole.pixels + 3 * ((size_t)(part->y + y) * whole.width + part->x),
+               map->pixels + 3 * (size_t)y * map->width, 3 * sizeof *map->pixels * map->width);
+    image_release(map);
+    *map = whole;
+    result = exr_encode(&file, map, &(struct exr_options){0}, b->err);
+    if (result != STATUS_OK)
+        return result;
+    mem_free(*data);
+    *data = file.data;
+    *size_bytes = file.size;
+    return STATUS_OK;
+}
+
+static status check_environment(struct builder *b, const char *name, uint8_t **data, size_t *size_bytes)
 {
     struct image image = {0};
+    struct image_size size;
     uint64_t too_bright;
+    status result;
 
-    if (!image_format_is_float(image_format_of(data, size_bytes)))
+    if (!image_format_is_float(image_format_of(*data, *size_bytes)))
         return error_set(b->err, STATUS_ERR_INPUT,
                          "%s: is not an environment map: give an OpenEXR (.exr) or Radiance "
                          "(.hdr) file in latitude-longitude form",
                          name);
-    TRY(builder_check_image(b, name, data, size_bytes));
-    TRY(decode_once(b, name, data, size_bytes, &image));
+    TRY(builder_check_image(b, name, *data, *size_bytes));
+    TRY(decode_once(b, name, *data, *size_bytes, &image));
+    result = image_size_of(*data, *size_bytes, &size) && size.whole_width && size.width == image.width &&
+                     size.height == image.height
+                 ? make_whole(b, name, &size, &image, data, size_bytes)
+                 : STATUS_OK;
+    if (result != STATUS_OK) {
+        image_release(&image);
+        return result;
+    }
     too_bright = count_too_bright(&image);
     if (too_bright)
         builder_warn(b, "environment radiance", "%s: the map has %llu pixels above %g: they count as that", name,
@@ -142,7 +181,7 @@ static status check_environment(struct builder *b, const char *name, const uint8
 
 status builder_set_environment_map(struct builder *b, const char *name, uint8_t *data, size_t size_bytes)
 {
-    status result = check_environment(b, name, data, size_bytes);
+    status result = check_environment(b, name, &data, &size_bytes);
 
     if (result != STATUS_OK) {
         b->error_is_placed = 1;

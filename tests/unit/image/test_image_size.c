@@ -48,6 +48,36 @@ static void test_written(void **state)
     image_release(&image);
 }
 
+/* A part of a larger picture, as --region writes it; damaged headers never end outside. */
+static void test_part(void **state)
+{
+    static const struct exr_window window = {100, 60, 40, 39};
+    struct exr_options options = {.window = &window};
+    struct buffer out = BUFFER_INIT;
+    struct image_size got;
+    struct image image;
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(image_init(&image, 37, 21, 3, &err), STATUS_OK);
+    assert_int_equal(exr_encode(&out, &image, &options, &err), STATUS_OK);
+    assert_int_equal(image_size_of(out.data, out.size, &got), 1);
+    assert_true(got.width == 37 && got.height == 21 && got.whole_width == 100 && got.whole_height == 60);
+    assert_true(got.x == 40 && got.y == 39);
+    for (size_t at = 8; at < 330; at++) { /* each byte of the header turned */
+        out.data[at] ^= 0xff;
+        if (image_size_of(out.data, out.size, &got) && got.whole_width)
+            assert_true((uint64_t)got.x + got.width <= got.whole_width && (uint64_t)got.y + got.height <= got.whole_height);
+        out.data[at] ^= 0xff;
+    }
+    options.window = NULL;
+    buffer_clear(&out);
+    assert_int_equal(exr_encode(&out, &image, &options, &err), STATUS_OK);
+    assert_true(image_size_of(out.data, out.size, &got) && got.whole_width == 0);
+    buffer_release(&out);
+    image_release(&image);
+}
+
 static void test_headers(void **state)
 {
     static const uint8_t jpeg[] = {0xff, 0xd8, 0xff, 0xe0, 0, 4, 1, 2, 0xff, 0xff, 0xc2, 0, 11, 8,
@@ -100,6 +130,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_written),
+        cmocka_unit_test(test_part),
         cmocka_unit_test(test_headers),
     };
     return cmocka_run_group_tests_name("image size", tests, NULL, NULL);

@@ -159,6 +159,7 @@ static void test_environment(void **state)
     struct error err = {0};
     struct import_result r;
     char path[256], scene[256];
+    int seen = 0;
 
     (void)state;
     write_scene("data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA", scene, sizeof scene);
@@ -177,6 +178,39 @@ static void test_environment(void **state)
     assert_warned(&r, "1 negative");
     assert_false(warned(&r, "no light"));
     import_result_release(&r);
+    /* A part of a larger sky is placed in it. */
+    buffer_clear(&exr);
+    for (size_t i = 0; i < 3 * 4 * 2; i++)
+        image.pixels[i] = 1 + (float)i;
+    how.window = &(const struct exr_window){16, 8, 5, 3};
+    assert_int_equal(exr_encode(&exr, &image, &how, &err), STATUS_OK);
+    write_file("part.exr", exr.data, exr.size, path, sizeof path);
+    assert_int_equal(import_scene(scene, &options, &r, &err), STATUS_OK);
+    assert_warned(&r, "4x2 pixels of a picture of 16x8, from column 5, row 3");
+    assert_false(warned(&r, "twice as wide"));
+    for (size_t i = 0; i < r.blob_count; i++) {
+        struct image_repairs repairs = {0};
+        struct image whole;
+        if (!digest_equal(&r.blobs[i].digest, &r.scene.environment.image.blob.digest))
+            continue;
+        assert_int_equal(image_decode_hdr(&whole, r.blobs[i].data, r.blobs[i].size_bytes, "whole", &repairs, &err), STATUS_OK);
+        assert_true(whole.width == 16 && whole.height == 8);
+        for (uint32_t y = 0; y < 8; y++)
+            for (uint32_t x = 0; x < 16; x++)
+                for (uint32_t c = 0; c < 3; c++)
+                    assert_true(whole.pixels[3 * (16 * y + x) + c] ==
+                                (x >= 5 && x < 9 && y >= 3 && y < 5 ? image.pixels[3 * (4 * (y - 3) + x - 5) + c] : 0));
+        image_release(&whole);
+        seen++;
+    }
+    assert_int_equal(seen, 1);
+    import_result_release(&r);
+    how.window = &(const struct exr_window){60000, 60000, 5, 3};
+    buffer_clear(&exr);
+    assert_int_equal(exr_encode(&exr, &image, &how, &err), STATUS_OK);
+    write_file("part.exr", exr.data, exr.size, path, sizeof path);
+    assert_int_equal(import_scene(scene, &options, &r, &err), STATUS_ERR_LIMIT);
+    assert_says(&err, "part.exr|--max-image");
     write_file("sky.png", "\x89PNG\r\n\x1a\n", 8, path, sizeof path);
     assert_int_equal(import_scene(scene, &options, &r, &err), STATUS_ERR_INPUT);
     assert_says(&err, "sky.png|OpenEXR");
