@@ -295,7 +295,8 @@ static inline unsigned scene_light_parts(enum scene_light_kind kind)
 
 /* How a spot light falls off between its cones. */
 enum scene_falloff { FALLOFF_GLTF /* square of the linear ramp of the cosine */,
-                     FALLOFF_SMOOTHSTEP /* of the cosine (pbrt) */, FALLOFF_COUNT };
+                     FALLOFF_SMOOTHSTEP /* of the cosine (pbrt-v4) */,
+                     FALLOFF_FOURTH /* power of that ramp (pbrt-v3) */, FALLOFF_COUNT };
 
 struct scene_light {
     const char *name;

@@ -54,6 +54,7 @@ static void finish(struct pbrt *p)
     pbrt_params_release(&p->params);
     pbrt_reader_release(&p->reader);
     mem_free(p->stack);
+    mem_free(p->renamed);
     mem_free(p->stack_kinds);
     arena_release(&p->arena);
 }

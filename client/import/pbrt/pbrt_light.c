@@ -187,7 +187,7 @@ static status read_spot(struct pbrt *p, const struct pbrt_directive *d, struct s
     double delta = pbrt_float(d->params, "conedeltaangle", 5);
 
     out->kind = LIGHT_SPOT;
-    out->falloff = FALLOFF_SMOOTHSTEP;
+    out->falloff = p->version3 ? FALLOFF_FOURTH : FALLOFF_SMOOTHSTEP;
     TRY(read_aim(p, d, out));
     TRY(read_strength(p, d->params, "I", strength));
     if (!(cone > 0 && cone <= 90)) {
@@ -284,7 +284,8 @@ static status read_goniometric(struct pbrt *p, const struct pbrt_directive *d, s
 
 static status read_projection(struct pbrt *p, const struct pbrt_directive *d, struct scene_light *out)
 {
-    static const double flip[3] = {1, 1, -1}; /* pbrt's shines along +z */
+    /* pbrt's shines along +z; pbrt-v3's picture has its top at -y. */
+    const double flip[3] = {1, p->version3 ? -1 : 1, -1};
     double power = pbrt_float(d->params, "power", 0), strength[3], aspect, tangent;
     double fov = pbrt_float(d->params, "fov", p->version3 ? 45 : 90);
     struct pbrt_image *image;

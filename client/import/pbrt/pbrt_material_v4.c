@@ -182,7 +182,8 @@ status pbrt_read_mix(struct pbrt *p, struct pbrt_material *m, unsigned depth)
         amount = pbrt_constant(p, 0.5, 0.5, 0.5);
     m->base.kind = MATERIAL_MIX;
     for (int i = 0; i < 2; i++) {
-        m->mix[i] = pbrt_name_find(&p->materials, name[i]);
+        if (!m->mix[i])
+            m->mix[i] = pbrt_name_find(&p->materials, name[i]);
         if (!m->mix[i] || m->mix[i] == m)
             return pbrt_fail(p, STATUS_ERR_INPUT, &m->at,
                              "material \"%.60s\": its part \"%.60s\" is not known: define it above", m->name, name[i]);

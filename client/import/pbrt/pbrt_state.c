@@ -30,6 +30,8 @@ status pbrt_push(struct pbrt *p, int kind, const struct pbrt_place *at)
     MUST_GROW(p->stack_kinds, p->kinds_capacity, p->stack_count + 1);
     p->stack[p->stack_count] = p->now;
     p->stack_kinds[p->stack_count++] = kind;
+    if (kind != PBRT_STACK_TRANSFORM)
+        p->now.renamed = p->renamed_count;
     return STATUS_OK;
 }
 
@@ -47,6 +49,8 @@ status pbrt_pop(struct pbrt *p, int kind, const struct pbrt_place *at)
         p->now.ctm = top->ctm;
         p->now.active = top->active;
     } else {
+        if (kind != PBRT_STACK_IMPORT)
+            pbrt_names_restore(p, p->now.renamed);
         p->now = *top;
     }
     p->stack_count--;

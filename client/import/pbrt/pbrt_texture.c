@@ -75,15 +75,25 @@ const struct pbrt_texture *pbrt_product(struct pbrt *p, const struct pbrt_textur
 static status find_texture(struct pbrt *p, const struct pbrt_param *param, int color, const struct pbrt_texture **out)
 {
     const char *name = param->strings[0];
-    const struct pbrt_table *first = color ? &p->color_textures : &p->float_textures,
-                            *second = color ? &p->float_textures : &p->color_textures;
+    const struct pbrt_texture *as_color = param->is_bound ? param->bound_color : pbrt_name_find(&p->color_textures, name);
+    const struct pbrt_texture *as_float = param->is_bound ? param->bound_float : pbrt_name_find(&p->float_textures, name);
 
-    *out = pbrt_name_find(first, name);
-    if (!*out)
-        *out = pbrt_name_find(second, name);
+    *out = (color && as_color) || !as_float ? as_color : as_float;
     if (!*out)
         return pbrt_fail(p, STATUS_ERR_INPUT, &param->at, "the texture \"%.80s\" is not known: define it above", name);
     return STATUS_OK;
+}
+
+void pbrt_textures_bind(const struct pbrt *p, struct pbrt_params *params)
+{
+    for (size_t i = 0; i < params->count; i++) {
+        struct pbrt_param *param = &params->items[i];
+        if (param->type != PBRT_TEXTURE)
+            continue;
+        param->is_bound = 1;
+        param->bound_color = pbrt_name_find(&p->color_textures, param->strings[0]);
+        param->bound_float = pbrt_name_find(&p->float_textures, param->strings[0]);
+    }
 }
 
 status pbrt_float_texture(struct pbrt *p, struct pbrt_params *params, const char *name, const struct pbrt_texture **out)
@@ -321,6 +331,6 @@ status pbrt_texture(struct pbrt *p, const char *name, const char *type, const st
     made = fold(p, t);
     snprintf(what, sizeof what, "texture \"%.60s\"", d->kind);
     pbrt_params_report(d->params, p->b, what);
-    pbrt_name_set(p, color ? &p->color_textures : &p->float_textures, name, made);
+    pbrt_name_set_here(p, color ? &p->color_textures : &p->float_textures, name, made);
     return STATUS_OK;
 }

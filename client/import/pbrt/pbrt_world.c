@@ -33,6 +33,13 @@ void pbrt_material_new(struct pbrt *p, const char *kind, const char *name, const
     m->name = name;
     m->at = *at;
     m->params = pbrt_params_copy(&p->params, &p->arena);
+    if (!p->version3)
+        return;
+    /* Names mean what they mean here, however they are defined again. */
+    pbrt_textures_bind(p, m->params);
+    if (strcmp(kind, "mix") == 0)
+        for (int i = 0; i < 2; i++)
+            m->mix[i] = pbrt_name_find(&p->materials, pbrt_string(m->params, i ? "namedmaterial2" : "namedmaterial1", ""));
 }
 
 static status do_material(struct pbrt *p, const struct pbrt_place *at)
@@ -58,7 +65,7 @@ static status do_make_material(struct pbrt *p, const struct pbrt_place *at)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "the material \"%.80s\" has no \"string type\"", name);
     kind = pbrt_keep(p, kind);
     pbrt_material_new(p, kind, name, at, &m);
-    pbrt_name_set(p, &p->materials, name, m);
+    pbrt_name_set_here(p, &p->materials, name, m);
     return STATUS_OK;
 }
 

@@ -8,6 +8,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "client/import/pbrt/read/pbrt_spectrum.h"
 #include "common/base/memory.h"
 #include "common/image/image.h"
 #include "common/math/elementary.h"
@@ -61,6 +62,25 @@ static void test_point_lights(void **state)
     import_result_release(&r);
     pbrt_world("LightSource \"laser\" " LAMP TRIANGLE, &r);
     pbrt_warned(&r, "\"laser\" is not known");
+    import_result_release(&r);
+}
+
+/* pbrt-v3 has other formulas by the same names. A white surface that faces its light of 3000 K and 1.5 has the radiance
+ * 0.348, 0.169, 0.054 there (spectrum.cpp: Planck's curve over its peak); pbrt-v4's has the luminance 1.5 / pi. */
+static void test_version3(void **state)
+{
+    static const float wanted[] = {0.348f, 0.169f, 0.054f};
+    struct import_result r;
+
+    (void)state;
+    pbrt_whole("Film \"image\" Camera \"perspective\" WorldBegin "
+               "LightSource \"spot\" \"rgb I\" [4 4 4] LightSource \"distant\" \"blackbody L\" [3000 1.5] "
+               "LightSource \"distant\" \"blackbody L\" [2000 1] " TRIANGLE,
+               NULL, &r);
+    assert_int_equal(r.scene.lights[0].falloff, FALLOFF_FOURTH);
+    for (int i = 0; i < 3; i++)
+        assert_float_equal(r.scene.lights[1].intensity[i] / PI_F, wanted[i], 0.015f * wanted[0]);
+    assert_true(spectrum_blackbody(2000, (double[3]){0}) < 0.06); /* pbrt-v4's light is 20 times as strong */
     import_result_release(&r);
 }
 
@@ -322,7 +342,6 @@ static void test_image_lights(void **state)
                             "\"float fov\" 60 LightSource \"goniometric\" \"rgb I\" [3 3 3] "
                             "\"string filename\" \"square.exr\" " TRIANGLE,
                folder, &r);
-    pbrt_folder_remove(folder);
     l = &r.scene.lights[0];
     assert_int_equal(l->kind, LIGHT_PROJECTION);
     assert_float_equal(l->projection_yfov_rad, 1.0471976f, 1e-5f);
@@ -333,6 +352,15 @@ static void test_image_lights(void **state)
     assert_int_equal(l->kind, LIGHT_GONIOMETRIC);
     assert_rgb(l->intensity, 3, 3, 3);
     assert_true(l->image >= 0 && l->to_world.m[2][2] == 1);
+    import_result_release(&r);
+    /* pbrt-v3's picture has its top at -y (projection.cpp has no Scale(1, -1, 1)). */
+    pbrt_whole("Film \"image\" " RIGHT_HANDED
+               "WorldBegin LightSource \"projection\" \"string mapname\" \"wide.exr\" " TRIANGLE,
+               folder, &r);
+    pbrt_folder_remove(folder);
+    l = &r.scene.lights[0];
+    assert_rgb(l->direction, 0, 0, 1);
+    assert_true(l->to_world.m[0][0] == 1 && l->to_world.m[1][1] == -1 && l->to_world.m[2][2] == -1);
     import_result_release(&r);
     image_release(&map);
     buffer_release(&file);
@@ -449,6 +477,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_point_lights),
+        cmocka_unit_test(test_version3),
         cmocka_unit_test(test_mirrored_light),
         cmocka_unit_test(test_light_spectra),
         cmocka_unit_test(test_area_lights),

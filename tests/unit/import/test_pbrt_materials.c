@@ -48,6 +48,60 @@ static void test_matte_kinds(void **state)
     }
 }
 
+/* In pbrt-v3 a name means what it means where it is used, and only in its attribute block; in pbrt-v4 all files have one
+ * of each. Each of the surfaces says which red it has. */
+static void test_names_of_version3(void **state)
+{
+#define RED(value) "Texture \"t\" \"color\" \"constant\" \"rgb value\" [" #value " 0 0] "
+#define NAMED(name) "MakeNamedMaterial \"" name "\" \"string type\" \"matte\" \"texture Kd\" \"t\" "
+#define USE(name) "NamedMaterial \"" name "\" " TRIANGLE
+    static const struct {
+        const char *world;
+        float red[3]; /* of the instances */
+    } cases[] = {
+        {RED(.1) NAMED("A") RED(.2) NAMED("B") RED(.3) USE("A") USE("B"), {0.1f, 0.2f}},
+        {RED(.1) "Material \"matte\" \"texture Kd\" \"t\" " RED(.2) TRIANGLE, {0.1f}},
+        {RED(.1) "AttributeBegin " RED(.2) NAMED("A") USE("A") "AttributeEnd " NAMED("A") USE("A"), {0.2f, 0.1f}},
+        {RED(.1) NAMED("A") "AttributeBegin " RED(.2) NAMED("A") USE("A") "AttributeBegin " RED(.3) NAMED("A")
+         "AttributeEnd " USE("A") "AttributeEnd " USE("A"), {0.2f, 0.2f, 0.1f}},
+        {RED(.1) NAMED("A") "TransformBegin " RED(.2) NAMED("A") "TransformEnd " USE("A"), {0.2f}},
+        {RED(.1) NAMED("A") "AttributeBegin " RED(.2) NAMED("A") "TransformBegin TransformEnd " USE("A") "AttributeEnd " USE("A"), {0.2f, 0.1f}},
+    };
+    struct import_result r;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[2048];
+        snprintf(text, sizeof text, "Film \"image\" Camera \"perspective\" WorldBegin " LAMP "%s", cases[i].world);
+        pbrt_whole(text, NULL, &r);
+        for (size_t k = 0; k < 3 && cases[i].red[k] > 0; k++)
+            if (fabsf(r.scene.materials[r.scene.instances[k].material].base_color[0] - cases[i].red[k]) > 1e-6f)
+                fail_msg("case %zu: surface %zu", i, k);
+        import_result_release(&r);
+    }
+    /* The parts of a mix, too. */
+    pbrt_whole("Film \"image\" Camera \"perspective\" WorldBegin " LAMP RED(.1) NAMED("A") RED(.2)
+                   NAMED("B") "MakeNamedMaterial \"M\" \"string type\" \"mix\" \"string namedmaterial1\" \"A\" "
+                              "\"string namedmaterial2\" \"B\" " RED(.3) NAMED("A") NAMED("B") USE("M"),
+               NULL, &r);
+    for (int i = 0; i < 2; i++) {
+        const struct scene_material *m = &r.scene.materials[r.scene.instances[0].material];
+        assert_float_equal(r.scene.materials[m->mix_material[i]].base_color[0], i ? 0.2f : 0.1f, 1e-6f);
+    }
+    import_result_release(&r);
+    /* What a block defined is unknown after it. */
+    {
+        struct error err = {0};
+        const struct import_options options = IMPORT_OPTIONS_DEFAULT;
+        const char *text = "Film \"image\" WorldBegin AttributeBegin " RED(.1) NAMED("A") "AttributeEnd " USE("A");
+        assert_int_equal(import_scene_memory(text, strlen(text), "a.pbrt", NULL, &options, &r, &err), STATUS_ERR_INPUT);
+        assert_says(&err, "\"A\" is not known");
+    }
+#undef RED
+#undef NAMED
+#undef USE
+}
+
 /* Oren and Nayar's A and B at 20 and 90 degrees: B / A is 0.29916 and 0.77670. */
 static void test_matte_sigma(void **state)
 {
@@ -570,6 +624,9 @@ static void test_spectra(void **state)
         for (int i = 0; i < 3; i++)
             assert_true(fabs(rgb[i] - wanted[i]) < 0.01);
     }
+    /* Planck's law over its largest value, weighed by CIE y: a visible third at 3000 K, nearly all in the middle at 5600 K. */
+    assert_true(fabs(spectrum_blackbody(3000, rgb) - 0.4164) < 0.001);
+    assert_true(fabs(spectrum_blackbody(5600, rgb) - 0.974) < 0.002);
     spectrum_blackbody(1, rgb); /* clamped, finite */
     assert_true(rgb[0] > 0 && isfinite(rgb[0]));
     assert_true(spectrum_named_light("stdillum-D65", rgb));
@@ -619,6 +676,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_matte_kinds),
+        cmocka_unit_test(test_names_of_version3),
         cmocka_unit_test(test_matte_sigma),
         cmocka_unit_test(test_coated_diffuse),
         cmocka_unit_test(test_named_metals),

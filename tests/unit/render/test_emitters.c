@@ -106,7 +106,8 @@ static void test_falloffs(void **state)
             struct vec3 d = {(float)sin(angle), 0, -(float)cos(angle)};
 
             t = fmin(1, fmax(0, (cos(angle) - cos(0.7)) / (cos(0.3) - cos(0.7))));
-            assert_near((double)shine(p, d).x, 2.5 * (falloff == FALLOFF_GLTF ? t * t : t * t * (3 - 2 * t)), 1e-5);
+            assert_near((double)shine(p, d).x,
+                        2.5 * t * t * (falloff == FALLOFF_GLTF ? 1 : falloff == FALLOFF_FOURTH ? t * t : 3 - 2 * t), 1e-5);
         }
     }
     light.inner_cone_rad = light.outer_cone_rad; /* a hard edge */

@@ -1,4 +1,4 @@
-/* spot_light: a point that emits within a cone with a soft edge: KHR_lights_punctual's ramp or pbrt's smooth step. */
+/* spot_light: a point that emits within a cone with a soft edge: KHR_lights_punctual's ramp or pbrt's, of either version. */
 #include "common/math/elementary.h"
 #include "worker/render/light/punctual.h"
 
@@ -42,7 +42,11 @@ static real cone_falloff(const struct spot_light *light, real cos_angle)
     else if (!(span > 0))
         return cos_angle >= light->cos_outer ? 1 : 0;
     fade = real_min(1, real_max(0, (cos_angle - light->cos_outer) / span));
-    return light->falloff == FALLOFF_GLTF ? fade * fade : fade * fade * (3 - 2 * fade);
+    switch (light->falloff) {
+    case FALLOFF_SMOOTHSTEP: return fade * fade * (3 - 2 * fade);
+    case FALLOFF_FOURTH: return fade * fade * (fade * fade);
+    default: return fade * fade;
+    }
 }
 
 int spot_light_sample(const struct render_scene *scene, const void *light_, const struct light_context *context, real u,

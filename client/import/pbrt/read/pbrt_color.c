@@ -156,9 +156,10 @@ status pbrt_color_of(struct pbrt *p, const struct pbrt_param *param, int color_s
 
     out[0] = out[1] = out[2] = 0;
     if (param->type == PBRT_BLACKBODY) {
-        spectrum_blackbody(param->numbers[0], out);
-        if (param->number_count > 1)
-            scale = param->numbers[1]; /* pbrt-v3: its strength */
+        double peaked = spectrum_blackbody(param->numbers[0], out);
+        /* pbrt-v3: its strength, of a spectrum whose largest value is 1 */
+        if (param->number_count > 1 || p->version3)
+            scale = (param->number_count > 1 ? param->numbers[1] : 1) * (p->version3 ? peaked : 1);
     } else if (param->type == PBRT_SPECTRUM) {
         struct spectrum s;
         double index, abbe;

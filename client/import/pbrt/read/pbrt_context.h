@@ -40,6 +40,13 @@ void *pbrt_table_find(const struct pbrt_table *t, const void *key, size_t key_by
 void pbrt_table_set(struct pbrt_table *t, struct arena *arena, const void *key, size_t key_bytes, void *value);
 void *pbrt_name_find(const struct pbrt_table *t, const char *name);
 
+/* What a name was before the attribute block at hand. */
+struct pbrt_renamed {
+    struct pbrt_table *table;
+    const char *name;
+    void *former;
+};
+
 /* ---- textures ----------------------------------------------------------------------------- */
 
 enum pbrt_texture_op {
@@ -126,6 +133,7 @@ struct pbrt_state {
     const char *inside, *outside; /* media; "" none */
     /* Of Attribute "shape" and so on. */
     struct pbrt_params *shape_defaults, *light_defaults, *material_defaults, *medium_defaults, *texture_defaults;
+    size_t renamed;   /* of struct pbrt: so many when the block began */
     int is_attribute; /* pushed by AttributeBegin (not TransformBegin, ObjectBegin, Import) */
 };
 
@@ -172,6 +180,8 @@ struct pbrt {
     struct pbrt_place depth_at, samples_at;
 
     struct pbrt_table float_textures, color_textures, materials, media, objects, systems, images, texture_rows, spectra;
+    struct pbrt_renamed *renamed; /* pbrt-v3: textures and materials are names of their attribute block */
+    size_t renamed_count, renamed_capacity;
     struct pbrt_material *default_material;
     struct pbrt_texture *white;
     struct pbrt_object *object; /* being defined, or NULL */
@@ -192,6 +202,9 @@ struct pbrt {
 
 /* ---- pbrt_table.c, pbrt_arguments.c ------------------------------------------------------- */
 void pbrt_name_set(struct pbrt *p, struct pbrt_table *t, const char *name, const void *value);
+/* In pbrt-v3 until the attribute block ends. */
+void pbrt_name_set_here(struct pbrt *p, struct pbrt_table *t, const char *name, const void *value);
+void pbrt_names_restore(struct pbrt *p, size_t count);
 char *pbrt_keep(struct pbrt *p, const char *text); /* NULL: out of memory */
 
 /* ---- pbrt_matrix.c ------------------------------------------------------------------------ */
@@ -236,6 +249,8 @@ int pbrt_space_of(const char *name);
 /* ---- pbrt_texture.c ----------------------------------------------------------------------- */
 /* Texture "name" "type" "kind" ... */
 status pbrt_texture(struct pbrt *p, const char *name, const char *type, const struct pbrt_directive *d) MUST_CHECK;
+/* Let the parameters' texture names mean what they mean now. */
+void pbrt_textures_bind(const struct pbrt *p, struct pbrt_params *params);
 /* A parameter that may be a number or a texture; NULL in *out when it is not given. */
 status pbrt_float_texture(struct pbrt *p, struct pbrt_params *params, const char *name,
                           const struct pbrt_texture **out) MUST_CHECK;

@@ -43,6 +43,9 @@ struct pbrt_param {
     const char *const *strings;
     size_t first_number, first_string, name_offset; /* while being read */
     int used;
+    /* pbrt-v3: what the texture's name means where it stands, as a colour and as a number. */
+    int is_bound;
+    const struct pbrt_texture *bound_color, *bound_float;
 };
 
 struct pbrt_params {

@@ -256,14 +256,17 @@ static double value_blackbody(const void *of, double lambda)
     return det_exp_d(x0 - x) * (1 - e0) / (l * l * l * l * l * (1 - det_exp_d(-x)));
 }
 
-void spectrum_blackbody(double kelvin, double out[3])
+double spectrum_blackbody(double kelvin, double out[3])
 {
-    double xyz[3];
+    const double displacement = 2.8977721e6; /* nm K: Wien's */
+    double xyz[3], one[3];
 
     kelvin = kelvin > 100 ? kelvin < 1e6 ? kelvin : 1e6 : 100;
     integrate(value_blackbody, &kelvin, 0, xyz);
     if (!light_rgb(xyz, out))
         out[0] = 1 / 0.2126729, out[1] = out[2] = 0;
+    integrate(value_one, NULL, 0, one);
+    return xyz[1] / one[1] / value_blackbody(&kelvin, displacement / kelvin);
 }
 
 /* The row with this name in a table whose rows begin with names; NULL: none. */

@@ -24,8 +24,9 @@ void spectrum_reflectance(const struct spectrum *s, double out[3]);
 int spectrum_light(const struct spectrum *s, double out[3]);
 /* Its luminance, where a constant spectrum of 1 has 1. */
 double spectrum_luminance(const struct spectrum *s);
-/* The colour of a black body of 100..1e6 K (clamped). */
-void spectrum_blackbody(double kelvin, double out[3]);
+/* The colour of a black body of 100..1e6 K (clamped). Returns its luminance where its spectrum's largest value is 1, as
+ * spectrum_luminance() has it. */
+double spectrum_blackbody(double kelvin, double out[3]);
 
 /* "metal-Au-eta", ... NULL: unknown. */
 const struct spectrum *spectrum_named(const char *name);

@@ -58,4 +58,22 @@ void pbrt_name_set(struct pbrt *p, struct pbrt_table *t, const char *name, const
     pbrt_table_set(t, &p->arena, name, strlen(name), (void *)value);
 }
 
+void pbrt_name_set_here(struct pbrt *p, struct pbrt_table *t, const char *name, const void *value)
+{
+    if (p->version3 && p->stack_count > 0) {
+        MUST_GROW(p->renamed, p->renamed_capacity, p->renamed_count + 1);
+        p->renamed[p->renamed_count++] =
+            (struct pbrt_renamed){t, must(arena_strdup(&p->arena, name)), pbrt_name_find(t, name)};
+    }
+    pbrt_name_set(p, t, name, value);
+}
+
+void pbrt_names_restore(struct pbrt *p, size_t count)
+{
+    while (p->renamed_count > count) {
+        const struct pbrt_renamed *r = &p->renamed[--p->renamed_count];
+        pbrt_name_set(p, r->table, r->name, r->former);
+    }
+}
+
 void *pbrt_name_find(const struct pbrt_table *t, const char *name) { return pbrt_table_find(t, name, strlen(name)); }
