@@ -29,6 +29,12 @@ status shape_sphere(double radius, double z_min, double z_max, double phi_max_ra
                     struct mesh_source *out, struct error *err) MUST_CHECK;
 status shape_cylinder(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
                       struct mesh_source *out, struct error *err) MUST_CHECK;
+/* z = z_max (r / radius)^2, from z_min >= 0 to z_max. */
+status shape_paraboloid(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
+                        struct mesh_source *out, struct error *err) MUST_CHECK;
+/* The line from a (v = 0) to b turns around the z axis: a cone or hyperboloid. a and b differ in z. */
+status shape_turned_line(const double a[3], const double b[3], double phi_max_rad, uint32_t segments,
+                         struct mesh_source *out, struct error *err) MUST_CHECK;
 /* At z = height, facing +z; v from the rim (0) to the inner radius (1). inner_radius >= 0. */
 status shape_disk(double height, double radius, double inner_radius, double phi_max_rad, uint32_t segments,
                   struct mesh_source *out, struct error *err) MUST_CHECK;

@@ -1,4 +1,4 @@
-/* Spheres, cylinders and disks: surfaces of revolution. */
+/* Spheres, cylinders, disks and lines that turn: surfaces of revolution. */
 #include <math.h>
 #include <string.h>
 
@@ -146,4 +146,84 @@ status shape_disk(double height, double radius, double inner_radius, double phi_
 {
     memset(out, 0, sizeof *out);
     return shape_finish(disk(height, radius, inner_radius, phi_max_rad, segments, out, err), out);
+}
+
+/* ---- pbrt-v3's others ------------------------------------------------------------------------- */
+
+static status paraboloid(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
+                         struct mesh_source *out, struct error *err)
+{
+    struct sweep sweep;
+    uint32_t rows = segments / 4;
+    int pole = z_min == 0;
+
+    TRY(sweep_init(&sweep, radius, phi_max_rad, segments, err));
+    if (!(z_min >= 0 && z_min < z_max) || !shape_is_coordinate(z_max))
+        return error_set(err, STATUS_ERR_INPUT, "zmin %g and zmax %g make no paraboloid", z_min, z_max);
+    rows = rows > 2 ? rows : 2;
+    TRY(shape_reserve(out, (uint64_t)(sweep.columns + 1) * (rows + 1), (uint64_t)sweep.columns * rows * 2, err));
+    for (uint32_t j = 0; j <= rows; j++) {
+        double v = (double)j / rows * j / rows; /* radii in equal steps from a pole */
+        double z = z_min + (z_max - z_min) * v, r = radius * sqrt(z / z_max);
+        double slope = 2 * z_max * r / (radius * radius), length = sqrt(slope * slope + 1);
+        sweep_row(&sweep, out, r, z, slope / length, -1 / length, v, pole && j == 0 ? 0.5 : 0);
+    }
+    shape_add_grid(out, 0, sweep.columns, rows, pole ? POLE_FIRST : POLE_NONE);
+    return STATUS_OK;
+}
+
+status shape_paraboloid(double radius, double z_min, double z_max, double phi_max_rad, uint32_t segments,
+                        struct mesh_source *out, struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    return shape_finish(paraboloid(radius, z_min, z_max, phi_max_rad, segments, out, err), out);
+}
+
+static void turn(const double p[3], double cosine, double sine, double out[3])
+{
+    out[0] = p[0] * cosine - p[1] * sine;
+    out[1] = p[0] * sine + p[1] * cosine;
+    out[2] = p[2];
+}
+
+static status turned_line(const double a[3], const double b[3], double phi_max_rad, uint32_t segments,
+                          struct mesh_source *out, struct error *err)
+{
+    const double along[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+    double ra = a[0] * a[0] + a[1] * a[1], rb = b[0] * b[0] + b[1] * b[1];
+    int pole_a = ra == 0, pole_b = rb == 0;
+    /* A cone or cylinder has one; other lines, and those that cross the axis, bend. */
+    int straight = a[0] * b[1] == a[1] * b[0] && a[0] * b[0] + a[1] * b[1] >= 0;
+    uint32_t rows = straight ? 1 : segments / 4 | 1; /* odd: no row is a point of the axis */
+    struct sweep sweep;
+
+    TRY(sweep_init(&sweep, sqrt(fmax(ra, rb)), phi_max_rad, segments, err));
+    if (!shape_is_coordinate(a[2]) || !shape_is_coordinate(b[2]) || a[2] == b[2])
+        return error_set(err, STATUS_ERR_INPUT, "a line from z %g to %g makes no surface by turning", a[2], b[2]);
+    TRY(shape_reserve(out, (uint64_t)(sweep.columns + 1) * (rows + 1), (uint64_t)sweep.columns * rows * 2, err));
+    for (uint32_t j = 0; j <= rows; j++) {
+        double v = (double)j / rows, shift = j == 0 && pole_a ? 0.5 : j == rows && pole_b ? -0.5 : 0;
+        const double p[3] = {a[0] + along[0] * v, a[1] + along[1] * v, a[2] + along[2] * v};
+        /* (dp/du, dp/dv): a pole has the normal of its line, beside it. */
+        const double *q = shift > 0 ? b : shift < 0 ? a : p;
+        double normal[3] = {q[0] * along[2], q[1] * along[2], -(q[0] * along[0] + q[1] * along[1])};
+        if (!normalize3(normal))
+            normal[2] = 1;
+        for (uint32_t i = 0; i <= sweep.columns; i++) {
+            double cosine, sine, position[3], facing[3];
+            sweep_column(&sweep, i, &cosine, &sine);
+            turn(p, cosine, sine, position);
+            turn(normal, cosine, sine, facing);
+            shape_add_vertex(out, position, facing, fmin(fmax((i + shift) / sweep.columns, 0), 1), v);
+        }
+    }
+    shape_add_grid(out, 0, sweep.columns, rows, (pole_a ? POLE_FIRST : 0) | (pole_b ? POLE_LAST : 0));
+    return STATUS_OK;
+}
+
+status shape_turned_line(const double a[3], const double b[3], double phi_max_rad, uint32_t segments,
+                         struct mesh_source *out, struct error *err)
+{
+    memset(out, 0, sizeof *out);
+    return shape_finish(turned_line(a, b, phi_max_rad, segments, out, err), out);
 }

@@ -245,6 +245,31 @@ static status make_cylinder(struct pbrt *p, const struct pbrt_directive *d, stru
                           SHAPE_SEGMENTS_DEFAULT, out, p->err);
 }
 
+static status make_paraboloid(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
+{
+    double low = pbrt_float(d->params, "zmin", 0), high = pbrt_float(d->params, "zmax", 1);
+
+    return shape_paraboloid(pbrt_float(d->params, "radius", 1), fmin(low, high), fmax(low, high), phi_max(d),
+                            SHAPE_SEGMENTS_DEFAULT, out, p->err);
+}
+
+static status make_cone(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
+{
+    const double rim[3] = {pbrt_float(d->params, "radius", 1), 0, 0};
+    const double top[3] = {0, 0, pbrt_float(d->params, "height", 1)};
+
+    return shape_turned_line(rim, top, phi_max(d), SHAPE_SEGMENTS_DEFAULT, out, p->err);
+}
+
+static status make_hyperboloid(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
+{
+    double a[3] = {0, 0, 0}, b[3] = {1, 1, 1};
+
+    (void)pbrt_triple(d->params, "p1", a);
+    (void)pbrt_triple(d->params, "p2", b);
+    return shape_turned_line(a, b, phi_max(d), SHAPE_SEGMENTS_DEFAULT, out, p->err);
+}
+
 static status make_patches(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
 {
     enum { DIVISIONS = 16 };
@@ -337,7 +362,8 @@ static const struct {
 } kinds[] = {
     {"trianglemesh", make_triangles}, {"plymesh", make_ply},      {"sphere", make_sphere},
     {"disk", make_disk},              {"cylinder", make_cylinder}, {"bilinearmesh", make_patches},
-    {"loopsubdiv", make_loop},        {"curve", make_curve},
+    {"loopsubdiv", make_loop},        {"curve", make_curve},      {"cone", make_cone},
+    {"paraboloid", make_paraboloid},  {"hyperboloid", make_hyperboloid},
 };
 
 pbrt_shape_make *pbrt_shape_kind(const char *kind)

@@ -189,8 +189,8 @@ static void test_unknown_parameters(void **state)
     pbrt_world("LightSource \"point\" \"float I\" 3 " TRIANGLE, &r); /* of the wrong type */
     pbrt_warned(&r, "light \"point\"|\"float I\"");
     import_result_release(&r);
-    pbrt_world(LAMP "Shape \"cone\" " TRIANGLE, &r);
-    pbrt_warned(&r, "a.pbrt:|\"cone\" is not supported: left out");
+    pbrt_world(LAMP "Shape \"nurbs\" " TRIANGLE, &r);
+    pbrt_warned(&r, "a.pbrt:|\"nurbs\" is not supported: left out");
     assert_int_equal(r.scene.instance_count, 1);
     import_result_release(&r);
 }

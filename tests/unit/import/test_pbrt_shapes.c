@@ -87,6 +87,10 @@ static void test_quadrics(void **state)
         {"\"sphere\" \"float phimax\" 180", {-1, 0, -1}, {1, 1, 1}, 0},
         {"\"disk\" \"float radius\" 3 \"float height\" 1", {-3, -3, 1}, {3, 3, 1}, 0},
         {"\"cylinder\" \"float radius\" .5 \"float zmin\" -2 \"float zmax\" 4", {-0.5f, -0.5f, -2}, {0.5f, 0.5f, 4}, 0},
+        {"\"cone\" \"float radius\" 2 \"float height\" 3", {-2, -2, 0}, {2, 2, 3}, 0},
+        {"\"paraboloid\" \"float radius\" 2 \"float zmin\" 1 \"float zmax\" 4", {-2, -2, 1}, {2, 2, 4}, 0},
+        {"\"hyperboloid\" \"point p1\" [3 0 -1] \"point p2\" [0 4 1] \"float phimax\" 360", {-4, -4, -1}, {4, 4, 1}, 0},
+        {"\"hyperboloid\"", {-1.41421f, -1.41421f, 0}, {1.41421f, 1.41421f, 1}, 0},
     };
 
     (void)state;

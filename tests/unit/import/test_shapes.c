@@ -132,6 +132,67 @@ static void cylinder_and_disk(void **state)
     mesh_source_release(&mesh);
 }
 
+/* pbrt-v3's cone, paraboloid and hyperboloid. Areas and volumes by hand; a closed part is measured with its disk. */
+static void surfaces_of_turned_lines(void **state)
+{
+    const double rim[3] = {2, 0, 0}, top[3] = {0, 0, 1.5}, low[3] = {1, -1, -1}, high[3] = {1, 1, 1};
+    struct mesh_source mesh;
+    struct error err = {0};
+    struct measure m;
+
+    (void)state;
+    assert_int_equal(shape_turned_line(rim, top, 2 * PI, 128, &mesh, &err), STATUS_OK);
+    m = measure(&mesh);
+    assert_int_equal(mesh.triangle_count, 128);
+    assert_float_equal(m.area, 5 * PI, 5 * PI * 1e-3);   /* pi r sqrt(r^2 + h^2) */
+    assert_float_equal(m.volume, 2 * PI, 2 * PI * 1e-3); /* its base is at z = 0 */
+    assert_true(m.agreement > 0.8f);
+    assert_float_equal(mesh.normals[0], 0.6, 1e-6);
+    assert_float_equal(mesh.normals[2], 0.8, 1e-6);
+    mesh_source_release(&mesh);
+    assert_int_equal(shape_turned_line(rim, top, PI / 2, 128, &mesh, &err), STATUS_OK);
+    assert_float_equal(measure(&mesh).area, 5 * PI / 4, 5 * PI / 4 * 1e-3);
+    mesh_source_release(&mesh);
+    /* (pi / 6) (r / h^2) ((r^2 + 4 h^2)^1.5 - r^3), r = h = 1 */
+    assert_int_equal(shape_paraboloid(1, 0, 1, 2 * PI, 128, &mesh, &err), STATUS_OK);
+    m = measure(&mesh);
+    assert_float_equal(m.area, PI / 6 * (5 * sqrt(5) - 1), 5e-3);
+    assert_true(m.agreement > 0.99f);
+    for (size_t v = 0; v < mesh.vertex_count; v++) {
+        struct vec3 p = vec_at(mesh.positions, v), n = vec_at(mesh.normals, v);
+        assert_float_equal(p.z, p.x * p.x + p.y * p.y, 1e-6);
+        assert_true(n.z < 0 && fabsf(n.x * p.y - n.y * p.x) < 1e-6f && n.x * p.x + n.y * p.y >= 0);
+        assert_float_equal(mesh.uv[0][2 * v + 1], p.z, 1e-6);
+    }
+    mesh_source_release(&mesh);
+    assert_int_equal(shape_paraboloid(1, 0.25, 1, 2 * PI, 128, &mesh, &err), STATUS_OK);
+    assert_float_equal(mesh.positions[2], 0.25, 1e-6);
+    mesh_source_release(&mesh);
+    /* x^2 + y^2 = 1 + z^2 */
+    assert_int_equal(shape_turned_line(low, high, 2 * PI, 128, &mesh, &err), STATUS_OK);
+    m = measure(&mesh);
+    assert_true(m.agreement > 0.99f);
+    for (size_t v = 0; v < mesh.vertex_count; v++) {
+        struct vec3 p = vec_at(mesh.positions, v), n = vec_at(mesh.normals, v);
+        assert_float_equal(p.x * p.x + p.y * p.y, 1 + p.z * p.z, 1e-5);
+        assert_float_equal(vec3_dot(n, vec3_normalize(vec3_make(p.x, p.y, -p.z))), 1, 1e-5);
+    }
+    assert_float_equal(m.area, 2 * PI * (sqrt(3) + asinh(sqrt(2)) / sqrt(2)), 0.02);
+    mesh_source_release(&mesh);
+    /* A line across the axis is two cones. */
+    assert_int_equal(shape_turned_line((const double[]){-1, 0, -1}, (const double[]){1, 0, 1}, 2 * PI, 128, &mesh, &err), STATUS_OK);
+    m = measure(&mesh);
+    assert_float_equal(m.area, 2 * PI * sqrt(2), 0.01);
+    for (size_t v = 0; v < 3 * mesh.vertex_count; v++)
+        assert_true(isfinite(mesh.normals[v]));
+    mesh_source_release(&mesh);
+    assert_int_equal(shape_turned_line(rim, rim, 6, 64, &mesh, &err), STATUS_ERR_INPUT);
+    assert_int_equal(shape_turned_line(top, (const double[]){0, 0, 0}, 6, 64, &mesh, &err), STATUS_ERR_INPUT);
+    assert_int_equal(shape_turned_line(rim, (const double[]){0, 0, INFINITY}, 6, 64, &mesh, &err), STATUS_ERR_INPUT);
+    assert_int_equal(shape_paraboloid(1, -1, 1, 6, 64, &mesh, &err), STATUS_ERR_INPUT);
+    assert_int_equal(shape_paraboloid(1, 1, 1, 6, 64, &mesh, &err), STATUS_ERR_INPUT);
+}
+
 static void nonsense_is_refused(void **state)
 {
     static const float positions[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, NAN, 1, 0};
@@ -594,6 +655,7 @@ int main(void)
         cmocka_unit_test(full_sphere),
         cmocka_unit_test(part_of_a_sphere),
         cmocka_unit_test(cylinder_and_disk),
+        cmocka_unit_test(surfaces_of_turned_lines),
         cmocka_unit_test(nonsense_is_refused),
         cmocka_unit_test(parallelograms_are_two_triangles),
         cmocka_unit_test(saddle_lies_on_its_surface),
