@@ -26,7 +26,7 @@ class Picture {
       wipe: false, split: 0.5, map: null, mapAsked: 0, orders: new Map(), developed: new Map(), shown: {}, complete: false,
       drawn: {}, version: 0, tints: 0, pace: new Pace(), timer: 0, settled: false });
     this.draw = this.draw.bind(this);
-    this.canvas = h('canvas', { class: 'picture', tabindex: 0, role: 'img', 'data-own-keys': true });
+    this.canvas = h('canvas', { class: 'picture', tabindex: 0, role: 'img', 'aria-label': 'No picture yet', 'data-own-keys': true });
     this.rings = h('canvas', { class: 'rings', hidden: true, 'aria-hidden': 'true' });
     this.crosshair = h('i', { class: 'crosshair', hidden: true });
     this.handle = h('div', { class: 'wipe', role: 'slider', tabindex: 0, 'aria-label': 'Border between the two operators',
