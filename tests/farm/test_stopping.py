@@ -165,7 +165,10 @@ def interrupted_twice():
 def is_locked(folder):
     """whether a process holds the scratch folder or its store"""
     for name in ("owner", "lock"):
-        with open(os.path.join(folder, name)) as file:
+        path = os.path.join(folder, name)
+        if not os.path.exists(path):  # killed before it had a store
+            continue
+        with open(path) as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
