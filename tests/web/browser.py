@@ -39,11 +39,17 @@ FIND = """(() => {
       return [...document.querySelectorAll(what)].filter(shown);
     },
     hits: (e, top) => !!top && (e.contains(top) || top.contains(e) || [...(e.labels || [])].some(l => l.contains(top))),
-    /* Where the next press lands: window.pressHit says whether on this element. */
+    /* Where the next press lands: window.pressHit says whether on this element, or on one like it that took its place when
+     * the page was drawn anew. */
     watch(what) {
       const e = this.all(what)[0];
+      const words = x => x && [x.tagName, name(x), (x.closest('tr,li,dialog,section') || x).innerText.split(/[\\t\\n]/)[0]].join();
+      const wanted = words(e);
       window.pressHit = null;
-      addEventListener('pointerdown', p => { window.pressHit = !!e && this.hits(e, p.target); }, {capture: true, once: true});
+      addEventListener('pointerdown', p => {
+        window.pressHit = !!e && (this.hits(e, p.target) || (!e.isConnected && words(p.target.closest(pressable)) === wanted));
+      }, {capture: true, once: true});
+      return !!e;
     },
     place(what) {
       const e = this.all(what)[0];
@@ -387,7 +393,8 @@ class Page:
         end = time.monotonic() + limit_s * PATIENCE
         while True:
             at = self.place(what, limit_s)
-            self.js("%s.watch(%s)" % (FIND, json.dumps(what)))
+            if not self.js("%s.watch(%s)" % (FIND, json.dumps(what))):
+                continue  # gone since then; something else may be in its place
             self.click_at(at["x"], at["y"], button, times)
             try:
                 if self.js("window.pressHit") is not False or times > 1:
