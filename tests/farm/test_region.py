@@ -67,6 +67,9 @@ def the_same_bits():
             farm.cli("render", scene, *options, "--region", "%d,%d,%d,%d" % edge, "-o", "edge.exr", connect=False, expect=0)
             check(read_exr(farm.path("edge.exr")), whole, *edge)
         farm.cli("compare", "edge.exr", "whole.exr", expect=0)
+        farm.cli("render", scene, *options, "--region", "%d,%d,%d,%d" % (X + 1, Y, W, H), "-o", "beside.exr", connect=False, expect=0)
+        error = farm.cli("compare", "beside.exr", stem + ".exr", expect=3).err
+        expect("different regions" in error, error)
         # All of it is the picture itself.
         farm.cli("render", scene, *options, "--region", "0,0,%d,%d" % (WIDTH, HEIGHT), "-o", "all.exr", connect=False,
                  expect=0)

@@ -94,7 +94,10 @@ static status run(const struct command *command, int argc, char *const *argv, in
         crop(&b, &a_size);
         crop(&a, &b_size);
         image_compare(&a, &b, &comparison);
-        if (!comparison.same_size)
+        if (a_size.whole_width && b_size.whole_width && (a_size.x != b_size.x || a_size.y != b_size.y))
+            result = error_set(err, STATUS_ERR_INPUT, "%s begins at column %u, row %u of its picture, %s at column %u, row %u: "
+                               "they are different regions", rest.items[0], a_size.x, a_size.y, rest.items[1], b_size.x, b_size.y);
+        else if (!comparison.same_size)
             result = error_set(err, STATUS_ERR_INPUT, "%s has %ux%u pixels, %s has %ux%u", rest.items[0], a.width,
                                a.height, rest.items[1], b.width, b.height);
         else if (json)

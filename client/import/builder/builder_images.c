@@ -136,8 +136,10 @@ static status make_whole(struct builder *b, const char *name, const struct image
     image_release(map);
     *map = whole;
     result = exr_encode(&file, map, &(struct exr_options){0}, b->err);
-    if (result != STATUS_OK)
+    if (result != STATUS_OK) {
+        buffer_release(&file);
         return result;
+    }
     mem_free(*data);
     *data = file.data;
     *size_bytes = file.size;

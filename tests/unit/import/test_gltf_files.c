@@ -110,7 +110,7 @@ static void test_data_uris(void **state)
     static const char *const bad[][2] = {
         {"data:;base64,AAAAAAAA*AAA", "invalid character at position 8"},
         {"data:;base64,AA==AAAA", "invalid character at position 4"},
-        {"data:;base64,AAAAA", "cut short"},
+        {"data:;base64,AAAAA", "base64 data is cut short"},
     };
     char path[256];
     struct import_result r;

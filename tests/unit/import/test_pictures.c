@@ -115,6 +115,26 @@ static void missing_pictures_are_left_out(void **state)
     }
 }
 
+/* A texture whose only form is not read, nor named: a warning as well. */
+static void strict_wants_every_form(void **state)
+{
+    static const char text[] = GLTF("{\"uri\":\"gone.png\"}", COLORED);
+    char *ktx = strdup(text), *source = strstr(ktx, "{\"source\":0}");
+    struct import_options strict = defaults;
+    struct import_result result;
+    struct error err = {0};
+
+    (void)state;
+    memcpy(source, "{\"name\":\"k\"}", strlen("{\"name\":\"k\"}"));
+    import(ktx, "a.gltf", NULL, &result);
+    assert_warned(&result, "textures[0] has no image: left out");
+    import_result_release(&result);
+    strict.strict = 1;
+    assert_int_equal(import_scene_memory(ktx, strlen(ktx), "a.gltf", folder, &strict, &result, &err), STATUS_ERR_UNSUPPORTED);
+    assert_says(&err, "textures[0]|no image in a form that is read");
+    free(ktx);
+}
+
 /* A texture may say which small part glows: without it nothing does. */
 static void missing_emission_is_dark(void **state)
 {
@@ -175,6 +195,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exposure_of_zero_is_said),
         cmocka_unit_test(missing_pictures_are_left_out),
+        cmocka_unit_test(strict_wants_every_form),
         cmocka_unit_test(missing_emission_is_dark),
         cmocka_unit_test(ply_files_have_textures),
     };

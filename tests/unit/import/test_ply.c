@@ -361,6 +361,16 @@ static void odd_lists_of_texture_coordinates(void **state)
         assert_true(at_corner(&mesh, mesh.uv[0], 2, i)[1] == wanted[i]);
     }
     mesh_source_release(&mesh);
+    /* A corner that is like one behind others that were met before. */
+    read_ok(ASCII VERTICES(4) FACES(3) "property list uchar float texcoord\n"
+            "end_header\n0 0 0\n1 0 0\n2 2 0\n3 0 3\n3 0 1 2 6 0 0 1 0 2 2\n3 0 2 3 6 0 0 2 2 3 0\n3 3 1 0 6 3 0 1 0 0 0\n",
+            &mesh, &report);
+    assert_int_equal(mesh.vertex_count, 4);
+    for (size_t i = 0; i < 9; i++) {
+        static const float x[] = {0, 1, 2, 0, 2, 3, 3, 1, 0};
+        assert_true(at_corner(&mesh, mesh.positions, 3, i)[0] == x[i] && at_corner(&mesh, mesh.uv[0], 2, i)[0] == x[i]);
+    }
+    mesh_source_release(&mesh);
 }
 
 static void faces_have_colors(void **state)
