@@ -103,7 +103,7 @@ status film_unit_load(struct film *film, uint32_t tile, const uint8_t *data, siz
     float sums[TILE_FLOATS_MAX];
     struct unit_result unit = {.tile = tile, .sums = sums};
     struct film_level level;
-    struct unit_head h;
+    struct unit_head h = {0};
     uint32_t *const head[] = {&h.group, &h.pass, &h.deliverer, &h.cost, &h.tails, &h.level, &h.mask, &h.count};
     const uint8_t *at = data;
     int completes, finite = 1;
