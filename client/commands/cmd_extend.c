@@ -38,7 +38,7 @@ static status check(const struct stop_options *options, struct stop_rules *rules
     if (result == STATUS_OK && *spp == 0)
         return error_set(err, STATUS_ERR_USAGE,
                          "say when the pictures are good enough: --spp N, --target-error E, "
-                         "--time-limit T or --core-limit T");
+                         "--time-limit T, --core-limit T or --max-rays N");
     return result;
 }
 
@@ -52,7 +52,7 @@ status extend_command(const struct command *command, int argc, char *const *argv
     int watch = 0, done;
     const struct option table[] = {
         STOP_SPP_ROW(options, "no limit"),
-        STOP_OPTION(options, target) STOP_OPTION(options, time_limit_ms) STOP_OPTION(options, core_limit_ms)
+        STOP_OPTION(options, target) STOP_OPTION(options, time_limit_ms) STOP_OPTION(options, core_limit_ms) STOP_OPTION(options, max_rays)
         FRAME_CHOICE_ROWS(choice, 'f', "continue"),
         {"watch", 'w', OPTION_FLAG, &watch, NULL, "follow the job until it ends", 0, 0, NULL},
         {"json", 0, OPTION_FLAG, &how.json, NULL, "print JSON", 0, 0, NULL},

@@ -162,7 +162,10 @@ struct frame_again {
 
 static int has_rules(const Azulejo__Wire__StopRules *stop)
 {
-    return stop && (stop->measure || stop->time_limit_ms || stop->core_limit_ms);
+    struct stop_rules rules;
+    struct error ignored = {0};
+
+    return wire_stop_get(&rules, stop, &ignored) == STATUS_OK && stop_ends_a_frame(&rules);
 }
 
 static status open_map(const struct verify *v, struct frame_again *f, struct error *err)

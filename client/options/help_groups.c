@@ -9,7 +9,7 @@ static const struct option_group option_groups[] = {
     {"the usual options:", "output out name from quick minutes measure pixel sample frame operator preview size spp "
                           "target-error time-limit frames env camera without tonemap exposure workers threads web "
                           "follow watch tev coordinator json quiet verbose"},
-    {"when a frame is done:", "core-limit allocation min-spp schedule-from effects by pilot-spp price currency"},
+    {"when a frame is done:", "core-limit max-rays allocation min-spp schedule-from effects by pilot-spp price currency"},
     {"the scene:", "scene variant animation light-units studio env-rotate env-strength allow-outside only-below strict max-image "
                   "max-image-memory"},
     {"camera and picture:", "first-middle-last fps shutter lens focus alpha region aov"},

@@ -9,15 +9,11 @@
 
 static status check_options(const struct job_options *o, struct error *err)
 {
-    int said = o->stop.spp != 0;
+    const char *said = o->stop.spp != 0 ? "spp" : NULL;
 
     for (int i = 0; i < STOP_COUNT; i++)
-        said |= o->stop.said[i].text != NULL;
-    if (!said)
-        return STATUS_OK;
-    return error_set(err, STATUS_ERR_USAGE,
-                     "--schedule-from fixes all samples: leave out --spp, --min-spp, "
-                     "--target-error, --time-limit, --core-limit and --allocation");
+        said = o->stop.said[i].text ? stop_rules_rows[i].option : said;
+    return said ? error_set(err, STATUS_ERR_USAGE, "--schedule-from fixes all samples: leave out --%s", said) : STATUS_OK;
 }
 
 /* Another release renders different samples. */

@@ -79,7 +79,7 @@ const char *stop_rules_text(char out[STOP_RULES_TEXT_SIZE], const struct stop_ru
 {
     char text[STOP_TEXT_SIZE], duration[DURATION_TEXT_SIZE];
     size_t used = 0;
-    int more = rules->has_target || rules->time_limit_ms > 0 || rules->core_limit_ms > 0;
+    int more = stop_ends_a_frame(rules);
 
     out[0] = 0;
     if (rules->has_target)
@@ -91,8 +91,10 @@ const char *stop_rules_text(char out[STOP_RULES_TEXT_SIZE], const struct stop_ru
         used += (size_t)snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%s a frame", used ? ", " : "",
                                  duration_text(duration, (int64_t)(rules->time_limit_ms / 1000)));
     if (rules->core_limit_ms > 0)
-        snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%s of core time a frame", used ? ", " : "",
-                 duration_text(duration, (int64_t)(rules->core_limit_ms / 1000)));
+        used += (size_t)snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%s of core time a frame", used ? ", " : "",
+                                 duration_text(duration, (int64_t)(rules->core_limit_ms / 1000)));
+    if (rules->max_rays > 0)
+        snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%.6g rays a frame", used ? ", " : "", (double)rules->max_rays);
     return out;
 }
 
@@ -110,6 +112,7 @@ const char *frame_end_text(enum frame_end end)
         [FRAME_END_SCHEDULE] = "ended by the schedule",
         [FRAME_END_FINISH] = "finished early",
         [FRAME_END_MISSED] = "ended by the target error, which its picture misses,",
+        [FRAME_END_RAYS] = "ended by the limit of rays",
     };
 
     return (unsigned)end < FRAME_END_COUNT ? texts[end] : "cut short";

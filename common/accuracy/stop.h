@@ -1,8 +1,8 @@
 /* stop: when a frame has enough samples, and which tiles get them.
  *
  * The first rule that is met ends the frame. The cap on a pixel's samples is not here but in render_settings.spp,
- * because workers need it: it determines which passes are short. Samples that depend on a clock (time_limit_ms,
- * core_limit_ms) cannot be reproduced from the rules; the frame then keeps its schedule (schedule.h).
+ * because workers need it: it determines which passes are short. A limit ends a frame with the results that have come: its
+ * samples cannot be reproduced from the rules, and it keeps its schedule (schedule.h).
  */
 #pragma once
 
@@ -18,6 +18,7 @@ enum {
     SPP_MIN_DEFAULT = 16, /* spp_min of rules with a target */
 };
 #define STOP_LIMIT_MS_MAX ((uint64_t)1 << 40) /* 34 years */
+#define STOP_RAYS_MAX 1000000000000000ull
 
 struct stop_rules {
     int has_target;
@@ -43,10 +44,14 @@ extern const struct setting stop_rules_rows[STOP_COUNT];
 /* Is the frame rendered in rounds? If not, every tile gets all that the cap allows. */
 static inline int stop_has_rounds(const struct stop_rules *rules) { return rules->adaptive || rules->has_target; }
 
+static inline int stop_has_limit(const struct stop_rules *rules)
+{
+    return rules->time_limit_ms > 0 || rules->core_limit_ms > 0 || rules->max_rays > 0;
+}
 /* Does any rule but the cap on samples end a frame? */
 static inline int stop_ends_a_frame(const struct stop_rules *rules)
 {
-    return rules->has_target || rules->time_limit_ms > 0 || rules->core_limit_ms > 0;
+    return rules->has_target || stop_has_limit(rules);
 }
 
 /* ERR_INPUT names the value and its range. */
@@ -73,6 +78,7 @@ enum frame_end {
     FRAME_END_SCHEDULE, /* it has what another picture's schedule says */
     FRAME_END_FINISH,   /* a person wanted the picture now */
     FRAME_END_MISSED,   /* reported in place of TARGET if the picture's error is larger; never stored */
+    FRAME_END_RAYS,
     FRAME_END_COUNT
 };
 /* It has the samples that were requested. */

@@ -191,11 +191,18 @@ static status parse_number(const struct setting *row, const char *text, void *re
 
 static status parse_whole(const struct setting *row, const char *text, void *record, struct error *err)
 {
-    char *end;
+    char *end, *rest;
     unsigned long long value;
 
     errno = 0;
     value = strtoull(text, &end, 10);
+    if (end > text && (*end == 'e' || *end == '.')) { /* 2e9 */
+        double real = strtod(text, &rest);
+        if (real >= 0 && real <= 0x1p53 && real == floor(real)) {
+            value = (unsigned long long)real;
+            end = rest;
+        }
+    }
     if (end == text || *end || errno == ERANGE || strchr(text, '-'))
         return error_set(err, STATUS_ERR_USAGE, "--%s: '%s' is not a whole number from 0 on", row->option, text);
     set_whole(row, record, value);

@@ -118,6 +118,9 @@
     /* CPU time of all its results; 0: none */                                                                         \
     SETTING(o, DURATION, uint64_t, core_limit_ms, 0, 1, STOP_LIMIT_MS_MAX, OWN_LINE, NULL, "core-limit", "TIME",       \
             "end each frame when all cores together have spent this long on it, as in 90s, 10m, 2h")                   \
+    /* with those of before an extension; 0: none */                                                                   \
+    SETTING(o, WHOLE, uint64_t, max_rays, 0, 1, STOP_RAYS_MAX, OWN_LINE, NULL, "max-rays", "N",                        \
+            "end each frame when N rays were traced for it in all, as in 2e9")                                         \
     OPTION(o, adaptive, "allocation", "HOW",                                                                           \
            "which tiles get samples: those where they help most, or all the same (default: uniform with --spp alone, else "\
            "adaptive)", .words = "adaptive|uniform")                                                                   \

@@ -20,6 +20,8 @@ void closing_note_limits(struct farm *farm, struct job_frame *frame, uint64_t no
     else if (rules->core_limit_ms > 0 &&
              job_frame_cpu_ns(frame) - frame->clock.from_cpu_ns >= rules->core_limit_ms * NS_PER_MS)
         farm_frame_end(farm, frame, FRAME_END_CORES);
+    else if (rules->max_rays > 0 && film_rays(frame->film) >= rules->max_rays)
+        farm_frame_end(farm, frame, FRAME_END_RAYS);
 }
 
 /* A cancelled job's frame: closed, or on its way to its pictures. */

@@ -29,6 +29,8 @@ struct accuracy_estimate forecast_whole(const struct job_frame *frame)
         return (struct accuracy_estimate){-1, -1, -1};
     if (rules->core_limit_ms > 0)
         whole_s = sooner(whole_s, (double)rules->core_limit_ms / 1e3 + (double)frame->clock.from_cpu_ns / 1e9);
+    if (rules->max_rays > 0 && frame->spent.rays > 0)
+        whole_s = sooner(whole_s, frame->spent.core_s * ((double)rules->max_rays / (double)frame->spent.rays));
     whole = (struct accuracy_estimate){whole_s, whole_s, whole_s};
     if (!rules->has_target)
         return whole;
@@ -40,7 +42,7 @@ struct accuracy_estimate forecast_whole(const struct job_frame *frame)
         /* It may end by the target; how sure that is, the price of the target says, too. */
         return (struct accuracy_estimate){sooner(whole_s, target.value), target.lo, target.hi};
     }
-    if (film_spp(frame->film) == SETTINGS_SPP_MAX && rules->core_limit_ms == 0)
+    if (film_spp(frame->film) == SETTINGS_SPP_MAX && rules->core_limit_ms == 0 && rules->max_rays == 0)
         return (struct accuracy_estimate){-1, -1, -1};
     return whole;
 }

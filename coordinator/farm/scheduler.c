@@ -285,8 +285,6 @@ static struct lease *grant_of_job(struct farm *farm, const struct job *job, stru
     return lease;
 }
 
-static int has_clock(const struct job *job) { return job->stop.time_limit_ms > 0 || job->stop.core_limit_ms > 0; }
-
 /* The next ready job after `after` (NULL: the first) in one of the lists; those that are not ready come last. */
 static struct job *next_ready(const struct farm *farm, unsigned lists, const struct job *after)
 {
@@ -356,7 +354,7 @@ static struct lease *grant_wanted(struct farm *farm, struct farm_worker *worker,
         }
         lease = grant_of_job(farm, job, worker, 0, now_ns, full);
         /* A frame with a time limit has the farm to itself. */
-        if (!lease && !*full && has_clock(job))
+        if (!lease && !*full && stop_has_limit(&job->stop))
             lease = grant_of_job(farm, job, worker, 1, now_ns, full);
         while (!lease && !*full && (frame = farm_frame_open_next(farm, job, now_ns)))
             lease = grant_fresh(farm, frame, worker, 0, now_ns, full);

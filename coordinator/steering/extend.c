@@ -119,10 +119,9 @@ static status check_rules(const struct job *job, const struct job_reopening *cho
 static struct stop_rules rules_of(const struct job *job, const struct stop_rules *rules)
 {
     struct stop_rules out = *rules;
-    int more = rules->has_target || rules->time_limit_ms > 0 || rules->core_limit_ms > 0;
 
     out.spp_min = job->cut_count == 0 ? job->settings.spp : job->stop.spp_min;
-    out.adaptive = more && (!stop_has_rounds(&job->stop) || job->stop.adaptive);
+    out.adaptive = stop_ends_a_frame(rules) && (!stop_has_rounds(&job->stop) || job->stop.adaptive);
     if (!stop_has_rounds(&out))
         out.spp_min = 0; /* every pixel gets the cap */
     return out;

@@ -66,9 +66,8 @@ static status check_count(const struct job *job, uint32_t spp, struct error *err
 static struct stop_rules rules_of(const struct job *job, const struct stop_rules *wanted, uint32_t spp)
 {
     struct stop_rules out = *wanted;
-    int more = wanted->has_target || wanted->time_limit_ms > 0 || wanted->core_limit_ms > 0;
 
-    out.adaptive = more && (!stop_has_rounds(&job->stop) || job->stop.adaptive);
+    out.adaptive = stop_ends_a_frame(wanted) && (!stop_has_rounds(&job->stop) || job->stop.adaptive);
     out.spp_min = !out.has_target ? 0 : job->stop.spp_min > 0 ? job->stop.spp_min : SPP_MIN_DEFAULT;
     if (out.spp_min > spp)
         out.spp_min = spp;
@@ -77,8 +76,10 @@ static struct stop_rules rules_of(const struct job *job, const struct stop_rules
 
 static int rules_are_equal(const struct stop_rules *a, const struct stop_rules *b)
 {
-    return a->spp_min == b->spp_min && a->has_target == b->has_target && a->adaptive == b->adaptive &&
-           a->time_limit_ms == b->time_limit_ms && a->core_limit_ms == b->core_limit_ms &&
+    for (int i = 0; i < STOP_COUNT; i++)
+        if (!setting_equal(&stop_rules_rows[i], a, b))
+            return 0;
+    return a->has_target == b->has_target && a->adaptive == b->adaptive &&
            (!a->has_target || (a->target.measure == b->target.measure && a->target.value == b->target.value));
 }
 

@@ -135,6 +135,28 @@ def limits_end_frames():
 
 
 @tests.add
+def rays_are_limited():
+    """--max-rays: a frame has that many and few more; extend goes on to a larger number over a restart; by its schedule the same bits"""
+    with Farm() as farm:
+        farm_of(farm, 2)
+        number = farm.submit(AREA, *SIZE, "--max-rays", "3e5")
+        farm.wait_for_job(number)
+        for limit in (300000, 900000):
+            result = Result(farm, number, "rays-%d" % limit)
+            expect(result.ends == ["rays"], result.info["cut_frames"])
+            expect(limit <= result.info["work"]["rays"] < 1.5 * limit, (limit, result.info["work"]["rays"]))
+            expect(int(result.info["stop"]["max_rays"]) == limit, result.info["stop"])
+            expect("ended by the limit of rays after" in farm.cli("show", number, expect=0).out, "show")
+            again = render(farm, "--schedule-from", result.path)
+            expect(again.bits == result.bits and again.ends == ["schedule"], "other pixels by its schedule: %s" % again.ends)
+            if limit == 300000:
+                farm.cli("extend", number, "--max-rays", "9e5", expect=0)
+                farm.coordinator.kill()
+                farm.restart_coordinator()
+                farm.wait_for_job(number)
+
+
+@tests.add
 def an_extended_job_is_as_at_once():
     """extend: spp to spp over a short pass, target to smaller target, spp to target, time limit to spp"""
     with Farm() as farm:

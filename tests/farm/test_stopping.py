@@ -286,7 +286,7 @@ def discarded_job():
 def limits_far_too_short():
     """limits of a millisecond, alone and beside each other rule, at any size: each tile has samples, and the limit is named"""
     sizes = (["--size", "16x16"], ["--size", "17x33"], ["--size", "640x400"], ["--size", "320x200", "--region", "17,5,200,150"])
-    limits = {"time": ["--time-limit", "0.001s"], "cores": ["--core-limit", "0.001s"]}
+    limits = {"time": ["--time-limit", "0.001s"], "cores": ["--core-limit", "0.001s"], "rays": ["--max-rays", "1"]}
     others = ([], ["--target-error", "1/255"], ["--allocation", "adaptive"], ["--allocation", "uniform"], ["--frames", "1-3"])
     with Farm() as farm:
         farm.start_coordinator()

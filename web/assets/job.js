@@ -9,7 +9,7 @@ import { span, coreTime, display, target, lineWords, interval, endedByDepth, per
 import { where } from './empty.js';
 
 const FRAMES_SHOWN = 240, LINES_KEPT = 400;
-const END = { cap: 'all samples', target: 'the target', time: 'the time limit', cores: 'the core limit', cancel: 'a cancel', schedule: 'its schedule', finish: 'finish', missed: 'the target, which it misses,' };
+const END = { cap: 'all samples', target: 'the target', time: 'the time limit', cores: 'the core limit', cancel: 'a cancel', schedule: 'its schedule', finish: 'finish', missed: 'the target, which it misses,', rays: 'the limit of rays' };
 const TOO_FEW = 'too few samples to know';
 let ui = null;
 let points = new Map();     /* "job/frame" -> the last HistoryPoint of a frame that is not in work */
@@ -174,6 +174,7 @@ function settings(job) {
     ['samples', s.spp >= 1 << 20 ? 'no limit' : `${s.spp} a pixel at most`], ['target', target(stop)],
     ['time limit', Number(stop.time_limit_ms) > 0 && `${span(stop.time_limit_ms / 1000)} a frame`],
     ['core limit', Number(stop.core_limit_ms) > 0 && `${coreTime(stop.core_limit_ms / 1000)} a frame`],
+    ['limit of rays', Number(stop.max_rays) > 0 && `${stop.max_rays} a frame`],
     ['depth', String(s.max_depth)], ['light ended by depth', endedByDepth(job.ended_by_depth)], ['seed', String(s.seed)],
     ['operator', o.tonemap], ['exposure', `${o.exposure_ev > 0 ? '+' : ''}${o.exposure_ev || 0} EV`], ['white', o.white_kelvin > 0 && `${o.white_kelvin} K`],
     ['cut', (job.cut_frames || []).map((c) => h('div', null, `frame ${c.frame} by ${END[c.end] || c.end} at ${c.samples_min}–${c.samples_max} samples`))],

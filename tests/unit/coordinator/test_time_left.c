@@ -22,7 +22,7 @@ enum { SIDE = 64, TILES = 16, SPP = 32, FRAMES = 6, THREADS = 4, COST_NS = 10000
 /* Send a unit; the worker's threads were busy with it, at half speed. */
 static void send_one(struct sim *sim, struct sim_worker *worker)
 {
-    uint64_t samples = sim_result(sim, &worker->units[0], (uint8_t[TILE_FLOATS_MAX * 4]){0}).work.samples;
+    uint64_t samples = sim_result(sim, &worker->units[0], (float[TILE_FLOATS_MAX]){0}).unit.work.samples;
 
     sim->now_ns += samples * COST_NS * 2 / THREADS;
     assert_int_equal(sim_send(sim, worker, 0, COST_NS), MERGE_PENDING);
@@ -100,6 +100,10 @@ static void limits_count_from_the_extension(void **state)
     job->stop.core_limit_ms = (uint64_t)(limit_s * 1e3);
     assert_true(fabs(forecast_whole_s(frame) - (before_s + limit_s)) < 1e-9);
     job->stop.core_limit_ms = 0;
+    frame->spent.rays = 1000;
+    job->stop.max_rays = 3000;
+    assert_true(frame->spent.core_s > 0 && fabs(forecast_whole_s(frame) - 3 * frame->spent.core_s) < 1e-9);
+    job->stop.max_rays = 0;
     frame->clock.active_ns += (uint64_t)(before_s * 1e9); /* of earlier runs */
     frame->clock.from_active_ns = (uint64_t)(before_s * 1e9);
     farm_tick(&sim->farm, sim->now_ns);
@@ -246,7 +250,7 @@ static void crew_work(struct sim *sim, struct crew *crew, double seconds)
                 sim_grant(sim, worker, 2 * TILES);
             if (worker->unit_count == 0)
                 break;
-            samples = (double)sim_result(sim, &worker->units[0], (uint8_t[TILE_FLOATS_MAX * 4]){0}).work.samples;
+            samples = (double)sim_result(sim, &worker->units[0], (float[TILE_FLOATS_MAX]){0}).unit.work.samples;
             if (samples > crew->owed[w])
                 break;
             crew->owed[w] -= samples;
@@ -375,7 +379,7 @@ static void figures_of_large_frames_are_fresh(void **state)
 
         sim_grant(sim, worker, 64);
         for (int i = 0; i < 64 && worker->unit_count > 0; i++) {
-            uint64_t samples = sim_result(sim, &worker->units[0], (uint8_t[TILE_FLOATS_MAX * 4]){0}).work.samples;
+            uint64_t samples = sim_result(sim, &worker->units[0], (float[TILE_FLOATS_MAX]){0}).unit.work.samples;
             sim->now_ns += samples * LARGE_COST_NS * 2 / THREADS;
             sim_send(sim, worker, 0, LARGE_COST_NS);
             sim_forget(worker, 0);

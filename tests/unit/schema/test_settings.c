@@ -77,6 +77,22 @@ static void durations(void **state)
     assert_non_null(strstr(err.text, "--time-limit"));
 }
 
+static void powers_of_ten(void **state)
+{
+    static const char *const bad[] = {"2.5", "1e-3", "1e16", "9e30", "e9", "2e9x", "-2e9", "2e", ""};
+    const struct setting *limit = &stop_rules_rows[STOP_max_rays];
+    struct stop_rules rules = {0};
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(setting_parse(limit, "2e9", &rules, &err), STATUS_OK);
+    assert_true(rules.max_rays == 2000000000);
+    assert_int_equal(setting_parse(limit, "1.5e3", &rules, &err), STATUS_OK);
+    assert_true(rules.max_rays == 1500);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        assert_int_equal(setting_parse(limit, bad[i], &rules, &err), STATUS_ERR_USAGE);
+}
+
 /* "(default 24)", "(default 0: as long as the camera says)". */
 static void help_tells_the_default(void **state)
 {
@@ -228,7 +244,7 @@ static void sets(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rows_are_the_fields),   cmocka_unit_test(help_tells_the_default), cmocka_unit_test(texts_come_back),
+        cmocka_unit_test(rows_are_the_fields), cmocka_unit_test(powers_of_ten),   cmocka_unit_test(help_tells_the_default), cmocka_unit_test(texts_come_back),
         cmocka_unit_test(bad_texts_are_refused), cmocka_unit_test(sets),
         cmocka_unit_test(durations), cmocka_unit_test(looks),
     };
