@@ -352,20 +352,31 @@ size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, ui
     return tile_floats(settings->width, settings->height, tile, unit_aovs(settings->aovs, group, pass));
 }
 
-void wire_sums_set(uint8_t *out, const float *sums, size_t count) { memcpy(out, sums, count * sizeof *sums); }
+void wire_sums_set(ProtobufCBinaryData *out, const float *sums, size_t count)
+{
+    *out = (ProtobufCBinaryData){count * sizeof *sums, (uint8_t *)sums};
+}
+
+status wire_sums_get(const float **out, size_t *count, const ProtobufCBinaryData *in, struct error *err)
+{
+    *count = in->len / sizeof **out;
+    *out = (const void *)in->data; /* aligned, as all memory of an unpacked message */
+    if (in->len % sizeof **out || *count > TILE_FLOATS_MAX)
+        return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", in->len);
+    return STATUS_OK;
+}
 
 _Static_assert(sizeof(struct tail_entry) == WIRE_TAIL_ENTRY_BYTES, "entries are copied as they are");
 
-size_t wire_tail_set(uint8_t out[WIRE_TAIL_BYTES_MAX], const struct tail *tail)
+void wire_tail_set(ProtobufCBinaryData *out, const struct tail *tail)
 {
-    memcpy(out, tail->entries, tail->count * sizeof *tail->entries);
-    return tail->count * sizeof *tail->entries;
+    *out = (ProtobufCBinaryData){tail->count * sizeof *tail->entries, (uint8_t *)tail->entries};
 }
 
 status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct error *err)
 {
     memset(out, 0, sizeof *out);
-    if (in->len % WIRE_TAIL_ENTRY_BYTES || in->len > WIRE_TAIL_BYTES_MAX)
+    if (in->len % WIRE_TAIL_ENTRY_BYTES || in->len > sizeof out->entries)
         return error_set(err, STATUS_ERR_PROTOCOL, "largest contributions of %zu bytes: at most %d entries of %d",
                          in->len, TAIL_MAX, WIRE_TAIL_ENTRY_BYTES);
     out->count = (uint32_t)(in->len / WIRE_TAIL_ENTRY_BYTES);
@@ -444,6 +455,24 @@ status wire_work_get(struct unit_work *to, const Azulejo__Wire__Work *in, struct
     for (size_t i = 0; i < in->n_depth; i++)
         to->depth.sum[i] = in->depth[i];
     return health_get(&to->health, in, err);
+}
+
+void wire_unit_set(Azulejo__Wire__TileResult *out, struct wire_work *work, const struct unit_result *unit)
+{
+    out->tile = unit->tile;
+    out->group = unit->group;
+    out->pass = unit->pass;
+    wire_sums_set(&out->sums, unit->sums, unit->count);
+    wire_tail_set(&out->tail, &unit->tail);
+    out->work = wire_work_set(work, &unit->work);
+}
+
+status wire_unit_get(struct unit_result *out, const Azulejo__Wire__TileResult *in, struct error *err)
+{
+    out->name = (struct unit_name){in->tile, in->group, in->pass};
+    TRY(wire_sums_get(&out->sums, &out->count, &in->sums, err));
+    TRY(wire_tail_get(&out->tail, &in->tail, err));
+    return wire_work_get(&out->work, in->work, err);
 }
 
 /* ---- blobs ----------------------------------------------------------------------------- */

@@ -87,13 +87,16 @@ status wire_piece_check(const Azulejo__Wire__RenderRequest *request, const struc
 status wire_unit_check(uint32_t tile, uint32_t group, uint32_t pass, const struct render_settings *settings,
                        struct error *err) MUST_CHECK;
 
-/* Sums are float32 little-endian, 4 * count bytes; as many floats as the unit has. */
+/* As many floats as the unit has. */
 size_t wire_sums_count(const struct render_settings *settings, uint32_t tile, uint32_t group, uint32_t pass);
-void wire_sums_set(uint8_t *out, const float *sums, size_t count);
+/* Float32 little-endian, as they are in memory: *out points at them afterwards. */
+void wire_sums_set(ProtobufCBinaryData *out, const float *sums, size_t count);
+/* Points into the message. ERR_PROTOCOL: no whole number of floats, or more than a unit can have. */
+status wire_sums_get(const float **out, size_t *count, const ProtobufCBinaryData *in, struct error *err) MUST_CHECK;
 
-enum { WIRE_TAIL_ENTRY_BYTES = 8, WIRE_TAIL_BYTES_MAX = TAIL_MAX * WIRE_TAIL_ENTRY_BYTES };
-/* Returns how many bytes were written. */
-size_t wire_tail_set(uint8_t out[WIRE_TAIL_BYTES_MAX], const struct tail *tail);
+enum { WIRE_TAIL_ENTRY_BYTES = 8 };
+/* *out points at them afterwards. */
+void wire_tail_set(ProtobufCBinaryData *out, const struct tail *tail);
 /* ERR_PROTOCOL: not a whole number of entries, or too many. The film checks order and range. */
 status wire_tail_get(struct tail *out, const ProtobufCBinaryData *in, struct error *err) MUST_CHECK;
 
@@ -108,6 +111,11 @@ struct wire_work {
 Azulejo__Wire__Work *wire_work_set(struct wire_work *out, const struct unit_work *in);
 /* NULL: all 0. ERR_PROTOCOL: counters that there are not, or that are 0 or repeated. */
 status wire_work_get(struct unit_work *out, const Azulejo__Wire__Work *in, struct error *err) MUST_CHECK;
+
+/* All of the TileResult but whose it is, and how long it took: it points at *work and *unit afterwards. */
+void wire_unit_set(Azulejo__Wire__TileResult *out, struct wire_work *work, const struct unit_result *unit);
+/* The sums stay the message's. ERR_PROTOCOL: what cannot be of any unit; the film checks the rest. */
+status wire_unit_get(struct unit_result *out, const Azulejo__Wire__TileResult *in, struct error *err) MUST_CHECK;
 
 /* SHA-256 over the unit's sums, tail and work, each as a TileResult has them (unit_digest.c): two results are
  * equal, byte for byte, where it is. */

@@ -5,11 +5,12 @@
 static status add_parts(struct digest_stream *stream, const struct unit_result *unit, const uint8_t *work,
                         size_t work_bytes)
 {
-    uint8_t tail[WIRE_TAIL_BYTES_MAX];
-    status s = digest_stream_add(stream, unit->sums, unit->count * sizeof *unit->sums);
+    ProtobufCBinaryData tail;
 
-    THEN(s, digest_stream_add(stream, tail, wire_tail_set(tail, &unit->tail)));
-    return s == STATUS_OK ? digest_stream_add(stream, work, work_bytes) : s;
+    wire_tail_set(&tail, &unit->tail);
+    TRY(digest_stream_add(stream, unit->sums, unit->count * sizeof *unit->sums));
+    TRY(digest_stream_add(stream, tail.data, tail.len));
+    return digest_stream_add(stream, work, work_bytes);
 }
 
 status wire_unit_digest(struct digest *out, const struct unit_result *unit, struct error *err)

@@ -201,9 +201,9 @@ static void send_status(struct agent *a)
         azulejo__wire__long_unit__init(&longs[i]);
         longs[i].job = running[i].job;
         longs[i].frame = running[i].frame;
-        longs[i].tile = running[i].tile;
-        longs[i].group = running[i].group;
-        longs[i].pass = running[i].pass;
+        longs[i].tile = running[i].name.tile;
+        longs[i].group = running[i].name.group;
+        longs[i].pass = running[i].name.pass;
         longs[i].running_ms = running[i].running_ns / NS_PER_MS;
         pointers[i] = &longs[i];
     }
@@ -366,8 +366,8 @@ static void on_failure(struct agent *a, const Azulejo__Wire__Envelope *message)
 static void on_ack(struct agent *a, const Azulejo__Wire__ResultAck *ack)
 {
     for (size_t i = 0; i < ack->n_units; i++)
-        outbox_acknowledge(&a->outbox, ack->job, ack->frame, ack->units[i]->tile, ack->units[i]->group,
-                           ack->units[i]->pass);
+        outbox_acknowledge(&a->outbox, ack->job, ack->frame,
+                           (struct unit_name){ack->units[i]->tile, ack->units[i]->group, ack->units[i]->pass});
     a->moved_ns = clock_monotonic_ns();
     ask_for_work(a);
     end_if_drained(a);

@@ -26,12 +26,16 @@ static void unit_render(struct pool_task *task)
     const struct render_scene *scene = scene_slot_render(unit->lease->slot);
     uint64_t cpu_ns = clock_thread_cpu_ns(), begun_ns = clock_monotonic_ns();
     struct profile_counts before, after;
+    struct unit_result *r = &unit->result;
+    struct render_stats stats = {0};
 
     unit->thread = pool_thread();
     atomic_store(&unit->begun_ns, begun_ns);
     profile_counts(&before);
-    unit->sum_count =
-        render_tile(scene, unit->frame, unit->tile, unit->group, unit->pass, unit->sums, &unit->tail, &unit->stats);
+    r->count = render_tile(scene, unit->frame, r->tile, r->group, r->pass, unit->sums, &r->tail, &stats);
+    r->sums = unit->sums;
+    r->work = stats.work;
+    unit->trace_ns = stats.trace_ns;
     profile_counts(&after);
     for (int i = 0; i < STAGE_COUNT; i++)
         unit->stages[i] = (uint32_t)(after.stages[i] - before.stages[i]);
@@ -189,9 +193,7 @@ static status units_make(struct lease *lease, const Azulejo__Wire__LeaseGrant *g
         unit->epoch = lease->epoch;
         unit->job = lease->job;
         unit->frame = lease->frame;
-        unit->tile = name->tile;
-        unit->group = name->group;
-        unit->pass = name->pass;
+        unit->result.name = (struct unit_name){name->tile, name->group, name->pass};
         unit_append(lease, unit);
     }
     atomic_init(&lease->left, (unsigned)grant->n_units);
@@ -284,13 +286,13 @@ void leases_scene_settled(struct leases *l, struct scene_slot *slot, struct chan
 
 static void warn_of_health(const struct work_unit *unit)
 {
-    const struct health *health = &unit->stats.work.health;
+    const struct health *health = &unit->result.work.health;
 
     for (int k = 0; k < HEALTH_KINDS; k++)
         if (health->count[k])
             log_warn("job %llu, frame %u, tile %u, group %u, pass %u: %llu %s", (unsigned long long)unit->job,
-                     unit->frame, unit->tile, unit->group, unit->pass, (unsigned long long)health->count[k],
-                     health->count[k] == 1 ? health_rows[k].one : health_rows[k].many);
+                     unit->frame, unit->result.tile, unit->result.group, unit->result.pass,
+                     (unsigned long long)health->count[k], health->count[k] == 1 ? health_rows[k].one : health_rows[k].many);
 }
 
 struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
@@ -300,7 +302,7 @@ struct work_unit *leases_unit_done(struct leases *l, struct pool_task *task)
 
     l->held--;
     l->units_done++;
-    l->samples_done += unit->stats.work.samples;
+    l->samples_done += unit->result.work.samples;
     l->unit_ns = l->unit_ns ? (l->unit_ns * 15 + unit->wall_ns) / 16 : unit->wall_ns;
     warn_of_health(unit);
     unit_unlink(unit);
@@ -351,9 +353,9 @@ static void lease_return(struct leases *l, struct lease *lease, struct channel *
         if (!unit_try_take(l, unit))
             continue;
         azulejo__wire__work_unit__init(&names[count]);
-        names[count].tile = unit->tile;
-        names[count].group = unit->group;
-        names[count].pass = unit->pass;
+        names[count].tile = unit->result.tile;
+        names[count].group = unit->result.group;
+        names[count].pass = unit->result.pass;
         pointers[count] = &names[count];
         count++;
         atomic_fetch_sub(&lease->left, 1);
@@ -404,8 +406,7 @@ uint32_t leases_running(const struct leases *l, uint64_t now_ns, uint64_t least_
     for (const struct lease *lease = l->first; lease; lease = lease->next) {
         for (const struct work_unit *unit = lease->first; unit; unit = unit->next) {
             uint64_t begun_ns = atomic_load(&unit->begun_ns);
-            struct running_unit found = {.job = unit->job, .frame = unit->frame, .tile = unit->tile,
-                                         .group = unit->group, .pass = unit->pass};
+            struct running_unit found = {.job = unit->job, .frame = unit->frame, .name = unit->result.name};
             if (begun_ns == 0)
                 continue;
             busy += busy < l->threads;

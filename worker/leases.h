@@ -61,7 +61,8 @@ void leases_return_unstarted(struct leases *l, struct channel *channel, const ch
 /* A unit that a thread renders now. */
 struct running_unit {
     uint64_t job, running_ns;
-    uint32_t frame, tile, group, pass;
+    uint32_t frame;
+    struct unit_name name;
 };
 /* The number of threads that render. Those units that they began at least `least_ns` ago go to `out`: at
  * most `max`, the longest first; *count is how many. */

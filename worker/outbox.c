@@ -36,29 +36,20 @@ static status send_result(struct channel *channel, struct work_unit *unit)
     Azulejo__Wire__TileResult result = AZULEJO__WIRE__TILE_RESULT__INIT;
     Azulejo__Wire__RenderStats stats = AZULEJO__WIRE__RENDER_STATS__INIT;
     Azulejo__Wire__Envelope e = MESSAGE(TILE_RESULT, tile_result, &result);
-    uint8_t sums[TILE_FLOATS_MAX * sizeof(float)], tail[WIRE_TAIL_BYTES_MAX];
     struct wire_work work;
 
-    wire_sums_set(sums, unit->sums, unit->sum_count);
     result.lease = unit->lease_id;
     result.epoch = unit->epoch;
     result.job = unit->job;
     result.frame = unit->frame;
-    result.tile = unit->tile;
-    result.group = unit->group;
-    result.pass = unit->pass;
-    result.sums.data = sums;
-    result.sums.len = unit->sum_count * sizeof(float);
     result.stats = &stats;
-    result.tail.data = tail;
-    result.tail.len = wire_tail_set(tail, &unit->tail);
-    result.work = wire_work_set(&work, &unit->stats.work);
+    wire_unit_set(&result, &work, &unit->result);
     stats.cpu_ns = unit->cpu_ns;
     stats.thread = unit->thread;
     stats.began_ns = atomic_load(&unit->begun_ns);
     stats.wall_ns = unit->wall_ns;
     stats.sent_ns = clock_monotonic_ns();
-    stats.trace_ns = unit->stats.trace_ns;
+    stats.trace_ns = unit->trace_ns;
     stats.effects = unit->effects;
     stats.stages = unit->stages;
     stats.n_stages = STAGE_COUNT;
@@ -107,13 +98,13 @@ static void outbox_remove(struct outbox *o, struct work_unit *unit)
     mem_free(unit);
 }
 
-void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile, uint32_t group, uint32_t pass)
+void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, struct unit_name name)
 {
     struct work_unit *unit = o->first;
 
     /* Acknowledgements come roughly in the order of sending, so this searches few results. */
-    while (unit && !(unit->job == job && unit->frame == frame && unit->tile == tile && unit->group == group &&
-                     unit->pass == pass))
+    while (unit && !(unit->job == job && unit->frame == frame && unit->result.tile == name.tile &&
+                     unit->result.group == name.group && unit->result.pass == name.pass))
         unit = unit->next;
     if (unit)
         outbox_remove(o, unit);

@@ -26,19 +26,17 @@ struct work_unit {
     struct work_unit *previous, *next; /* in its lease, later in the outbox */
     struct lease *lease;               /* NULL in the outbox */
     uint64_t lease_id, epoch, job;
-    uint32_t frame, tile, group, pass;
+    uint32_t frame;
     atomic_uint_fast64_t begun_ns; /* monotonic: when a thread began it; 0: none did */
     int dropped;                   /* revoked while it ran: its result is discarded */
     int sent;                      /* on this connection */
-    size_t sum_count;
-    uint64_t cpu_ns, wall_ns;
+    uint64_t cpu_ns, wall_ns, trace_ns;
     uint32_t thread;                    /* of the pool, from 1 */
     uint64_t effects;                   /* what the scene needed */
     uint32_t stages[STAGE_COUNT];       /* how often the thread was found in each */
     uint32_t accounts[EFFECT_ACCOUNTS]; /* the same samples, by effect */
-    struct render_stats stats;
-    struct tail tail;
-    float sums[]; /* as many as tile_floats() says of unit_aovs() */
+    struct unit_result result;          /* with these sums: */
+    float sums[];
 };
 
 struct outbox {
@@ -54,7 +52,7 @@ void outbox_pump(struct outbox *o, struct channel *channel);
 /* The connection is lost: all results must be sent again. */
 void outbox_reset(struct outbox *o);
 /* Forget an acknowledged result. An unknown one was acknowledged before and is ignored. */
-void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, uint32_t tile, uint32_t group, uint32_t pass);
+void outbox_acknowledge(struct outbox *o, uint64_t job, uint32_t frame, struct unit_name name);
 
 /* Forget the results of a lease that is no longer wanted. */
 void outbox_drop_lease(struct outbox *o, uint64_t lease_id);

@@ -19,16 +19,15 @@ struct request {
     struct render_settings settings;
     uint32_t frame;
     int is_unit, wants_sums, wants_path;
-    uint32_t tile, group, pass;
     uint32_t x, y, first, count;
 
     /* The result, the pool's until the task is done. */
     struct error error;
     struct render_stats stats;
+    struct unit_result unit; /* of a unit, with the floats below */
     struct digest digest;
     uint64_t hash;
     uint64_t cpu_ns;
-    struct tail tail;
     struct sample_record *record;
     struct scene scene; /* for its names */
     int has_scene;
@@ -40,17 +39,16 @@ struct request {
 
 static status render_unit(struct request *q, const struct render_scene *scene)
 {
-    struct unit_result unit;
+    struct unit_result *u = &q->unit;
 
     q->floats = mem_alloc_array(TILE_FLOATS_MAX, sizeof *q->floats);
     if (!q->floats)
         return error_no_memory(&q->error, "a unit");
-    q->float_count = render_tile(scene, q->frame, q->tile, q->group, q->pass, q->floats, &q->tail,
-                                 &q->stats);
-    unit = (struct unit_result){q->tile, q->group, q->pass, q->floats, q->float_count, q->tail,
-                                q->stats.work};
-    q->hash = unit_hash(&unit);
-    return wire_unit_digest(&q->digest, &unit, &q->error);
+    u->count = q->float_count = render_tile(scene, q->frame, u->tile, u->group, u->pass, q->floats, &u->tail, &q->stats);
+    u->sums = q->floats;
+    u->work = q->stats.work;
+    q->hash = unit_hash(u);
+    return wire_unit_digest(&q->digest, u, &q->error);
 }
 
 /* The scene's names. Without them (its file has left the cache) the path has numbers only. */
@@ -156,9 +154,7 @@ static status request_fill(struct request *q, const Azulejo__Wire__RenderRequest
     if (m->unit) {
         q->is_unit = 1;
         q->wants_sums = m->sums;
-        q->tile = m->unit->tile;
-        q->group = m->unit->group;
-        q->pass = m->unit->pass;
+        q->unit.name = (struct unit_name){m->unit->tile, m->unit->group, m->unit->pass};
     } else {
         q->x = m->pixel->x;
         q->y = m->pixel->y;
@@ -241,11 +237,10 @@ static void send_result(struct request *q, struct channel *channel)
     if (q->is_unit) {
         wire_digest_set(&result.digest, &q->digest);
         result.hash = q->hash;
-        result.sums.data = (uint8_t *)q->floats; /* little-endian, as message.c asserts */
-        result.sums.len = q->wants_sums ? q->float_count * sizeof *q->floats : 0;
+        if (q->wants_sums)
+            wire_sums_set(&result.sums, q->floats, q->float_count);
     } else {
-        result.added.data = (uint8_t *)q->floats; /* little-endian, as message.c asserts */
-        result.added.len = q->float_count * sizeof *q->floats;
+        wire_sums_set(&result.added, q->floats, q->float_count);
     }
     if (q->record) {
         path = path_message_new(q->record, q->has_scene ? &q->scene : NULL);

@@ -64,16 +64,14 @@ static status ask(struct connection *c, const struct tile_again *t, uint32_t gro
 static status take(struct tile_again *t, struct film *film, uint32_t group, uint32_t pass,
                    const Azulejo__Wire__RenderResult *result, struct error *err)
 {
-    static float sums[TILE_FLOATS_MAX];
-    struct unit_result unit = {.tile = t->tile, .group = group, .pass = pass, .sums = sums, .count = result->sums.len / 4};
+    struct unit_result unit = {.tile = t->tile, .group = group, .pass = pass};
     enum film_merge_result merged;
-    status s;
+    status s = wire_sums_get(&unit.sums, &unit.count, &result->sums, err);
 
-    if (result->sums.len == 0 || result->sums.len > sizeof sums)
+    if (s == STATUS_OK && unit.count == 0)
         return error_set(err, STATUS_ERR_PROTOCOL, "worker %s answered without the tile's samples: is it of another release?",
                          result->worker_name);
-    memcpy(sums, result->sums.data, result->sums.len); /* little-endian, as message.c asserts */
-    s = wire_work_get(&unit.work, result->work, err);
+    THEN(s, wire_work_get(&unit.work, result->work, err));
     THEN(s, film_merge(film, &unit, 1, &merged, err));
     if (s == STATUS_OK) {
         t->units++;

@@ -240,9 +240,8 @@ void film_group_fold(struct film *film, const struct unit_result *unit, struct f
     level = cut ? NULL : group_level(film, unit, known);
     if (film->on_fold)
         film->on_fold(film->on_fold_user,
-                      &(struct film_fold){.tile = tile, .group = group, .pass = pass, .deliverer = entry.deliverer,
-                                          .cost = entry.cost, .hash = entry.hash, .sums = unit->sums, .count = unit->count,
-                                          .tail = &unit->tail, .work = &unit->work, .level = level});
+                      &(struct film_fold){.unit = unit, .deliverer = entry.deliverer, .cost = entry.cost,
+                                          .hash = entry.hash, .level = level});
 }
 
 /* Begin to watch a group that has ended. 0: out of memory. */
@@ -316,11 +315,9 @@ static void group_fold_waiting(struct film *film, uint32_t tile, uint32_t group)
 {
     struct film_group *g = &film->tiles[tile].groups[group];
 
-    while (g->waiting && g->waiting->pass == film_group_seen(g) && film_group_seen(g) < group_limit(film, g, group)) {
+    while (g->waiting && g->waiting->unit.pass == film_group_seen(g) && film_group_seen(g) < group_limit(film, g, group)) {
         struct waiting *w = g->waiting;
-        const struct unit_result unit = {.tile = tile, .group = group, .pass = w->pass, .sums = w->sums,
-                                         .count = w->count, .tail = w->tail, .work = w->work};
-        (void)group_take(film, &unit,
+        (void)group_take(film, &w->unit,
                          (struct film_log_entry){.hash = w->hash, .deliverer = w->deliverer, .cost = w->cost});
         g->waiting = w->next;
         g->waiting_count--;
@@ -334,14 +331,11 @@ static status group_wait(struct film_group *g, struct waiting **at, const struct
     struct waiting *entry = mem_alloc(sizeof *entry + unit->count * sizeof *unit->sums);
 
     NEED(entry, err, "an early tile result");
-    entry->pass = unit->pass;
     entry->deliverer = deliverer;
     entry->cost = 0;
     entry->hash = hash;
-    entry->count = unit->count;
-    entry->work = unit->work;
-    entry->tail = unit->tail;
-    memcpy(entry->sums, unit->sums, unit->count * sizeof *unit->sums);
+    entry->unit = *unit;
+    entry->unit.sums = memcpy(entry->sums, unit->sums, unit->count * sizeof *unit->sums);
     entry->next = *at;
     *at = entry;
     g->waiting_count++;
@@ -376,7 +370,7 @@ static status check_result(const struct film *film, const struct unit_result *un
 static int is_known(const struct film_group *g, uint32_t pass, uint64_t hash, const struct waiting *next,
                     enum film_merge_result *result)
 {
-    const struct waiting *same = next && next->pass == pass ? next : NULL;
+    const struct waiting *same = next && next->unit.pass == pass ? next : NULL;
 
     *result = FILM_DUPLICATE;
     if (!SAFEGUARD(DUPLICATE_UNIT))
@@ -408,7 +402,7 @@ status film_merge(struct film *film, const struct unit_result *unit, uint32_t de
         return s;
     g = &film->tiles[unit->tile].groups[unit->group];
     hash = unit_hash(unit);
-    for (at = &g->waiting; *at && (*at)->pass < unit->pass; at = &(*at)->next)
+    for (at = &g->waiting; *at && (*at)->unit.pass < unit->pass; at = &(*at)->next)
         ;
     if (is_known(g, unit->pass, hash, *at, result))
         return STATUS_OK;

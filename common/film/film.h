@@ -196,13 +196,9 @@ int film_has_groups(const struct film *film);
 
 /* A unit that was folded. Nothing in it outlives the call. */
 struct film_fold {
-    uint32_t tile, group, pass, deliverer;
-    uint32_t cost; /* as the log has it (film_note_cost); 0: not noted yet */
-    uint64_t hash; /* unit_hash() */
-    const float *sums;
-    size_t count;
-    const struct tail *tail;
-    const struct unit_work *work;
+    const struct unit_result *unit;
+    uint32_t deliverer, cost;       /* as the log has it (film_note_cost); 0: not noted yet */
+    uint64_t hash;                  /* unit_hash() */
     const struct film_level *level; /* of the group, which this unit completes; NULL: none */
 };
 /* Tell `user` of each unit that is folded from now on, before the function that folds it returns; of what is loaded,

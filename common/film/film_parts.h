@@ -14,11 +14,9 @@
 /* A result that may not be folded yet. */
 struct waiting {
     struct waiting *next; /* ascending pass */
-    uint32_t pass, deliverer, cost;
+    uint32_t deliverer, cost;
     uint64_t hash;
-    size_t count;
-    struct unit_work work;
-    struct tail tail;
+    struct unit_result unit; /* with these sums: */
     float sums[];
 };
 

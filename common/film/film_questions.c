@@ -44,8 +44,8 @@ uint64_t film_wanted(const struct film *film) { return film->wanted; }
 
 static const struct waiting *waiting_find(const struct film_group *g, uint32_t pass)
 {
-    for (const struct waiting *w = g->waiting; w && w->pass <= pass; w = w->next)
-        if (w->pass == pass)
+    for (const struct waiting *w = g->waiting; w && w->unit.pass <= pass; w = w->next)
+        if (w->unit.pass == pass)
             return w;
     return NULL;
 }
@@ -108,11 +108,11 @@ void film_note_cost(struct film *film, uint32_t tile, uint32_t group, uint32_t p
     struct film_group *g = &film->tiles[tile].groups[group];
     struct waiting *w = g->waiting;
 
-    while (w && w->pass < pass)
+    while (w && w->unit.pass < pass)
         w = w->next;
     if (pass < g->passes)
         g->log[pass].cost = cost_pack(thread, cpu_ns);
-    else if (w && w->pass == pass)
+    else if (w && w->unit.pass == pass)
         w->cost = cost_pack(thread, cpu_ns);
 }
 

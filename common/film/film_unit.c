@@ -29,26 +29,28 @@ static size_t unit_size(uint32_t more, uint32_t mask, uint32_t tails, int level,
 
 size_t film_unit_size(const struct film_fold *f)
 {
-    return unit_size(MORE_COUNTERS, health_mask(&f->work->health), f->tail->count, f->level != NULL, f->count);
+    return unit_size(MORE_COUNTERS, health_mask(&f->unit->work.health), f->unit->tail.count, f->level != NULL,
+                     f->unit->count);
 }
 
 void film_unit_save(const struct film_fold *f, uint8_t *out)
 {
-    uint32_t mask = health_mask(&f->work->health);
-    const uint32_t head[] = {f->group, f->pass, f->deliverer, f->cost, f->tail->count,
-                             f->level ? (uint32_t)level_at(f->pass + 1) + 1 : 0,
-                             mask | (uint32_t)MORE_COUNTERS << MASK_BITS, (uint32_t)f->count};
+    const struct unit_result *u = f->unit;
+    uint32_t mask = health_mask(&u->work.health);
+    const uint32_t head[] = {u->group, u->pass, f->deliverer, f->cost, u->tail.count,
+                             f->level ? (uint32_t)level_at(u->pass + 1) + 1 : 0,
+                             mask | (uint32_t)MORE_COUNTERS << MASK_BITS, (uint32_t)u->count};
     uint8_t *at = out;
 
     for (size_t i = 0; i < sizeof head / sizeof *head; i++)
         at = bytes_add32(at, head[i]);
-    at = film_work_put(bytes_add64(at, f->hash), f->work, mask);
-    for (uint32_t i = 0; i < f->tail->count; i++)
-        at = bytes_add32(bytes_add_float(at, f->tail->entries[i].value), f->tail->entries[i].pixel);
+    at = film_work_put(bytes_add64(at, f->hash), &u->work, mask);
+    for (uint32_t i = 0; i < u->tail.count; i++)
+        at = bytes_add32(bytes_add_float(at, u->tail.entries[i].value), u->tail.entries[i].pixel);
     if (f->level)
         at = film_level_put(at, f->level);
-    for (size_t i = 0; i < f->count; i++)
-        at = bytes_add_float(at, f->sums[i]);
+    for (size_t i = 0; i < u->count; i++)
+        at = bytes_add_float(at, u->sums[i]);
 }
 
 void film_unit_set_cost(const struct film *film, uint32_t tile, uint8_t *unit)

@@ -87,8 +87,18 @@ void tail_merge(struct tail *tail, const struct tail *more);
 /* Are they in order, finite, positive, and of a tile with this many pixels? */
 int tail_is_valid(const struct tail *tail, uint32_t pixels);
 
-struct unit_result {
+struct unit_name {
     uint32_t tile, group, pass;
+};
+
+/* From the thread that renders it to the film. */
+struct unit_result {
+    union { /* as one, and its parts */
+        struct unit_name name;
+        struct {
+            uint32_t tile, group, pass;
+        };
+    };
     const float *sums; /* as tile_floats() with unit_aovs() */
     size_t count;
     struct tail tail;

@@ -3,7 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "common/base/bytes.h"
 #include "common/system/clock.h"
 #include "common/system/log.h"
 #include "common/base/memory.h"
@@ -16,12 +15,6 @@ enum { SAMPLE_COUNTS_MAX = 1 << 20 }; /* rays or vertices of one sample */
 
 /* ---- taking a result ------------------------------------------------------------------------ */
 
-static void floats_from_wire(float *out, const uint8_t *in, size_t count)
-{
-    for (size_t i = 0; i < count; i++)
-        out[i] = bytes_get_float(in + 4 * i);
-}
-
 static void tell_others(void *user, uint32_t session, uint64_t lease)
 {
     const struct farm *farm = user;
@@ -29,11 +22,11 @@ static void tell_others(void *user, uint32_t session, uint64_t lease)
     farm->events.revoke(farm->events.user, session, lease, "another worker was faster");
 }
 
-static void report_conflict(struct farm *farm, const struct job_frame *frame, const struct tile_result *result,
+static void report_conflict(struct farm *farm, const struct job_frame *frame, const struct delivery *result,
                             const struct farm_worker *worker)
 {
     struct job *job = frame->job;
-    struct unit_name u = result->unit;
+    struct unit_name u = result->unit.name;
     char first[DELIVERER_TEXT_MAX];
 
     farm->conflicts++;
@@ -49,12 +42,12 @@ static void report_conflict(struct farm *farm, const struct job_frame *frame, co
 static int is_amount(double x) { return (isfinite(x) && x >= 0) || !SAFEGUARD(FINITE_AMOUNT); }
 
 /* The count is one that the unit can have, and the example one of its samples. */
-static int health_fits(const struct job_frame *frame, const struct tile_result *result, uint64_t samples,
+static int health_fits(const struct job_frame *frame, const struct delivery *result, uint64_t samples,
                        enum health_kind kind)
 {
     const struct render_settings *settings = &frame->job->settings;
-    const struct health *h = &result->work.health;
-    const struct unit_name *u = &result->unit;
+    const struct health *h = &result->unit.work.health;
+    const struct unit_name *u = &result->unit.name;
     struct tile_rect rect = tile_rect_of(settings->width, settings->height, u->tile);
     struct health_place p;
     uint32_t begin, end;
@@ -67,7 +60,7 @@ static int health_fits(const struct job_frame *frame, const struct tile_result *
             return 0;
         break;
     case HEALTH_LIMIT_VALUES:
-        if (h->count[kind] > result->sums_bytes / 4)
+        if (h->count[kind] > result->unit.count)
             return 0;
         break;
     case HEALTH_LIMIT_STEPS:
@@ -90,10 +83,10 @@ static const struct {
     WORK_COUNTERS(COUNTER)};
 
 /* Impossible counts would overflow the film's. */
-static status check_work(const struct job_frame *frame, const struct tile_result *result, struct error *err)
+static status check_work(const struct job_frame *frame, const struct delivery *result, struct error *err)
 {
-    const struct unit_work *w = &result->work;
-    uint64_t samples = job_frame_unit_samples(frame, result->unit);
+    const struct unit_work *w = &result->unit.work;
+    uint64_t samples = job_frame_unit_samples(frame, result->unit.name);
 
     if (!is_amount(w->clamped_luminance) || !is_amount(w->kept_luminance))
         return error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: a luminance of %g clamped and %g kept",
@@ -119,25 +112,24 @@ static status check_work(const struct job_frame *frame, const struct tile_result
 
 /* Sums of radiance are negative only where samples were, which the result counts, or with dispersion, whose single
  * wavelengths have colours with negative parts. */
-static status check_radiance(const struct job_frame *frame, const struct tile_result *result, const float *sums,
-                             struct error *err)
+static status check_radiance(const struct job_frame *frame, const struct delivery *result, struct error *err)
 {
     const struct render_settings *settings = &frame->job->settings;
     struct tile_rect rect = tile_rect_of(settings->width, settings->height, result->unit.tile);
     size_t count = (size_t)rect.width * rect.height * PIXEL_FLOATS;
 
-    if (result->work.health.count[HEALTH_NEGATIVE_SAMPLES] > 0 || result->stats.effects & EFFECT_DISPERSION)
+    if (result->unit.work.health.count[HEALTH_NEGATIVE_SAMPLES] > 0 || result->stats.effects & EFFECT_DISPERSION)
         return STATUS_OK;
-    for (size_t i = 0; i < count && i < result->sums_bytes / 4; i++)
-        if (sums[i] < 0)
+    for (size_t i = 0; i < count && i < result->unit.count; i++)
+        if (result->unit.sums[i] < 0)
             return error_set(err, STATUS_ERR_PROTOCOL,
                              "tile %u, group %u, pass %u: pixel %zu has a negative radiance, %g", result->unit.tile,
-                             result->unit.group, result->unit.pass, i / PIXEL_FLOATS, (double)sums[i]);
+                             result->unit.group, result->unit.pass, i / PIXEL_FLOATS, (double)result->unit.sums[i]);
     return STATUS_OK;
 }
 
 /* The frame that the result is for; NULL with an outcome when it needs no merging. */
-static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *worker, const struct tile_result *result,
+static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *worker, const struct delivery *result,
                                   uint64_t now_ns, enum merge_outcome *outcome)
 {
     struct job *job = queue_find(&farm->queue, result->job);
@@ -163,7 +155,7 @@ static struct job_frame *frame_of(struct farm *farm, const struct farm_worker *w
 
 /* A result of a lease that still runs: its holder alone can send it, of the units lent, and they took no longer than the lease is
  * old; one that has ended says nothing, as when its worker connected again. Its time counts in limits, prices and shares. */
-static status check_lease(const struct farm *farm, const struct farm_worker *worker, struct tile_result *result,
+static status check_lease(const struct farm *farm, const struct farm_worker *worker, struct delivery *result,
                           uint64_t now_ns, struct error *err)
 {
     const struct lease *lease = lease_find(&farm->leases, result->lease, result->epoch);
@@ -173,7 +165,7 @@ static status check_lease(const struct farm *farm, const struct farm_worker *wor
     if (lease && lease->holder != &worker->held)
         return error_set(err, STATUS_ERR_PROTOCOL, "a result of lease %llu, which another worker holds",
                          (unsigned long long)result->lease);
-    if (lease && !lease_lent(lease, result->job, result->frame, result->unit))
+    if (lease && !lease_lent(lease, result->job, result->frame, result->unit.name))
         return error_set(err, STATUS_ERR_PROTOCOL, "tile %u, group %u, pass %u: not a unit of lease %llu",
                          result->unit.tile, result->unit.group, result->unit.pass, (unsigned long long)result->lease);
     if (lease && result->stats.cpu_ns > most_ns)
@@ -188,14 +180,10 @@ static status check_lease(const struct farm *farm, const struct farm_worker *wor
 }
 
 /* Fold the result into the frame's film. */
-static status merge_into(struct job_frame *frame, const struct farm_worker *worker, const struct tile_result *result,
+static status merge_into(struct job_frame *frame, const struct farm_worker *worker, const struct delivery *result,
                          enum film_merge_result *merged, struct error *err)
 {
-    static float sums[TILE_FLOATS_MAX];
-    struct unit_name u = result->unit;
-    struct unit_result unit = {.tile = u.tile, .group = u.group, .pass = u.pass, .sums = sums,
-                               .count = result->sums_bytes / 4, .tail = result->tail,
-                               .work = result->work};
+    struct unit_name u = result->unit.name;
     struct pending_ack ack = {result->lease, worker->held.session, u};
     size_t recorded = frame->journal.size;
     status s;
@@ -206,9 +194,8 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
     if (s != STATUS_OK)
         return s;
     frame->ack_count--;
-    floats_from_wire(sums, result->sums, unit.count);
-    TRY(check_radiance(frame, result, sums, err));
-    s = film_merge(frame->film, &unit, worker->deliverer.number, merged, err);
+    TRY(check_radiance(frame, result, err));
+    s = film_merge(frame->film, &result->unit, worker->deliverer.number, merged, err);
     if (s == STATUS_OK && (*merged == FILM_MERGED || *merged == FILM_WAITING))
         film_note_cost(frame->film, u.tile, u.group, u.pass, result->times.thread, result->stats.cpu_ns);
     if (frame->journal.size > recorded)
@@ -222,8 +209,8 @@ static status merge_into(struct job_frame *frame, const struct farm_worker *work
 }
 
 /* The unit's time on its worker, and that of its merging, which ends now. */
-static void trace_unit(struct farm *farm, const struct farm_worker *worker, const struct tile_result *result,
-                       int repeated, uint64_t now_ns)
+static void trace_unit(struct farm *farm, const struct farm_worker *worker, const struct delivery *result, int repeated,
+                       uint64_t now_ns)
 {
     struct trace_event event = {.kind = TRACE_UNIT, .group = (uint8_t)result->unit.group,
                                 .repeated = (uint8_t)repeated, .pass = (uint16_t)result->unit.pass,
@@ -235,22 +222,22 @@ static void trace_unit(struct farm *farm, const struct farm_worker *worker, cons
     trace_add_unit(&farm->trace, result->job, &event, &result->times);
 }
 
-static void count_result(struct farm_counts *counts, const struct tile_result *result, uint64_t now_ns)
+static void count_result(struct farm_counts *counts, const struct delivery *result, uint64_t now_ns)
 {
     counts->results++;
-    counts->samples += result->work.samples;
-    counts->rays += result->work.rays;
+    counts->samples += result->unit.work.samples;
+    counts->rays += result->unit.work.rays;
     counts->cpu_ns += result->stats.cpu_ns;
     for (int k = 0; k < HEALTH_KINDS; k++)
-        counts->health[k] += result->work.health.count[k];
+        counts->health[k] += result->unit.work.health.count[k];
     rate_add(&counts->result_rate, 1, now_ns);
-    rate_add(&counts->sample_rate, result->work.samples, now_ns);
+    rate_add(&counts->sample_rate, result->unit.work.samples, now_ns);
 }
 
-status merge_result(struct farm *farm, struct farm_worker *worker, struct tile_result *result, uint64_t now_ns,
+status merge_result(struct farm *farm, struct farm_worker *worker, struct delivery *result, uint64_t now_ns,
                     enum merge_outcome *outcome, struct merge_conflict *conflict, struct error *err)
 {
-    struct unit_name name = result->unit;
+    struct unit_name name = result->unit.name;
     struct pending_ack ack = {result->lease, worker->held.session, name};
     enum film_merge_result merged;
     const struct unit *unit;
@@ -262,8 +249,6 @@ status merge_result(struct farm *farm, struct farm_worker *worker, struct tile_r
     if (result->epoch > farm->leases.epoch || result->epoch == 0)
         return error_set(err, STATUS_ERR_PROTOCOL, "a result of lease %llu, epoch %llu, which was never granted",
                          (unsigned long long)result->lease, (unsigned long long)result->epoch);
-    if (result->sums_bytes % 4 || result->sums_bytes / 4 > TILE_FLOATS_MAX)
-        return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", result->sums_bytes);
     frame = frame_of(farm, worker, result, now_ns, outcome);
     if (!frame)
         return STATUS_OK;
@@ -311,11 +296,11 @@ status merge_result(struct farm *farm, struct farm_worker *worker, struct tile_r
         count_result(&farm->counts, result, now_ns);
         work_stats_add(&frame->job->stats, &result->stats);
         work_stats_add(&frame->stats, &result->stats);
-        rate_add(&frame->job->rate, result->work.samples, now_ns);
+        rate_add(&frame->job->rate, result->unit.work.samples, now_ns);
         hangs_settle(&frame->job->hangs, (struct hang_unit){.frame = frame->number, .tile = name.tile,
                                                             .group = name.group, .pass = name.pass});
-        figures_learn(frame, name.tile, result->work.samples, result->stats.cpu_ns, now_ns);
-        scheduler_learn(farm, worker, frame->job, result->work.samples, result->stats.cpu_ns, granted_ns, now_ns);
+        figures_learn(frame, name.tile, result->unit.work.samples, result->stats.cpu_ns, now_ns);
+        scheduler_learn(farm, worker, frame->job, result->unit.work.samples, result->stats.cpu_ns, granted_ns, now_ns);
         workforce_due(farm, worker);
         if (farm->workforce.hungry > 0 && job_frame_unleased(frame) > 0)
             farm_wake(farm);

@@ -27,14 +27,11 @@ enum {
     MERGE_CPU_SLACK_S = 60,      /* a unit's processor time over its lease's age: a coordinator that slept counted none */
 };
 
-struct tile_result {
+/* A unit's result, and whose it is. */
+struct delivery {
     uint64_t lease, epoch, job;
     uint32_t frame;
-    struct unit_name unit;
-    const uint8_t *sums; /* float32 little-endian */
-    size_t sums_bytes;
-    struct tail tail;
-    struct unit_work work;
+    struct unit_result unit;
     struct work_stats stats;
     struct trace_unit_times times;
 };
@@ -59,7 +56,7 @@ struct merge_conflict {
  * never granted, a lease that another worker holds): end its session, and if the outcome is MERGE_IMPOSSIBLE, block it. A time that
  * cannot be is limited where no lease tells more. ERR_NO_MEMORY, ERR_LIMIT: nothing changed. A conflict is logged
  * and counted, and the first result kept until an audit decides; it counts as KEPT or PENDING. */
-status merge_result(struct farm *farm, struct farm_worker *worker, struct tile_result *result, uint64_t now_ns,
+status merge_result(struct farm *farm, struct farm_worker *worker, struct delivery *result, uint64_t now_ns,
                     enum merge_outcome *outcome, struct merge_conflict *conflict, struct error *err) MUST_CHECK;
 
 struct commit_item {

@@ -131,7 +131,7 @@ uint8_t *film_record_add(struct buffer *out, enum film_record_kind kind, uint32_
 
 int film_record_unit(struct buffer *out, const struct film_fold *fold)
 {
-    uint8_t *at = film_record_add(out, FILM_RECORD_UNIT, fold->tile, film_unit_size(fold));
+    uint8_t *at = film_record_add(out, FILM_RECORD_UNIT, fold->unit->tile, film_unit_size(fold));
 
     if (at)
         film_unit_save(fold, at);

@@ -410,7 +410,7 @@ static void journal_fold(void *user, const struct film_fold *fold)
     struct job_frame *frame = user;
 
     if (!film_record_unit(&frame->journal, fold))
-        frame->dirty_mark[fold->tile] |= FRAME_TILE_WHOLE;
+        frame->dirty_mark[fold->unit->tile] |= FRAME_TILE_WHOLE;
 }
 
 void job_frame_keep_journal(struct job_frame *frame) { film_on_fold(frame->film, journal_fold, frame); }

@@ -51,10 +51,6 @@ enum dirty_mark { FRAME_TILE_DIRTY = 1, FRAME_TILE_WHOLE = 2 };
 
 enum frame_state { FRAME_RENDERING, FRAME_COMPLETE, FRAME_DEVELOPING };
 
-struct unit_name {
-    uint32_t tile, group, pass;
-};
-
 /* A work unit that is lent to at least one lease. */
 struct unit {
     struct unit_name name;

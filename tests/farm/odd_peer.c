@@ -188,19 +188,16 @@ static void send_result(struct peer *p, char *const words[], int count)
     uint32_t begin, end;
     size_t floats;
     float *sums;
-    uint8_t *bytes;
 
     if (unit >= p->unit_count)
         die("no such unit was granted");
     rect = tile_rect_of(p->width, p->height, p->units[unit].tile);
     floats = number_of(words, count, "floats", PIXEL_FLOATS * rect.width * rect.height);
     sums = malloc((floats + 1) * sizeof *sums);
-    bytes = malloc((floats + 1) * 4);
-    if (!sums || !bytes)
+    if (!sums)
         die("out of memory");
     for (size_t i = 0; i < floats; i++)
         sums[i] = value;
-    wire_sums_set(bytes, sums, floats);
     pass_range(p->spp, p->units[unit].group, p->units[unit].pass, &begin, &end);
     work.samples = number_of(words, count, "samples", (uint64_t)rect.width * rect.height * (end - begin));
     work.rays = number_of(words, count, "rays", 0);
@@ -213,11 +210,9 @@ static void send_result(struct peer *p, char *const words[], int count)
     result.tile = (uint32_t)number_of(words, count, "tile", p->units[unit].tile);
     result.group = (uint32_t)number_of(words, count, "group", p->units[unit].group);
     result.pass = (uint32_t)number_of(words, count, "pass", p->units[unit].pass);
-    result.sums.data = bytes;
-    result.sums.len = floats * 4;
+    wire_sums_set(&result.sums, sums, floats);
     result.stats = &stats;
     send_message(p, &e);
-    free(bytes);
     free(sums);
 }
 

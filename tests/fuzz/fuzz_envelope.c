@@ -40,14 +40,14 @@ static void use_grant(const Azulejo__Wire__LeaseGrant *grant)
 
 static void use_result(const Azulejo__Wire__TileResult *result)
 {
-    struct unit_work work;
-    struct tail tail;
+    struct unit_result unit;
 
-    if (wire_work_get(&work, result->work, NULL) == STATUS_OK)
-        (void)health_is_ill(&work.health);
-    if (wire_tail_get(&tail, &result->tail, NULL) == STATUS_OK && tail.count > TAIL_MAX)
+    if (wire_unit_get(&unit, result, NULL) != STATUS_OK)
+        return;
+    if (unit.tail.count > TAIL_MAX || unit.count > TILE_FLOATS_MAX)
         abort();
-    (void)tail_is_valid(&tail, TILE_PIXELS_MAX);
+    (void)tail_is_valid(&unit.tail, TILE_PIXELS_MAX);
+    (void)unit_hash(&unit); /* reads all of it */
 }
 
 static void use_message(const Azulejo__Wire__Envelope *e)

@@ -313,7 +313,7 @@ size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room)
     return worker->unit_count - before;
 }
 
-size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out)
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, float *out)
 {
     struct tile_rect rect = tile_rect_of(width, height, name.tile);
     size_t count = (size_t)PIXEL_FLOATS * rect.width * rect.height;
@@ -321,40 +321,38 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
     for (size_t i = 0; i < count; i++) {
         uint32_t h = (uint32_t)i * 2654435761u ^ name.tile * 40503u ^
                      (name.pass * GROUPS + name.group + 1) * 2246822519u ^ frame * 97u;
-        float value;
         h ^= h >> 15;
         h *= 2246822519u;
         h ^= h >> 13;
-        value = ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
-        memcpy(out + 4 * i, &value, 4);
+        out[i] = ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
     }
-    return 4 * count;
+    return count;
 }
 
-struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit, uint8_t sums[TILE_FLOATS_MAX * 4])
+struct delivery sim_result(const struct sim *sim, const struct sim_unit *unit, float sums[TILE_FLOATS_MAX])
 {
     const struct job *job = queue_find(&sim->farm.queue, unit->job);
-    struct tile_result result = {.lease = unit->lease, .epoch = unit->epoch, .job = unit->job,
-                                 .frame = unit->frame, .unit = unit->name, .sums = sums};
+    struct delivery result = {.lease = unit->lease, .epoch = unit->epoch, .job = unit->job, .frame = unit->frame,
+                              .unit = {.name = unit->name, .sums = sums}};
     struct tile_rect rect;
     uint32_t begin, end;
 
     assert_non_null(job);
     rect = tile_rect_of(job->settings.width, job->settings.height, unit->name.tile);
     pass_range(job->settings.spp, unit->name.group, unit->name.pass, &begin, &end);
-    result.work.samples = (uint64_t)rect.width * rect.height * (end - begin);
-    result.sums_bytes = sim_sums(job->settings.width, job->settings.height, unit->frame, unit->name, sums);
+    result.unit.work.samples = (uint64_t)rect.width * rect.height * (end - begin);
+    result.unit.count = sim_sums(job->settings.width, job->settings.height, unit->frame, unit->name, sums);
     return result;
 }
 
 enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns)
 {
-    static uint8_t sums[TILE_FLOATS_MAX * 4];
-    struct tile_result result = sim_result(sim, &worker->units[i], sums);
+    static float sums[TILE_FLOATS_MAX];
+    struct delivery result = sim_result(sim, &worker->units[i], sums);
     enum merge_outcome outcome = MERGE_PENDING;
     struct error err = {0};
 
-    result.stats.cpu_ns = result.work.samples * cost_ns;
+    result.stats.cpu_ns = result.unit.work.samples * cost_ns;
     worker->units[i].sent = 1;
     if (merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL, &err) != STATUS_OK)
         fail_msg("%s", err.text);
@@ -432,20 +430,17 @@ static void show(void *user, const float *rgb, uint32_t count, float *codes)
 /* Merge what the film has of a tile's group into `reference`, in order. */
 static void merge_in_order(struct film *reference, const struct film *film, uint32_t number, struct unit_name name)
 {
-    static uint8_t bytes[TILE_FLOATS_MAX * 4];
     static float sums[TILE_FLOATS_MAX];
 
     /* A frame that was cut short holds fewer. */
     for (; name.pass < film_tile_passes(film, name.tile, name.group); name.pass++) {
-        struct unit_result unit = {.tile = name.tile, .group = name.group, .pass = name.pass,
-                                   .sums = sums};
+        struct unit_result unit = {.name = name, .sums = sums};
         struct tile_rect rect = tile_rect_of(film_width(film), film_height(film), name.tile);
         enum film_merge_result result;
         uint32_t begin, end, thread;
         uint64_t cpu_ns;
 
-        unit.count = sim_sums(film_width(film), film_height(film), number, name, bytes) / 4;
-        memcpy(sums, bytes, unit.count * 4);
+        unit.count = sim_sums(film_width(film), film_height(film), number, name, sums);
         pass_range(film_spp(film), name.group, name.pass, &begin, &end);
         unit.work.samples = (uint64_t)rect.width * rect.height * (end - begin);
         assert_int_equal(film_merge(reference, &unit, film_deliverer(film, name.tile, name.group, name.pass), &result,

@@ -96,13 +96,13 @@ void sim_die(struct sim *sim, unsigned index);
 size_t sim_grant(struct sim *sim, struct sim_worker *worker, uint32_t room);
 /* Send the result of the worker's i-th unit; cost_ns: CPU time of one pixel sample. */
 /* Its result, whose sums are in `sums`. */
-struct tile_result sim_result(const struct sim *sim, const struct sim_unit *unit, uint8_t sums[TILE_FLOATS_MAX * 4]);
+struct delivery sim_result(const struct sim *sim, const struct sim_unit *unit, float sums[TILE_FLOATS_MAX]);
 enum merge_outcome sim_send(struct sim *sim, struct sim_worker *worker, size_t i, uint64_t cost_ns);
 /* Take the unit out of the worker's list. */
 void sim_forget(struct sim_worker *worker, size_t i);
 
-/* The bytes of a unit's result; returns their number. */
-size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, uint8_t *out);
+/* The numbers of a unit's result; returns how many. */
+size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_name name, float *out);
 
 void sim_commit(struct sim *sim);  /* write and acknowledge what is dirty */
 void sim_develop(struct sim *sim); /* end the developments that were begun, checking their films */

@@ -42,20 +42,16 @@ static int has_secret(struct unit_audits *audits)
     return 1;
 }
 
-static status vote_of(struct audit_vote *vote, const struct session *session, const struct tile_result *r, struct error *err)
+static status vote_of(struct audit_vote *vote, const struct session *session, const struct delivery *r, struct error *err)
 {
-    static float sums[TILE_FLOATS_MAX];
-    struct unit_result unit = {r->unit.tile, r->unit.group, r->unit.pass, sums, r->sums_bytes / 4, r->tail, r->work};
-
-    memcpy(sums, r->sums, r->sums_bytes); /* little-endian, as message.c asserts */
     snprintf(vote->label, sizeof vote->label, "%s", session->worker->label);
-    vote->hash = unit_hash(&unit);
+    vote->hash = unit_hash(&r->unit);
     vote->has_digest = 1;
-    return wire_unit_digest(&vote->digest, &unit, err);
+    return wire_unit_digest(&vote->digest, &r->unit, err);
 }
 
 /* NULL: too many, no memory, or the job is gone. */
-static struct unit_audit *audit_new(struct session *session, const struct tile_result *r)
+static struct unit_audit *audit_new(struct session *session, const struct delivery *r)
 {
     struct unit_audits *audits = &session->server->audits;
     const struct job *job = queue_find(&session->server->farm.queue, r->job);
@@ -66,7 +62,7 @@ static struct unit_audit *audit_new(struct session *session, const struct tile_r
     a->job = r->job;
     a->epoch_floor = job->epoch_floor;
     a->frame = r->frame;
-    a->unit = r->unit;
+    a->unit = r->unit.name;
     return a;
 }
 
@@ -80,14 +76,14 @@ static void audit_add(struct unit_audits *audits, struct unit_audit *a)
     audits->count++;
 }
 
-void unit_audits_result(struct session *session, const struct tile_result *r, uint64_t units_before)
+void unit_audits_result(struct session *session, const struct delivery *r, uint64_t units_before)
 {
     struct unit_audits *audits = &session->server->audits;
     struct unit_audit *a;
     struct error err = {0};
 
     if (audits->off || !has_secret(audits) ||
-        !audit_is_chosen(audits->secret, units_before, session->worker->is_doubted, r->job, r->frame, r->unit))
+        !audit_is_chosen(audits->secret, units_before, session->worker->is_doubted, r->job, r->frame, r->unit.name))
         return;
     a = audit_new(session, r);
     if (!a || vote_of(&a->vote[0], session, r, &err) != STATUS_OK) {
@@ -352,7 +348,7 @@ static int decide(struct server *server, const struct unit_audit *a)
     return verdict != AUDIT_MORE;
 }
 
-void unit_audits_conflict(struct session *session, const struct tile_result *r, const struct audit_vote *first)
+void unit_audits_conflict(struct session *session, const struct delivery *r, const struct audit_vote *first)
 {
     struct server *server = session->server;
     struct unit_audit *a = server->audits.off || !has_secret(&server->audits) ? NULL : audit_new(session, r);

@@ -37,9 +37,9 @@ struct unit_audits {
 };
 
 /* A result that was merged; `units_before` by its worker. */
-void unit_audits_result(struct session *session, const struct tile_result *result, uint64_t units_before);
+void unit_audits_result(struct session *session, const struct delivery *result, uint64_t units_before);
 /* A result that differs from `first`, the one of another worker that was merged before: others decide. */
-void unit_audits_conflict(struct session *session, const struct tile_result *result, const struct audit_vote *first);
+void unit_audits_conflict(struct session *session, const struct delivery *result, const struct audit_vote *first);
 /* A RenderResult or a Failure. 0: it answers no audit. */
 int unit_audits_answer(struct session *worker, const Azulejo__Wire__Envelope *message);
 /* At every tick: ask, and give up waiting. */

@@ -286,7 +286,7 @@ void session_grant(struct session *session, uint64_t now_ns)
         grant_message(session, lease);
 }
 
-static void audit_conflict(struct session *session, const struct tile_result *result, const struct merge_conflict *conflict)
+static void audit_conflict(struct session *session, const struct delivery *result, const struct merge_conflict *conflict)
 {
     struct audit_vote first = {.hash = conflict->hash};
 
@@ -297,22 +297,18 @@ static void audit_conflict(struct session *session, const struct tile_result *re
 
 static void take_result(struct session *session, const Azulejo__Wire__TileResult *message, uint64_t now_ns)
 {
-    struct tile_result result = {
-        .lease = message->lease, .epoch = message->epoch, .job = message->job,
-        .frame = message->frame, .unit = {message->tile, message->group, message->pass},
-        .sums = message->sums.data, .sums_bytes = message->sums.len,
-    };
+    struct delivery result = {
+        .lease = message->lease, .epoch = message->epoch, .job = message->job, .frame = message->frame};
     enum merge_outcome outcome = MERGE_PENDING;
     struct merge_conflict conflict = {0};
     struct error err = {0};
     uint64_t units_before;
-    status s = wire_tail_get(&result.tail, &message->tail, &err);
+    status s = wire_unit_get(&result.unit, message, &err);
 
     if (session->worker->hold == WORKER_BLOCKED) {
         session_revoke(session, result.lease, "the worker is blocked");
         return;
     }
-    THEN(s, wire_work_get(&result.work, message->work, &err));
     if (message->stats) {
         result.stats.cpu_ns = message->stats->cpu_ns;
         result.stats.trace_ns = message->stats->trace_ns;
@@ -340,7 +336,7 @@ static void take_result(struct session *session, const Azulejo__Wire__TileResult
     else if (outcome == MERGE_KEPT || outcome == MERGE_PENDING)
         unit_audits_result(session, &result, units_before);
     if (outcome == MERGE_KEPT)
-        session_ack(session, result.job, result.frame, result.unit, now_ns);
+        session_ack(session, result.job, result.frame, result.unit.name, now_ns);
     else if (outcome == MERGE_UNWANTED)
         session_revoke(session, result.lease, "this result is no longer needed");
     else if (outcome == MERGE_DEFERRED)

@@ -124,8 +124,8 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 96);
     struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
-    uint8_t sums[TILE_FLOATS_MAX * 4];
-    struct tile_result result;
+    float sums[TILE_FLOATS_MAX];
+    struct delivery result;
     struct merge_conflict conflict = {0};
     enum merge_outcome outcome;
 
@@ -133,7 +133,7 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
     assert_int_equal(sim_grant(sim, worker, 96), 96);
     result = sim_result(sim, &worker->units[0], sums);
     assert_int_equal(sim_send(sim, worker, 0, 100), MERGE_PENDING);
-    sums[0] ^= 1;
+    sums[0] = nextafterf(sums[0], 0);
     assert_int_equal(merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, &conflict, NULL), STATUS_OK);
     assert_true(conflict.found); /* others decide: who came first is known by its number and hash */
     assert_int_equal(conflict.deliverer, film_deliverer(job->frames->film, result.unit.tile, result.unit.group, result.unit.pass));
@@ -153,11 +153,11 @@ static void a_conflict_is_reported_and_the_first_kept(void **state)
 /* Counters that are too many for the unit, or whose example is missing or another unit's. */
 static void check_health(struct sim *sim, struct sim_worker *worker, const struct sim_unit *unit, enum health_kind kind)
 {
-    static uint8_t sums[TILE_FLOATS_MAX * 4];
-    struct tile_result result = sim_result(sim, unit, sums);
+    static float sums[TILE_FLOATS_MAX];
+    struct delivery result = sim_result(sim, unit, sums);
     struct tile_rect rect = tile_rect_of(WIDTH, HEIGHT, unit->name.tile);
     const uint32_t g = unit->name.group, pixels = rect.width * rect.height;
-    const uint64_t samples = result.work.samples, end = samples / pixels;
+    const uint64_t samples = result.unit.work.samples, end = samples / pixels;
     uint32_t begin, stop;
     enum merge_outcome outcome;
     struct error err = {0};
@@ -165,7 +165,7 @@ static void check_health(struct sim *sim, struct sim_worker *worker, const struc
     pass_range(SPP, g, unit->name.pass, &begin, &stop);
     const struct health_place here = {unit->name.pass, unit->name.tile, 0, begin * GROUPS + g};
     const uint64_t most = health_rows[kind].limit == HEALTH_LIMIT_SAMPLES  ? samples
-                          : health_rows[kind].limit == HEALTH_LIMIT_VALUES ? result.sums_bytes / 4
+                          : health_rows[kind].limit == HEALTH_LIMIT_VALUES ? result.unit.count
                                                                            : samples << 20;
     const struct health_place bad[] = {
         {here.pass + 1, here.tile, 0, here.sample},
@@ -175,8 +175,8 @@ static void check_health(struct sim *sim, struct sim_worker *worker, const struc
         {here.pass, here.tile, 0, here.sample + GROUPS * (uint32_t)end},
     };
 #define TAKE(n, key, in_frame)                                                                         \
-    (result.work.health.count[kind] = (n), result.work.health.first[kind] = (key),                     \
-     result.work.health.frame[kind] = (in_frame),                                                      \
+    (result.unit.work.health.count[kind] = (n), result.unit.work.health.first[kind] = (key),                     \
+     result.unit.work.health.frame[kind] = (in_frame),                                                      \
      merge_result(&sim->farm, &worker->worker, &result, sim->now_ns, &outcome, NULL, &err))
     assert_int_equal(TAKE(1, 0, 0), STATUS_ERR_PROTOCOL);
     assert_int_equal(TAKE(1, health_key(here), 1), STATUS_ERR_PROTOCOL);
@@ -212,9 +212,8 @@ static void hostile_results_are_refused(void **state)
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 8);
     struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
-    uint8_t sums[TILE_FLOATS_MAX * 4 + 8] = {0};
-    const float nan_value = NAN;
-    struct tile_result good, bad;
+    float sums[TILE_FLOATS_MAX + 2] = {0};
+    struct delivery good, bad;
     enum merge_outcome outcome = MERGE_KEPT;
     struct error err = {0};
 
@@ -238,34 +237,33 @@ static void hostile_results_are_refused(void **state)
     REFUSED(bad.unit.group = UINT32_MAX);
     REFUSED(bad.unit.pass = 8);
     REFUSED(bad.unit.pass = UINT32_MAX);
-    REFUSED(bad.work.samples++);
-    REFUSED(bad.work.samples = 0);
-    REFUSED(bad.work.dropped_samples = bad.work.samples + 1);
-    REFUSED(bad.work.vertices = (uint64_t)1 << 60);
+    REFUSED(bad.unit.work.samples++);
+    REFUSED(bad.unit.work.samples = 0);
+    REFUSED(bad.unit.work.dropped_samples = bad.unit.work.samples + 1);
+    REFUSED(bad.unit.work.vertices = (uint64_t)1 << 60);
     for (int i = 0; i < WORK_COUNTER_COUNT; i++)
-        REFUSED(bad.work.count[i] = UINT64_MAX);
-    REFUSED(bad.work.clamped_values = UINT32_MAX);
-    REFUSED(bad.tail.count = TAIL_MAX + 1);
-    REFUSED(bad.tail = ((struct tail){1, {{NAN, 0, 0}}}));
-    REFUSED(bad.tail = ((struct tail){1, {{1, 256, 0}}}));
-    REFUSED(bad.tail = ((struct tail){2, {{1, 0, 0}, {2, 0, 0}}}));
-    REFUSED(bad.tail = ((struct tail){2, {{1, 1, 0}, {1, 0, 0}}}));
-    REFUSED(bad.sums_bytes -= 4);
-    REFUSED(bad.sums_bytes += 4);
-    REFUSED(bad.sums_bytes -= 1);
-    REFUSED(bad.sums_bytes = 0);
-    REFUSED(bad.sums_bytes = (size_t)1 << 40);
-    REFUSED(bad.work.clamped_samples = bad.work.samples + 1);
-    REFUSED(bad.work.clamped_luminance = NAN);
-    REFUSED(bad.work.clamped_luminance = -1);
-    REFUSED(bad.work.kept_luminance = INFINITY);
+        REFUSED(bad.unit.work.count[i] = UINT64_MAX);
+    REFUSED(bad.unit.work.clamped_values = UINT32_MAX);
+    REFUSED(bad.unit.tail.count = TAIL_MAX + 1);
+    REFUSED(bad.unit.tail = ((struct tail){1, {{NAN, 0, 0}}}));
+    REFUSED(bad.unit.tail = ((struct tail){1, {{1, 256, 0}}}));
+    REFUSED(bad.unit.tail = ((struct tail){2, {{1, 0, 0}, {2, 0, 0}}}));
+    REFUSED(bad.unit.tail = ((struct tail){2, {{1, 1, 0}, {1, 0, 0}}}));
+    REFUSED(bad.unit.count--);
+    REFUSED(bad.unit.count++);
+    REFUSED(bad.unit.count = 0);
+    REFUSED(bad.unit.count = (size_t)1 << 38);
+    REFUSED(bad.unit.work.clamped_samples = bad.unit.work.samples + 1);
+    REFUSED(bad.unit.work.clamped_luminance = NAN);
+    REFUSED(bad.unit.work.clamped_luminance = -1);
+    REFUSED(bad.unit.work.kept_luminance = INFINITY);
     REFUSED(bad.stats.cpu_ns = UINT64_MAX);
     REFUSED(bad.stats.cpu_ns = MERGE_CPU_SLACK_S * NS_PER_SECOND + 1);
     for (int i = 0; i < DEPTH_SUMS; i++) {
-        REFUSED(bad.work.depth.sum[i] = -1);
-        REFUSED(bad.work.depth.sum[i] = NAN);
+        REFUSED(bad.unit.work.depth.sum[i] = -1);
+        REFUSED(bad.unit.work.depth.sum[i] = NAN);
     }
-    memcpy(sums + 40, &nan_value, 4);
+    sums[10] = NAN;
     REFUSED((void)0);
 #undef REFUSED
     assert_int_equal(film_work(job->frames->film).samples, 0);
@@ -279,8 +277,8 @@ static void a_lease_is_its_holders(void **state)
     struct sim *sim = sim_new(NULL, 2);
     struct sim_worker *holder = sim_connect(sim, 0, 8), *other = sim_connect(sim, 1, 8);
     struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
-    uint8_t sums[TILE_FLOATS_MAX * 4];
-    struct tile_result result, moved;
+    float sums[TILE_FLOATS_MAX];
+    struct delivery result, moved;
     enum merge_outcome outcome = MERGE_KEPT;
     struct error err = {0};
 
@@ -315,16 +313,16 @@ static void an_infinite_amount_is_refused(void **state)
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 8);
     struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0);
-    uint8_t sums[TILE_FLOATS_MAX * 4];
+    float sums[TILE_FLOATS_MAX];
     struct unit_work work;
-    struct tile_result bad;
+    struct delivery bad;
     enum merge_outcome outcome;
 
     (void)state;
     sim_grant(sim, worker, 8);
     bad = sim_result(sim, &worker->units[0], sums);
-    bad.work.clamped_samples = 1;
-    bad.work.clamped_luminance = INFINITY;
+    bad.unit.work.clamped_samples = 1;
+    bad.unit.work.clamped_luminance = INFINITY;
     (void)!merge_result(&sim->farm, &worker->worker, &bad, sim->now_ns, &outcome, NULL, NULL);
     sim_send(sim, worker, 1, 100);
     work = film_work(job->frames->film);
@@ -338,8 +336,8 @@ static void unwanted_results_are_sent_away(void **state)
     struct sim *sim = sim_new(NULL, 1);
     struct sim_worker *worker = sim_connect(sim, 0, 8);
     struct job *job = sim_submit(sim, WIDTH, HEIGHT, SPP, 1, 1, 0), *later;
-    uint8_t sums[TILE_FLOATS_MAX * 4];
-    struct tile_result result;
+    float sums[TILE_FLOATS_MAX];
+    struct delivery result;
     enum merge_outcome outcome;
 
     (void)state;

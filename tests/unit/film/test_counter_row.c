@@ -87,7 +87,7 @@ static void test_unit(void **state)
 {
     enum { MASK_AT = 24, LAST_AT = 32 + 8 + 8 * (WORK_COUNTER_COUNT - 1) };
     struct unit_result unit = unit_with(COUNT);
-    const struct film_fold fold = {.hash = unit_hash(&unit), .sums = sums, .count = unit.count, .tail = &unit.tail, .work = &unit.work};
+    const struct film_fold fold = {.unit = &unit, .hash = unit_hash(&unit)};
     size_t size = film_unit_size(&fold);
     uint8_t *bytes = malloc(size);
 

@@ -296,28 +296,38 @@ static void test_results(void **state)
     struct unit_work work = {.clamped_luminance = 8.5, .kept_luminance = 9, .depth = {{1, 2, 3, 0, 1e300}}};
     struct wire_work message;
     struct unit_work back;
-    uint8_t bytes[WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES] = {0};
-    ProtobufCBinaryData wire = {.data = bytes};
+    const float *out;
+    size_t floats_count;
+    ProtobufCBinaryData wire;
     struct tail tail = {.count = 0}, got;
 
     (void)state;
-    wire_sums_set(bytes, in, 2);
-    assert_memory_equal(bytes, floats, sizeof floats);
-    assert_int_equal(wire_tail_set(bytes, &tail), 0);
+    wire_sums_set(&wire, in, 2);
+    assert_int_equal(wire.len, sizeof floats);
+    assert_memory_equal(wire.data, floats, sizeof floats);
+    assert_int_equal(wire_sums_get(&out, &floats_count, &wire, NULL), STATUS_OK);
+    assert_true(floats_count == 2 && memcmp(out, in, sizeof in) == 0);
+    wire.len -= 1;
+    assert_int_equal(wire_sums_get(&out, &floats_count, &wire, NULL), STATUS_ERR_PROTOCOL);
+    wire.len = (TILE_FLOATS_MAX + 1) * sizeof *in;
+    assert_int_equal(wire_sums_get(&out, &floats_count, &wire, NULL), STATUS_ERR_PROTOCOL);
+    wire_tail_set(&wire, &tail);
+    assert_int_equal(wire.len, 0);
     tail_add(&tail, 1, 263);
-    assert_int_equal(wire_tail_set(bytes, &tail), WIRE_TAIL_ENTRY_BYTES);
-    assert_memory_equal(bytes, entry, sizeof entry);
+    wire_tail_set(&wire, &tail);
+    assert_int_equal(wire.len, WIRE_TAIL_ENTRY_BYTES);
+    assert_memory_equal(wire.data, entry, sizeof entry);
     for (uint32_t i = 0; i < 20; i++)
         tail_add(&tail, 2 + (float)i, i);
-    wire.len = wire_tail_set(bytes, &tail);
-    assert_int_equal(wire.len, WIRE_TAIL_BYTES_MAX);
+    wire_tail_set(&wire, &tail);
+    assert_int_equal(wire.len, TAIL_MAX * WIRE_TAIL_ENTRY_BYTES);
     assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_OK);
     assert_int_equal(got.count, TAIL_MAX);
     assert_memory_equal(got.entries, tail.entries, sizeof tail.entries);
     wire.len -= 1;
     assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_ERR_PROTOCOL);
     assert_int_equal(got.count, 0);
-    wire.len = WIRE_TAIL_BYTES_MAX + WIRE_TAIL_ENTRY_BYTES;
+    wire.len = (TAIL_MAX + 1) * WIRE_TAIL_ENTRY_BYTES;
     assert_int_equal(wire_tail_get(&got, &wire, NULL), STATUS_ERR_PROTOCOL);
     for (uint64_t i = 0; i < WORK_COUNTER_COUNT; i++)
         work.count[i] = (i + 1) << 40;
@@ -632,10 +642,11 @@ static void test_unit_digest(void **state)
 {
     const float sums[] = {1, 2.5f, -0.0f, 3e38f};
     struct unit_result unit = {.tile = 3, .group = 1, .pass = 2, .sums = sums, .count = 4};
-    uint8_t bytes[1024], tail[WIRE_TAIL_BYTES_MAX];
+    uint8_t bytes[1024];
+    ProtobufCBinaryData tail;
     struct digest got, expected;
     struct wire_work wire;
-    size_t size = sizeof sums, more;
+    size_t size = sizeof sums;
 
     (void)state;
     tail_add(&unit.tail, 7, 11);
@@ -645,10 +656,10 @@ static void test_unit_digest(void **state)
     unit.work.health.count[HEALTH_LOST_BODIES] = 2;
     unit.work.health.first[HEALTH_LOST_BODIES] = health_key((struct health_place){1, 2, 3, 4});
     memcpy(bytes, sums, size);
-    more = wire_tail_set(tail, &unit.tail);
-    assert_int_equal(more, 2 * WIRE_TAIL_ENTRY_BYTES);
-    memcpy(bytes + size, tail, more);
-    size += more;
+    wire_tail_set(&tail, &unit.tail);
+    assert_int_equal(tail.len, 2 * WIRE_TAIL_ENTRY_BYTES);
+    memcpy(bytes + size, tail.data, tail.len);
+    size += tail.len;
     size += azulejo__wire__work__pack(wire_work_set(&wire, &unit.work), bytes + size);
     assert_int_equal(digest_of(&expected, bytes, size), STATUS_OK);
     assert_int_equal(wire_unit_digest(&got, &unit, NULL), STATUS_OK);
