@@ -362,14 +362,14 @@ static void end_measuring(struct sim *sim, struct job *job)
     figures_measured(&sim->farm, job, frame->number, &result, sim->now_ns);
 }
 
-/* While a large frame renders, its figures are never older than 5 s or a tenth of its time, for 1/400 of the processor time. */
-static void figures_of_large_frames_are_fresh(void **state)
+/* While a large frame renders, its figures are never older than 5 s or a tenth of its time, for 1/400 of the processor time.
+ * `slow`: samples take longer, so that much may be spent when each pixel has some, and one core renders. */
+static void check_large_frame(struct sim *sim, int slow)
 {
-    struct sim *sim = *state;
     struct job *job = sim_submit(sim, LARGE, LARGE, LARGE_SPP, 1, 1, 0);
-    struct sim_worker *worker = sim_connect(sim, 0, THREADS);
+    struct sim_worker *worker = sim_connect(sim, (unsigned)slow, THREADS);
     double oldest_s = 0, wall_s = 0, first_s = -1, groups_s = -1;
-    uint64_t cost_ns = 0, cpu_ns = 0;
+    uint64_t cost_ns = 0, cpu_ns = 0, cost_of_sample = slow ? 8 * LARGE_COST_NS : LARGE_COST_NS;
 
     memset(&measuring, 0, sizeof measuring);
     sim->farm.events.measure = begin_measuring;
@@ -380,8 +380,8 @@ static void figures_of_large_frames_are_fresh(void **state)
         sim_grant(sim, worker, 64);
         for (int i = 0; i < 64 && worker->unit_count > 0; i++) {
             uint64_t samples = sim_result(sim, &worker->units[0], (float[TILE_FLOATS_MAX]){0}).unit.work.samples;
-            sim->now_ns += samples * LARGE_COST_NS * 2 / THREADS;
-            sim_send(sim, worker, 0, LARGE_COST_NS);
+            sim->now_ns += samples * cost_of_sample * (slow ? 4 : 2) / THREADS;
+            sim_send(sim, worker, 0, cost_of_sample);
             sim_forget(worker, 0);
         }
         sim_commit(sim);
@@ -407,6 +407,12 @@ static void figures_of_large_frames_are_fresh(void **state)
     assert_true(wall_s > 100 && oldest_s > 3 && first_s < groups_s + 5);
     assert_true(cost_ns * FIGURES_COST_SHARE <= cpu_ns * 11 / 10);
     sim->farm.events.measure = NULL;
+}
+
+static void figures_of_large_frames_are_fresh(void **state)
+{
+    for (int slow = 0; slow < 2; slow++)
+        check_large_frame(*state, slow);
 }
 
 /* A forecast is the time from now, with all the processors that the job gets: of its value as of its ends. */
