@@ -19,15 +19,31 @@
 static void print_settings(const Azulejo__Wire__RenderSettings *s)
 {
     char region[64] = "";
+    struct render_settings defaults;
 
+    render_settings_default(&defaults);
     if (s->whole_width)
-        snprintf(region, sizeof region, ", at %u,%u of %u x %u", s->region_x, s->region_y,
-                 s->whole_width, s->whole_height);
-    printf("  %-10s  %u x %u pixels%s, %u samples each, depth %u, seed %" PRIu64 ", camera %u\n",
-           "picture", s->width, s->height, region, s->spp, s->max_depth, s->seed, s->camera);
-    printf("  %-10s  sampled by %s, turned %g degrees, strength %g\n", "light map",
-           env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg, (double)s->env_strength);
-    printf("  %-10s  %s\n", "isa", isa_name((enum isa)s->isa));
+        snprintf(region, sizeof region, ", at %u,%u of %u x %u", s->region_x, s->region_y, s->whole_width,
+                 s->whole_height);
+    field_printf(stdout, "picture", "%u x %u pixels%s, depth %u, seed %" PRIu64 ", camera %u", s->width, s->height,
+                 region, s->max_depth, s->seed, s->camera);
+    if (s->env_sampling != defaults.env_sampling || s->env_rotate_deg != defaults.env_rotate_deg ||
+        s->env_strength != defaults.env_strength)
+        field_printf(stdout, "light map", "sampled by %s, turned %g degrees, strength %g",
+                     env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg,
+                     (double)s->env_strength);
+    field_print(stdout, "isa", isa_name((enum isa)s->isa));
+}
+
+/* "2/255, at most 4096 samples a pixel" */
+static void print_rules(const Azulejo__Wire__StopRules *stop, uint32_t spp)
+{
+    char text[STOP_RULES_TEXT_SIZE];
+    struct stop_rules rules;
+    struct error ignored = {0};
+
+    if (wire_stop_get(&rules, stop, &ignored) == STATUS_OK)
+        field_print(stdout, "until", stop_rules_text(text, &rules, spp));
 }
 
 /* Only values that differ from the defaults. */
@@ -39,22 +55,16 @@ static void print_extras(const Azulejo__Wire__RenderSettings *s)
     struct error err = {0};
 
     render_settings_default(&defaults);
-    if (s->fps != defaults.fps || s->shutter != defaults.shutter) {
-        printf("  %-10s  %g frames a second", "motion", (double)s->fps);
-        if (s->shutter > 0)
-            printf(", shutter open for %g of each", (double)s->shutter);
-        printf("\n");
-    }
-    if (s->pinhole || s->lens_radius > 0 || s->focus_distance > 0) {
-        printf("  %-10s ", "lens");
-        if (s->pinhole)
-            printf(" pinhole");
-        else if (s->lens_radius > 0)
-            printf(" radius %g m", (double)s->lens_radius);
-        if (s->focus_distance > 0)
-            printf(" focused at %g m", (double)s->focus_distance);
-        printf("\n");
-    }
+    if (s->shutter > 0)
+        field_printf(stdout, "motion", "%g frames a second, shutter open for %g of each", (double)s->fps, (double)s->shutter);
+    else if (s->fps != defaults.fps)
+        field_printf(stdout, "motion", "%g frames a second", (double)s->fps);
+    if (s->pinhole)
+        field_print(stdout, "lens", "pinhole");
+    else if (s->lens_radius > 0)
+        field_printf(stdout, "lens", "radius %g m", (double)s->lens_radius);
+    if (s->focus_distance > 0)
+        field_printf(stdout, "focus", "%g m", (double)s->focus_distance);
     if (s->without)
         field_print(stdout, "without", settings_effects_text(s->without, names));
     if (wire_settings_get(&settings, s, UINT32_MAX, &err) == STATUS_OK && settings_choices_text(&settings, choices)[0])
@@ -63,61 +73,64 @@ static void print_extras(const Azulejo__Wire__RenderSettings *s)
         field_print(stdout, "aovs", settings_aovs_text(s->aovs, names));
 }
 
-static void print_parameter(const Azulejo__Wire__OutputSettings *o, size_t i)
+static void print_parameter(struct buffer *line, const Azulejo__Wire__OutputSettings *o, size_t i)
 {
     const char *word = tonemap_choice_word(o->tonemap, o->parameters[i]->key, o->parameters[i]->value);
     char key[64];
 
     message_text(key, sizeof key, o->parameters[i]->key);
     if (word)
-        printf(", %s=%s", key, word);
+        buffer_printf(line, ", %s=%s", key, word);
     else
-        printf(", %s=%g", key, o->parameters[i]->value);
+        buffer_printf(line, ", %s=%g", key, o->parameters[i]->value);
 }
 
-static void print_files(const Azulejo__Wire__OutputSettings *o)
+static void print_files(struct buffer *line, const Azulejo__Wire__OutputSettings *o)
 {
     unsigned formats = output_message_formats(o);
     const char *between = "";
 
-    printf("  %-10s  ", "output");
     if (formats & OUTPUT_FORMAT_EXR) {
-        printf("%s EXR", o->exr_half ? "16-bit" : "32-bit");
+        buffer_printf(line, "%s EXR", o->exr_half ? "16-bit" : "32-bit");
         between = ", ";
     }
     if (formats & OUTPUT_FORMAT_PNG) {
-        printf("%s%u-bit PNG", between, o->png_bits ? o->png_bits : 8);
+        buffer_printf(line, "%s%u-bit PNG", between, o->png_bits ? o->png_bits : 8);
         between = ", ";
     }
     if (formats & OUTPUT_FORMAT_JPEG)
-        printf("%sJPEG of quality %u", between, o->jpeg_quality ? o->jpeg_quality : JPEG_QUALITY_DEFAULT);
-    printf("%s\n", o->no_dither ? ", not dithered" : "");
+        buffer_printf(line, "%sJPEG of quality %u", between, o->jpeg_quality ? o->jpeg_quality : JPEG_QUALITY_DEFAULT);
+    buffer_printf(line, "%s", o->no_dither ? ", not dithered" : "");
 }
 
 static void print_output(const Azulejo__Wire__OutputSettings *o)
 {
+    struct buffer line = BUFFER_INIT;
     char text[128];
 
-    print_files(o);
-    printf("  %-10s  %s", "tone map", message_text(text, sizeof text, o->tonemap));
+    print_files(&line, o);
+    field_print(stdout, "output", buffer_text(&line));
+    buffer_clear(&line);
+    buffer_printf(&line, "%s", message_text(text, sizeof text, o->tonemap));
     for (size_t i = 0; i < o->n_parameters; i++)
-        print_parameter(o, i);
-    printf(", exposure %+g EV", o->exposure_ev);
+        print_parameter(&line, o, i);
+    buffer_printf(&line, ", exposure %+g EV", o->exposure_ev);
     if (o->camera_ev != 0)
-        printf(" of which %+g the camera's", o->camera_ev);
+        buffer_printf(&line, " of which %+g the camera's", o->camera_ev);
     if (strcmp(o->metering, "percentile") == 0)
-        printf(", percentile %g becomes white", output_percentile(o));
+        buffer_printf(&line, ", percentile %g becomes white", output_percentile(o));
     else if (strcmp(o->metering, "key") == 0)
-        printf(", log-mean becomes 0.18");
+        buffer_printf(&line, ", log-mean becomes 0.18");
     if (o->white_kelvin > 0)
-        printf(", %g K becomes white", o->white_kelvin);
+        buffer_printf(&line, ", %g K becomes white", o->white_kelvin);
     if (o->temporal > 1)
-        printf(", averaged over %u frames", o->temporal);
+        buffer_printf(&line, ", averaged over %u frames", o->temporal);
     if (o->denoise[0] && strcmp(o->denoise, denoising_name(DENOISING_OFF)) != 0)
-        printf(", denoised%s", strcmp(o->denoise, denoising_name(DENOISING_FAST)) == 0 ? " (fast)" : "");
+        buffer_printf(&line, ", denoised%s", strcmp(o->denoise, denoising_name(DENOISING_FAST)) == 0 ? " (fast)" : "");
     if (o->tonemap_file.len)
-        printf(", with %s", message_text(text, sizeof text, o->tonemap_file_name));
-    printf("\n");
+        buffer_printf(&line, ", with %s", message_text(text, sizeof text, o->tonemap_file_name));
+    field_print(stdout, "tone map", buffer_text(&line));
+    buffer_release(&line);
 }
 
 static void print_needs(const Azulejo__Wire__JobInfo *job)
@@ -134,8 +147,8 @@ static void print_needs(const Azulejo__Wire__JobInfo *job)
     if (job->require[0])
         field_print(stdout, "requires", job->require);
     if (job->memory)
-        printf("  %-10s  %s%s\n", "memory", bytes_text(text, job->memory),
-               job->memory_said ? "" : " at least, estimated from the scene's files and triangles");
+        field_printf(stdout, "memory", "%s%s", bytes_text(text, job->memory),
+                     job->memory_said ? "" : " at least, estimated from the scene's files and triangles");
 #define OPTION(...)
 #define SETTING(o, KIND, type, name, ...) needs.name = job->name;
     JOB_NEEDS(OPTION, SETTING, )
@@ -155,13 +168,13 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
     field_print(stdout, "scene", job->scene_name);
     if (job->state_text[0] || job->comment[0])
         field_print(stdout, "note", job_info_note(note, job));
-    printf("  %-10s  %u-%u, priority %d\n", "range", job->first_frame, job->last_frame,
-           job->priority);
+    field_printf(stdout, "range", "%u-%u, priority %d", job->first_frame, job->last_frame, job->priority);
     if (job->owner[0])
         field_print(stdout, "owner", job->owner);
     print_needs(job);
     if (job->settings) {
         print_settings(job->settings);
+        print_rules(job->stop, job->settings->spp);
         print_extras(job->settings);
     }
     if (job->output)
@@ -171,7 +184,7 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
         field_print(stdout, "ended", format_time(text, job->finished_at));
     job_info_print_summary(stdout, job);
     if (job->state == AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
-        printf("  %-10s  %u\n", "workers", job->workers);
+        field_printf(stdout, "workers", "%u", job->workers);
         field_print(stdout, "time left", format_duration(text, job->seconds_left));
     }
 }

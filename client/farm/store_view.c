@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "client/follow/job_info.h"
+#include "client/terminal/field.h"
 #include "client/terminal/format.h"
 #include "client/terminal/table.h"
 #include "common/base/duration.h"
@@ -32,7 +33,7 @@ static void print_kind(const char *label, uint64_t bytes, const char *what)
 {
     char text[FORMAT_SIZE];
 
-    printf("  %-10s  %10s%s%s\n", label, bytes_text(text, bytes), *what ? "  " : "", what);
+    field_printf(stdout, label, "%10s%s%s", bytes_text(text, bytes), *what ? "  " : "", what);
 }
 
 static void print_limits(const Azulejo__Wire__StoreInfo *i)
@@ -40,19 +41,15 @@ static void print_limits(const Azulejo__Wire__StoreInfo *i)
     char size[FORMAT_SIZE], age[DURATION_TEXT_SIZE];
 
     if (i->keep_s >= 0)
-        printf("  %-10s  jobs are removed %s after their end\n", "keep",
-               duration_text(age, i->keep_s));
+        field_printf(stdout, "keep", "jobs are removed %s after their end", duration_text(age, i->keep_s));
     if (i->keep_failed_s >= 0)
-        printf("  %-10s  failed and cancelled ones after %s\n", "",
-               duration_text(age, i->keep_failed_s));
+        field_printf(stdout, "", "failed and cancelled ones after %s", duration_text(age, i->keep_failed_s));
     if (i->store_limit)
-        printf("  %-10s  %s in the store, then what ended first goes\n", "limit",
-               bytes_text(size, i->store_limit));
+        field_printf(stdout, "limit", "%s in the store, then what ended first goes", bytes_text(size, i->store_limit));
     if (i->owner_limit)
-        printf("  %-10s  %s of films and pictures for each owner\n", "",
-               bytes_text(size, i->owner_limit));
+        field_printf(stdout, "", "%s of films and pictures for each owner", bytes_text(size, i->owner_limit));
     if (i->keep_s < 0 && i->keep_failed_s < 0 && !i->store_limit && !i->owner_limit)
-        printf("  %-10s  no limit: jobs stay until 'azulejo prune' or 'remove'\n", "keep");
+        field_print(stdout, "keep", "no limit: jobs stay until 'azulejo prune' or 'remove'");
 }
 
 static void print_owners(const Azulejo__Wire__StoreInfo *info)
@@ -100,27 +97,27 @@ static void print_safety(const Azulejo__Wire__StoreInfo *i)
     char when[FORMAT_SIZE] = "";
 
     if (i->scrub_files > 0 && i->scrubbed_at)
-        printf("  %-10s  %" PRIu64 " files were read again since the start, all of them by %s; %" PRIu64 " were damaged\n", "scrub",
-               i->scrub_files, format_time(when, i->scrubbed_at), i->scrub_faults);
+        field_printf(stdout, "scrub", "%" PRIu64 " files were read again since the start, all of them by %s; %" PRIu64 " were damaged",
+                     i->scrub_files, format_time(when, i->scrubbed_at), i->scrub_faults);
     else if (i->scrub_files > 0)
-        printf("  %-10s  %" PRIu64 " files were read again since the start; %" PRIu64 " were damaged\n", "scrub", i->scrub_files,
-               i->scrub_faults);
+        field_printf(stdout, "scrub", "%" PRIu64 " files were read again since the start; %" PRIu64 " were damaged",
+                     i->scrub_files, i->scrub_faults);
     else
-        printf("  %-10s  no file was read again yet: it is done while nothing is rendered\n", "scrub");
+        field_print(stdout, "scrub", "no file was read again yet: it is done while nothing is rendered");
     if (i->scrub_last[0])
-        printf("  %-10s  %s\n", "", i->scrub_last);
+        field_printf(stdout, "", "%s", i->scrub_last);
     if (i->wall[0] || i->wall_lacks[0])
-        printf("  %-10s  uploaded scenes are read behind a wall: %s\n", "wall", i->wall[0] ? i->wall : "none");
+        field_printf(stdout, "wall", "uploaded scenes are read behind a wall: %s", i->wall[0] ? i->wall : "none");
     if (i->wall_lacks[0])
-        printf("  %-10s  this kernel cannot keep them from: %s\n", "", i->wall_lacks);
+        field_printf(stdout, "", "this kernel cannot keep them from: %s", i->wall_lacks);
 }
 
 static void print_store(const Azulejo__Wire__StoreInfo *i)
 {
     char all[FORMAT_SIZE], left[FORMAT_SIZE], disk[FORMAT_SIZE];
 
-    printf("the store takes %s; %s of the disk's %s are free\n", bytes_text(all, total(i)), bytes_text(left, i->free),
-           bytes_text(disk, i->disk));
+    printf("the store takes %s\n", bytes_text(all, total(i)));
+    field_printf(stdout, "disk", "%10s of %s are free", bytes_text(left, i->free), bytes_text(disk, i->disk));
     print_kind("films", i->films, "for extend and retry, and of frames in work");
     print_kind("pictures", i->pictures, "");
     print_kind("blobs", i->blobs, "scenes and their files");

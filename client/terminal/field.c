@@ -1,5 +1,6 @@
 #include "client/terminal/field.h"
 
+#include <stdarg.h>
 #include <stdint.h>
 #include <string.h>
 #include <unistd.h>
@@ -8,7 +9,7 @@
 #include "common/cli/terminal.h"
 #include "protocol/message.h"
 
-enum { TEXT_BYTES = 512, LABEL_COLUMNS = 10, INDENT = LABEL_COLUMNS + 4 };
+enum { TEXT_BYTES = 2048, LABEL_COLUMNS = 10, INDENT = LABEL_COLUMNS + 4 };
 
 /* Columns beside the label. */
 static size_t room(FILE *file)
@@ -37,6 +38,17 @@ void field_print(FILE *file, const char *label, const char *text)
         at += strlen(line);
         at += strspn(at, " ");
     } while (*at);
+}
+
+void field_printf(FILE *file, const char *label, const char *format, ...)
+{
+    char text[TEXT_BYTES];
+    va_list values;
+
+    va_start(values, format);
+    vsnprintf(text, sizeof text, format, values);
+    va_end(values);
+    field_print(file, label, text);
 }
 
 void field_print_phrases(FILE *file, const char *label, const char *text)

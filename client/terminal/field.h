@@ -7,5 +7,6 @@
 
 /* A sentence: a terminal gets it in lines of its width, broken between words. */
 void field_print(FILE *file, const char *label, const char *text);
+void field_printf(FILE *file, const char *label, const char *format, ...) __attribute__((format(printf, 3, 4)));
 /* Figures: a terminal gets the first phrases, as many as fit; if not even one does, all of them as a sentence. */
 void field_print_phrases(FILE *file, const char *label, const char *text);

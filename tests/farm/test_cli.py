@@ -466,7 +466,7 @@ def settings_of_a_job():
                              "--focus", "2.5", "--without", "caustics,multiple-scattering",
                              "--without", "sheen")
         shown = farm.cli("show", number, expect=0).out
-        for words in ("25 frames a second, shutter open for 0.5", "radius 0.125 m focused at 2.5 m",
+        for words in ("25 frames a second, shutter open for 0.5", "  lens        radius 0.125 m\n", "  focus       2.5 m\n",
                       "sheen,microfacet-multiple-scattering,caustics"):
             expect(words in shown, shown)
         settings = farm.job(number)["settings"]
@@ -1118,6 +1118,29 @@ def lines_fit_the_terminal():
             expect(any(line.startswith("  error ") and error in line for line in lines), lines)
             # A sentence goes on in lines of its own instead.
             expect("leave" in " ".join(lines) and "max-depth" in " ".join(lines), lines)
+
+
+@tests.add
+def show_fits_the_terminal():
+    """show JOB and show --farm break every line to the terminal's width and leave nothing out; the rules of a job are a line, a light map only where it is turned"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        plain = farm.submit(farm.scene(), *SMALL)
+        number = farm.submit(farm.scene(), "--size", "40x30", "--core-limit", "4s", "--max-rays", "2e9", "--target-error", "2/255", "--spp", "4096",
+                             "--env-rotate", "30", "--env-strength", "0.5", "--shutter", "0.5", "--aov", "depth,normal,albedo",
+                             "--tonemap", "mantiuk06", "--auto-exposure", "percentile", "--white-balance", "5000", "--require", "gpu")
+        shown = farm.cli("show", plain, expect=0).out
+        expect("  until       4 samples a pixel\n" in shown and "light map" not in shown, shown)
+        shown = farm.cli("show", number, expect=0).out
+        expect("  until       2/255, at most 4096 samples a pixel, 4s of core time a frame, 2e+09 rays a frame\n" in shown and
+               "  light map   sampled by importance, turned 30 degrees, strength 0.5\n" in shown, shown)
+        for command in (["show", number], ["show", "--farm"]):
+            argv = farm.cli_argv(*command)[1:]
+            whole = " ".join(lines_on_terminal(farm, 1000, *argv)).split()
+            for columns in (80, 45):  # a table takes 42
+                lines = lines_on_terminal(farm, columns, *argv)
+                expect(all(len(line) <= columns for line in lines), (columns, lines))
+                expect(" ".join(lines).split() == whole, (columns, lines, whole))
 
 
 @tests.add
