@@ -8,6 +8,7 @@
 #include "client/terminal/format.h"
 #include "client/follow/job_info.h"
 #include "client/terminal/progress.h"
+#include "client/terminal/table.h"
 #include "common/base/buffer.h"
 #include "common/cli/terminal.h"
 #include "common/system/clock.h"
@@ -34,15 +35,21 @@ static void describe_name(struct buffer *line, const Azulejo__Wire__JobInfo *job
                   format_duration(number, elapsed_s(job)));
 }
 
-static void describe_waiting(struct buffer *line, const Azulejo__Wire__JobInfo *job, int named)
+/* What is told first is left out first where the line is too short: the reason is what a person can do something about. */
+enum telling { TELL_ALL, TELL_NO_PLACE, TELL_NO_NAME, TELL_REASON };
+
+static void describe_waiting(struct buffer *line, const Azulejo__Wire__JobInfo *job, int named, enum telling telling)
 {
     char note[JOB_NOTE_SIZE];
 
-    buffer_puts(line, job_state_word(job->state));
-    if (named && job->queue_position > 0 && job->state == AZULEJO__WIRE__JOB_STATE__JOB_QUEUED)
+    if (named && telling < TELL_NO_NAME)
+        describe_name(line, job);
+    if (telling < TELL_REASON || !job->state_text[0])
+        buffer_puts(line, job_state_word(job->state));
+    if (named && telling < TELL_NO_PLACE && job->queue_position > 0 && job->state == AZULEJO__WIRE__JOB_STATE__JOB_QUEUED)
         buffer_printf(line, ", number %u in the queue", job->queue_position);
     if (job->state_text[0])
-        buffer_printf(line, ": %s", job_info_note(note, job));
+        buffer_printf(line, "%s%s", telling < TELL_REASON ? ": " : "", job_info_note(note, job));
 }
 
 /* For a line of so many columns, besides the percentage. */
@@ -52,12 +59,17 @@ static void describe(struct buffer *line, const Azulejo__Wire__JobInfo *job, int
     uint32_t frames = job->last_frame - job->first_frame + 1;
     size_t used;
 
-    if (named)
-        describe_name(line, job);
     if (job->state != AZULEJO__WIRE__JOB_STATE__JOB_RUNNING) {
-        describe_waiting(line, job, named);
+        for (int telling = TELL_ALL; telling <= TELL_REASON; telling++) {
+            buffer_clear(line);
+            describe_waiting(line, job, named, (enum telling)telling);
+            if (text_columns(buffer_text(line)) <= columns || !job->state_text[0])
+                break;
+        }
         return;
     }
+    if (named)
+        describe_name(line, job);
     if (frames > 1)
         buffer_printf(line, "%u/%u frames, ", job->frames_done, frames);
     used = line->size;

@@ -96,6 +96,18 @@ def watch_says_which_job_and_who_renders_it():
 
 
 @tests.add
+def watch_says_why_a_job_waits():
+    """on a terminal of any width the line has the reason whole; its place, its name and its state are left out before that"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        number = farm.submit(farm.scene(), *SMALL, "-o", "shot")
+        for columns, line in ((100, rb"shot  [0-9.:]+ ?s?  queued, number 1 in the queue: "), (75, rb"shot  [0-9.:]+ ?s?  queued: "),
+                              (47, rb"0% queued: "), (40, rb"0% ")):
+            with Screen(farm.cli_argv("watch", number), columns=columns) as screen:
+                screen.wait_text(line + rb"waits: no worker is connected\r")
+
+
+@tests.add
 def top_shows_the_farm():
     """top prints jobs in the order of service and workers; on a terminal again and again, until q"""
     with Farm() as farm:
