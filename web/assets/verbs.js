@@ -4,7 +4,7 @@
  * Verbs that lose nothing ask nothing, and offer the way back. The others say what is lost.
  */
 import { get, post } from './api.js';
-import { state, takeAnswer, loadJob } from './state.js';
+import { state, takeAnswer, load, loadJob } from './state.js';
 import { say, trouble } from './notice.js';
 import { confirm, form } from './dialog.js';
 import { frameList, errorTarget, milliseconds, target, isolated } from './format.js';
@@ -130,6 +130,7 @@ async function deliver(verb, jobs, given, quiet) {
 
 /* A verb, for one job or several. `body`: what it would ask for. Resolves with whether all of it was done. */
 export async function act(name, numbers, body, quiet) {
+  if (!state.verbs.size) await load().catch(() => {}); /* the page has just been opened */
   const verb = find(name), wanted = [numbers].flat();
   let jobs = wanted.map(state.job).filter(Boolean);
   if (!verb || !wanted.length) return false;
