@@ -165,10 +165,19 @@ def not_regular():
         for case in CASES:
             for name in ("pipe", "sub", ".", "/dev/zero"):
                 result = farm.cli("import", put_scene(folder, case, name), "--strict", "--allow-outside", "/dev",
-                                  limit_s=20)
-                if result.code == 0:  # OBJ does without, and says so
-                    expect(case.endswith(".obj"), result)
-                expect("regular" in result.err + result.out, result)
+                                  limit_s=20, expect=3)
+                expect("regular" in result.err, result)
+
+
+@tests.add
+def a_library_that_is_missing():
+    """an OBJ file without its material library is grey, with a warning; --strict refuses it by file and line"""
+    with Farm() as farm:
+        scene = write(farm.path("a.obj"), "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+        result = farm.cli("import", scene, expect=0)
+        expect('the material library "gone.mtl" cannot be read' in result.err + result.out, result)
+        result = farm.cli("import", scene, "--strict", expect=3)
+        expect("a.obj: line 1: mtllib: " in result.err and "gone.mtl" in result.err, result)
 
 
 @tests.add

@@ -255,7 +255,7 @@ static status read_library(struct obj *o, const char *file, uint32_t library, in
         read_library_text(o, &bytes, file);
     } else if (result == STATUS_ERR_NO_MEMORY) {
         result = error_no_memory(o->err, "an MTL file");
-    } else if (result == STATUS_ERR_FORBIDDEN) {
+    } else if (result == STATUS_ERR_FORBIDDEN || (result != STATUS_OK && warn && o->b->options->strict)) {
         result = error_set(o->err, result, "line %u: mtllib: %s", o->library_lines[library], inner.text);
     } else {
         snprintf(kind, sizeof kind, "mtllib %.200s", file);

@@ -5,8 +5,8 @@
  * (integers: 8 or 16 bit sRGB display colours, made linear; floating point: linear already); of element `face` the list
  * vertex_indices or vertex_index, polygons of any size (see polygon.h), the list texcoord (u and v of each corner) and a colour of
  * the whole face; of element `tristrips` the same list, in which a negative number ends a strip; of the comments
- * "TextureFile NAME". Every other element and property, lists
- * included, is skipped. Any of the eight scalar types, by either of their names.
+ * "TextureFile NAME". Every other element and property, lists included, is skipped, and named in the report. Any of the eight
+ * scalar types, by either of their names.
  *
  * The file is hostile: counts are checked against the number of bytes.
  */
@@ -19,11 +19,13 @@ enum {
     PLY_PROPERTIES_MAX = 256, /* of one element */
     PLY_HEADER_LINE_BYTES_MAX = 4096,
     PLY_TEXTURE_BYTES_MAX = 255, /* of a texture's name */
+    PLY_UNREAD_BYTES_MAX = 240,
 };
 
 /* The picture that the file names, and counts of omissions, for warnings. */
 struct ply_report {
     char texture[PLY_TEXTURE_BYTES_MAX + 1]; /* "": none */
+    char unread[PLY_UNREAD_BYTES_MAX + 1];   /* "confidence of vertex, element edge"; "": all was read */
     size_t faces_elsewhere;                  /* show another than the first of several textures */
     size_t texcoords_odd;                    /* faces with a list of texture coordinates that does not fit */
     int face_colors_unread;                  /* beside colours of vertices */

@@ -1,4 +1,5 @@
 /* The header of a PLY file. */
+#include <stdio.h>
 #include <string.h>
 
 #include "client/import/builder/scan.h"
@@ -118,6 +119,20 @@ static status parse_format(struct ply *p, struct word line)
     return STATUS_OK;
 }
 
+/* Note what no picture shows: a property of the element, or an element. */
+static void note_unread(struct ply *p, const char *what, struct word name, const char *of)
+{
+    char *unread = p->report.unread, more[64];
+    size_t used = strlen(unread);
+    int length = snprintf(more, sizeof more, "%s%s%.*s%s", used ? ", " : "", what,
+                          (int)(name.length < 32 ? name.length : 32), name.text, of);
+
+    if (used + (size_t)length + strlen(", ...") <= PLY_UNREAD_BYTES_MAX)
+        memcpy(unread + used, more, (size_t)length + 1);
+    else if (used < 3 || strcmp(unread + used - 3, "...") != 0)
+        memcpy(unread + used, ", ...", sizeof ", ...");
+}
+
 static status parse_element(struct ply *p, struct word line)
 {
     struct word name = next_word(&line), number = next_word(&line);
@@ -147,6 +162,8 @@ static status parse_element(struct ply *p, struct word line)
         element->kind = ELEMENT_STRIPS;
         p->has_strips = 1;
     }
+    if (element->kind == ELEMENT_OTHER && count > 0)
+        note_unread(p, "element ", name, "");
     p->element_count++;
     return STATUS_OK;
 }
@@ -209,6 +226,8 @@ static status parse_property(struct ply *p, struct word line)
     for (uint32_t i = 0; i < element->property_count; i++)
         if (p->properties[element->first_property + i].role == property.role)
             property.role = ROLE_NONE;
+    if (property.role == ROLE_NONE && element->kind != ELEMENT_OTHER && element->count > 0)
+        note_unread(p, "", name, element->kind == ELEMENT_VERTEX ? " of vertex" : element->kind == ELEMENT_FACE ? " of face" : " of tristrips");
     MUST_GROW(p->properties, p->property_capacity, p->property_count + 1);
     p->properties[p->property_count++] = property;
     element->property_count++;

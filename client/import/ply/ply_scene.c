@@ -34,6 +34,8 @@ static void warn(struct builder *b, const char *name, const struct ply_report *r
                         report->texcoords_odd);
     if (report->face_colors_unread)
         builder_warn_at(b, name, 0, "PLY colours", "the colours of faces are not read beside those of vertices");
+    if (report->unread[0])
+        builder_warn_at(b, name, 0, "PLY properties", "not read: %s", report->unread);
 }
 
 /* The file may be named by its place on another computer, and lie beside this one. */

@@ -65,6 +65,35 @@ static void ascii_quad(void **state)
     mesh_source_release(&mesh);
 }
 
+/* What no picture shows is named: properties, elements, and the second of two that mean the same. */
+static void the_rest_is_named(void **state)
+{
+    struct mesh_source mesh;
+    struct ply_report report;
+    struct buffer text = BUFFER_INIT;
+
+    (void)state;
+    read_ok(ASCII "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float confidence\n"
+                  "property uchar red\nproperty uchar r\nelement face 1\nproperty list uchar int vertex_indices\n"
+                  "property list uchar float uvs\nelement edge 1\nproperty int a\nelement none 0\nproperty int b\n"
+                  "end_header\n0 0 0 1 9 9\n1 0 0 1 9 9\n0 1 0 1 9 9\n3 0 1 2 0\n7\n",
+            &mesh, &report);
+    assert_int_equal(mesh.triangle_count, 1);
+    assert_string_equal(report.unread, "confidence of vertex, r of vertex, uvs of face, element edge");
+    mesh_source_release(&mesh);
+    buffer_puts(&text, ASCII "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n");
+    for (int i = 0; i < 100; i++)
+        buffer_printf(&text, "property float a-name-that-is-longer-than-any-that-is-shown-%d\n", i);
+    buffer_puts(&text, "end_header\n");
+    for (int i = 0; i < 103; i++)
+        buffer_puts(&text, "1 ");
+    read_ok(buffer_text(&text), &mesh, &report);
+    assert_true(strlen(report.unread) <= PLY_UNREAD_BYTES_MAX);
+    assert_string_equal(report.unread + strlen(report.unread) - 5, ", ...");
+    buffer_release(&text);
+    mesh_source_release(&mesh);
+}
+
 /* ---- binary --------------------------------------------------------------------------------- */
 
 static void put(struct buffer *out, int big, uint64_t bits, size_t size)
@@ -461,6 +490,7 @@ int main(void)
         cmocka_unit_test(corners_have_texture_coordinates),
         cmocka_unit_test(odd_lists_of_texture_coordinates),
         cmocka_unit_test(faces_have_colors),
+        cmocka_unit_test(the_rest_is_named),
         cmocka_unit_test(headers_have_limits),
         cmocka_unit_test(out_of_memory_ends_it),
     };
