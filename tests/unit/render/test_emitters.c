@@ -293,6 +293,39 @@ static void test_bounds_hold(void **state)
     mem_free(p);
 }
 
+/* A light that another one outshines may be the only one in sight: it keeps a share. What keeps one is the same for all places,
+ * so that the light which matters loses an eighth of its samples at most. */
+static void test_outshone_lights(void **state)
+{
+    enum { LIGHTS = 1024, LEVELS_BELOW = 16 };
+    static struct light_bounds bounds[LIGHTS];
+    struct test_random random = {31};
+    struct error err = {0};
+
+    (void)state;
+    for (uint32_t count = 2; count <= LIGHTS; count *= 8) {
+        for (int k = 0; k < 50; k++) {
+            uint32_t strong = (uint32_t)(test_random_float(&random) * (float)count) % count;
+            struct light_tree tree;
+            double sum = 0, odds;
+
+            for (uint32_t i = 0; i < count; i++) {
+                struct vec3 at = vec3_make(test_random_float(&random), test_random_float(&random), test_random_float(&random));
+                bounds[i] = (struct light_bounds){.min = at, .max = at, .axis = {0, 0, 1}, .spread_rad = REAL_PI,
+                                                  .emission_rad = REAL_PI / 2, .reach = INFINITY, .lamp = i,
+                                                  .intensity = i == strong ? 1e9f : 1};
+            }
+            assert_int_equal(light_tree_init(&tree, bounds, count, &err), STATUS_OK);
+            odds = (double)light_tree_odds(&tree, vec3_splat(0.5f), vec3_splat(0), strong);
+            for (uint32_t i = 0; i < count; i++)
+                sum += (double)light_tree_odds(&tree, vec3_splat(0.5f), vec3_splat(0), i);
+            assert_true(odds >= 1 - 1.0 / 8 - LEVELS_BELOW * 0x1p-10 && fabs(sum - 1) < 1e-4);
+            assert_true(count > 2 || odds <= 1 - 1.0 / 16);
+            light_tree_release(&tree);
+        }
+    }
+}
+
 /* Solid angles: an octant, a known tiny one, and areas of parts add up; samples are uniform:
  * the share that falls into one half is that half's share of the solid angle. */
 static void test_spherical_triangles(void **state)
@@ -478,6 +511,7 @@ int main(void)
         cmocka_unit_test(test_goniometric),
         cmocka_unit_test(test_rows),
         cmocka_unit_test(test_bounds_hold),
+        cmocka_unit_test(test_outshone_lights),
         cmocka_unit_test(test_spherical_triangles),
         cmocka_unit_test(test_one_lamp_is_one_leaf),
         cmocka_unit_test(test_dark_triangles),

@@ -7,9 +7,11 @@
 /* Tolerance of the bounds against rounding: cosines and sines of angles near 0 are only accurate to
  * the root of float's precision. */
 #define COSINE_SLACK REAL(1e-3)
-/* A light that may contribute keeps at least these odds in its pair: this bounds the weights of the
- * power heuristic, and one turn does not use up the numbers' resolution (2^-24). */
-#define PAIR_ODDS_MIN 0x1p-10f
+/* A light that may contribute keeps at least these odds in its pair, by depth: the other one may be hidden, which importance does
+ * not know. They halve, so that the more important light of every pair loses an eighth of its samples at most. The last ones, of
+ * all that is deeper, bound the weights of the power heuristic, and one turn does not use up the numbers' resolution (2^-24). */
+static const real pair_odds_min[] = {0x1p-4f, 0x1p-5f, 0x1p-6f, 0x1p-7f, 0x1p-8f, 0x1p-9f, 0x1p-10f};
+enum { PAIR_ODDS_DEPTHS = sizeof pair_odds_min / sizeof *pair_odds_min };
 
 static inline real cosine_slack(void) { return SAFEGUARD(LIGHT_TREE_SLACK) ? COSINE_SLACK : 0; }
 
@@ -65,15 +67,17 @@ static real importance(const struct light_node *node, struct vec3 p, struct vec3
     return node->intensity * cosine / distance_squared;
 }
 
-static inline real bounded_odds(real odds)
+static inline real bounded_odds(real odds, int depth)
 {
+    const real least = pair_odds_min[depth < PAIR_ODDS_DEPTHS ? depth : PAIR_ODDS_DEPTHS - 1];
+
     if (!SAFEGUARD(LIGHT_TREE_ODDS))
         return odds;
-    return real_min(real_max(odds, PAIR_ODDS_MIN), 1 - PAIR_ODDS_MIN);
+    return real_min(real_max(odds, least), 1 - least);
 }
 
-/* Odds of the left of two siblings; negative: neither can contribute. */
-static real left_odds(const struct light_node *pair, struct vec3 p, struct vec3 n)
+/* Odds of the left of two siblings, whose parent is at that depth; negative: neither can contribute. */
+static real left_odds(const struct light_node *pair, struct vec3 p, struct vec3 n, int depth)
 {
     real left = importance(&pair[0], p, n), right = importance(&pair[1], p, n);
     real sum = left + right;
@@ -86,7 +90,7 @@ static real left_odds(const struct light_node *pair, struct vec3 p, struct vec3 
         return 1;
     if (!(sum < INFINITY))
         return 0.5f;
-    return bounded_odds(left / sum);
+    return bounded_odds(left / sum, depth);
 }
 
 int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, real *u, real *v, uint32_t *item,
@@ -97,9 +101,9 @@ int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 
     uint32_t at;
 
     *odds = 1;
-    while (node->leaf_count == 0) {
+    for (int depth = 0; node->leaf_count == 0; depth++) {
         const struct light_node *pair = &tree->nodes[node->first];
-        real left = left_odds(pair, p, n), *spent = number;
+        real left = left_odds(pair, p, n, depth), *spent = number;
 
         if (left < 0)
             return 0;
@@ -133,12 +137,13 @@ real light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n
     const struct light_node *node = tree->nodes;
     uint64_t trail;
     real odds = 1;
+    int depth = 0;
 
     if (tree->node_count == 0 || !(tree->share[item] > 0))
         return 0;
     for (trail = tree->trail[item]; node->leaf_count == 0; trail >>= 1) {
         const struct light_node *pair = &tree->nodes[node->first];
-        real left = left_odds(pair, p, n);
+        real left = left_odds(pair, p, n, depth++);
 
         if (left < 0)
             return 0;
