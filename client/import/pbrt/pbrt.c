@@ -41,20 +41,21 @@ static void finish(struct pbrt *p)
 {
     struct pbrt_table *const tables[] = {&p->float_textures, &p->color_textures, &p->materials,
                                          &p->media,          &p->objects,        &p->systems,
-                                         &p->images,         &p->texture_rows,   &p->spectra};
+                                         &p->images,         &p->texture_rows,   &p->spectra,
+                                         &p->defined};
 
     for (size_t i = 0; i < p->images.size; i++)
         if (p->images.entries[i].value)
             pbrt_image_forget(p->images.entries[i].value);
-    for (size_t i = 0; i < p->objects.size; i++)
-        if (p->objects.entries[i].value)
-            mem_free(((struct pbrt_object *)p->objects.entries[i].value)->parts);
+    for (struct pbrt_object *o = p->last_object; o; o = o->former)
+        mem_free(o->parts);
     for (size_t i = 0; i < sizeof tables / sizeof *tables; i++)
         mem_free(tables[i]->entries);
     pbrt_params_release(&p->params);
     pbrt_reader_release(&p->reader);
     mem_free(p->stack);
     mem_free(p->renamed);
+    mem_free(p->late);
     mem_free(p->stack_kinds);
     arena_release(&p->arena);
 }
@@ -75,10 +76,11 @@ static status placed(struct pbrt *p, status result, const struct pbrt_place *at)
 static status run(struct pbrt *p)
 {
     struct pbrt_token t;
+    status result;
 
     for (;;) {
         const struct pbrt_word *word;
-        status result = pbrt_next(&p->reader, &t, p->err);
+        result = pbrt_next(&p->reader, &t, p->err);
         if (result != STATUS_OK)
             return placed(p, result, &t.at);
         TRY(pbrt_end_imports(p, &t.at, t.kind == TOKEN_END));
@@ -97,6 +99,9 @@ static status run(struct pbrt *p)
     if (p->object || p->stack_count)
         pbrt_warn(p, &t.at, "unended", "the file ends before its last %s does",
                   p->object ? "ObjectBegin" : "AttributeBegin");
+    result = pbrt_late_finish(p, &t.at);
+    if (result != STATUS_OK)
+        return placed(p, result, &t.at);
     if (!p->in_world)
         return placed(p, pbrt_camera(p), &t.at);
     for (size_t i = 0; i < p->b->camera_count && !p->is_animated; i++)

@@ -69,6 +69,9 @@ status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned d
 
     if (m->resolved)
         return STATUS_OK;
+    if (!m->kind)
+        return pbrt_fail(p, STATUS_ERR_INPUT, &m->at,
+                         "the material \"%.80s\" is not known: define it with MakeNamedMaterial", m->name);
     if (depth > PBRT_MATERIAL_DEPTH_MAX)
         return pbrt_fail(p, STATUS_ERR_LIMIT, &m->at, "materials are mixed more than %d deep", PBRT_MATERIAL_DEPTH_MAX);
     scene_material_default(&m->base);
@@ -91,7 +94,7 @@ status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned d
 
 static int slot_used(const struct scene_texture_slot *slot) { return slot->texture >= 0; }
 
-/* Mixes refer to earlier materials only, at most PBRT_MATERIAL_DEPTH_MAX deep; `left` bounds the
+/* Resolved mixes have no cycles, and are at most PBRT_MATERIAL_DEPTH_MAX deep; `left` bounds the
  * walk if the same part is reached in many ways. */
 static int any_part(const struct pbrt_material *m, int (*asks)(const struct pbrt_material *), int *left)
 {

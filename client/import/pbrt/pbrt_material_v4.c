@@ -156,22 +156,31 @@ double pbrt_unchanged(double value, double unused UNUSED) { return value; }
 
 static double one_minus(double value, double unused UNUSED) { return 1 - value; }
 
+/* By "materials", pbrt-v4's, or else by pbrt-v3's two names. */
+static int names_both(const struct pbrt_material *m, const struct pbrt_param **names)
+{
+    *names = pbrt_param(m->params, "materials", PBRT_BIT(PBRT_STRING));
+    return *names && (*names)->string_count == 2;
+}
+
+int pbrt_mix_parts(const struct pbrt_material *m, const char *part[2])
+{
+    const struct pbrt_param *names;
+    const int both = names_both(m, &names);
+
+    part[0] = both ? names->strings[0] : pbrt_string(m->params, "namedmaterial1", NULL);
+    part[1] = both ? names->strings[1] : pbrt_string(m->params, "namedmaterial2", NULL);
+    return part[0] && part[1];
+}
+
 status pbrt_read_mix(struct pbrt *p, struct pbrt_material *m, unsigned depth)
 {
-    const struct pbrt_param *names = pbrt_param(m->params, "materials", PBRT_BIT(PBRT_STRING));
+    const struct pbrt_param *names;
     const struct pbrt_texture *amount;
     const char *name[2];
-    int version3 = 0;
+    const int version3 = !names_both(m, &names);
 
-    if (names && names->string_count == 2) {
-        name[0] = names->strings[0];
-        name[1] = names->strings[1];
-    } else {
-        name[0] = pbrt_string(m->params, "namedmaterial1", NULL);
-        name[1] = pbrt_string(m->params, "namedmaterial2", NULL);
-        version3 = 1;
-    }
-    if (!name[0] || !name[1])
+    if (!pbrt_mix_parts(m, name))
         return pbrt_fail(p, STATUS_ERR_INPUT, &m->at, "material \"%.60s\": a mix names two \"string materials\"",
                          m->name);
     if (version3)
@@ -184,9 +193,9 @@ status pbrt_read_mix(struct pbrt *p, struct pbrt_material *m, unsigned depth)
     for (int i = 0; i < 2; i++) {
         if (!m->mix[i])
             m->mix[i] = pbrt_name_find(&p->materials, name[i]);
-        if (!m->mix[i] || m->mix[i] == m)
-            return pbrt_fail(p, STATUS_ERR_INPUT, &m->at,
-                             "material \"%.60s\": its part \"%.60s\" is not known: define it above", m->name, name[i]);
+        if (!m->mix[i] || !m->mix[i]->kind || m->mix[i] == m)
+            return pbrt_fail(p, STATUS_ERR_INPUT, &m->at, "material \"%.60s\": its part \"%.60s\" is not known: define it%s",
+                             m->name, name[i], p->version3 ? " above" : "");
         TRY(pbrt_material_resolve(p, m->mix[i], depth + 1));
     }
     /* In pbrt-v4 the amount is the share of the second material, in pbrt-v3 of the first. */

@@ -133,8 +133,12 @@ static status place(struct pbrt *p, const struct pbrt_part *part)
     return STATUS_OK;
 }
 
-status pbrt_object_place(struct pbrt *p, const struct pbrt_object *object, const struct pbrt_place *at)
+status pbrt_object_place(struct pbrt *p, const char *name, const struct pbrt_place *at)
 {
+    const struct pbrt_object *object = pbrt_name_find(&p->objects, name);
+
+    if (!object)
+        return pbrt_fail(p, STATUS_ERR_INPUT, at, "the object \"%.80s\" is not known", name);
     for (size_t i = 0; i < object->count; i++) {
         struct pbrt_part part = object->parts[i];
         for (int k = 0; k < 2; k++)

@@ -80,7 +80,8 @@ static status find_texture(struct pbrt *p, const struct pbrt_param *param, int c
 
     *out = (color && as_color) || !as_float ? as_color : as_float;
     if (!*out)
-        return pbrt_fail(p, STATUS_ERR_INPUT, &param->at, "the texture \"%.80s\" is not known: define it above", name);
+        return pbrt_fail(p, STATUS_ERR_INPUT, &param->at, "the texture \"%.80s\" is not known: define it%s", name,
+                         p->version3 ? " above" : "");
     return STATUS_OK;
 }
 

@@ -20,18 +20,23 @@ static status do_texture(struct pbrt *p, const struct pbrt_place *at)
     TRY(pbrt_next_string(p, "Texture", &name));
     TRY(pbrt_next_string(p, "Texture", &type));
     TRY(pbrt_read_directive(p, "Texture", p->now.texture_defaults, at, &d));
-    return pbrt_texture(p, name, type, &d);
+    TRY(pbrt_define(p, strcmp(type, "float") == 0 ? "float texture" : "spectrum texture", name, at));
+    return pbrt_now_or_late(p, LATE_TEXTURE, name, type, &d);
 }
 
-void pbrt_material_new(struct pbrt *p, const char *kind, const char *name, const struct pbrt_place *at,
-                       struct pbrt_material **out)
+static struct pbrt_material *named_material(struct pbrt *p, const char *name, const struct pbrt_place *at)
 {
     struct pbrt_material *m = must(ARENA_NEW(&p->arena, struct pbrt_material));
 
-    *out = m;
-    m->kind = kind;
     m->name = name;
     m->at = *at;
+    return m;
+}
+
+/* Give it its kind and a copy of p->params. */
+static void define_material(struct pbrt *p, struct pbrt_material *m, const char *kind)
+{
+    m->kind = kind;
     m->params = pbrt_params_copy(&p->params, &p->arena);
     if (!p->version3)
         return;
@@ -40,6 +45,13 @@ void pbrt_material_new(struct pbrt *p, const char *kind, const char *name, const
     if (strcmp(kind, "mix") == 0)
         for (int i = 0; i < 2; i++)
             m->mix[i] = pbrt_name_find(&p->materials, pbrt_string(m->params, i ? "namedmaterial2" : "namedmaterial1", ""));
+}
+
+void pbrt_material_new(struct pbrt *p, const char *kind, const char *name, const struct pbrt_place *at,
+                       struct pbrt_material **out)
+{
+    *out = named_material(p, name, at);
+    define_material(p, *out, kind);
 }
 
 static status do_material(struct pbrt *p, const struct pbrt_place *at)
@@ -54,7 +66,7 @@ static status do_material(struct pbrt *p, const struct pbrt_place *at)
 
 static status do_make_material(struct pbrt *p, const struct pbrt_place *at)
 {
-    struct pbrt_material *m;
+    struct pbrt_material *m = NULL;
     const char *name, *kind;
 
     TRY(need_world(p, "MakeNamedMaterial", at));
@@ -64,6 +76,14 @@ static status do_make_material(struct pbrt *p, const struct pbrt_place *at)
     if (!kind)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "the material \"%.80s\" has no \"string type\"", name);
     kind = pbrt_keep(p, kind);
+    TRY(pbrt_define(p, "material", name, at));
+    if (!p->version3)
+        m = pbrt_name_find(&p->materials, name); /* it was used above */
+    if (m) {
+        m->at = *at;
+        define_material(p, m, kind);
+        return STATUS_OK;
+    }
     pbrt_material_new(p, kind, name, at, &m);
     pbrt_name_set_here(p, &p->materials, name, m);
     return STATUS_OK;
@@ -77,11 +97,15 @@ static status do_named_material(struct pbrt *p, const struct pbrt_place *at)
     TRY(need_world(p, "NamedMaterial", at));
     TRY(pbrt_next_string(p, "NamedMaterial", &name));
     m = pbrt_name_find(&p->materials, name);
-    if (!m)
+    if (!m && p->version3)
         return pbrt_fail(p, STATUS_ERR_INPUT, at,
                          "the material \"%.80s\" is not known: define it above with "
                          "MakeNamedMaterial",
                          name);
+    if (!m) {
+        m = named_material(p, name, at);
+        pbrt_name_set(p, &p->materials, name, m);
+    }
     p->now.material = m;
     return STATUS_OK;
 }
@@ -93,6 +117,7 @@ static status do_make_medium(struct pbrt *p, const struct pbrt_place *at)
 
     TRY(pbrt_next_string(p, "MakeNamedMedium", &name));
     TRY(pbrt_next_params(p, p->now.medium_defaults));
+    TRY(pbrt_define(p, "medium", name, at));
     d.kind = pbrt_string(&p->params, "type", "");
     pbrt_medium(p, name, &d);
     return STATUS_OK;
@@ -135,7 +160,7 @@ static status do_shape(struct pbrt *p, const struct pbrt_place *at)
 
     TRY(need_world(p, "Shape", at));
     TRY(pbrt_read_directive(p, "Shape", p->now.shape_defaults, at, &d));
-    return pbrt_shape(p, &d);
+    return pbrt_now_or_late(p, LATE_SHAPE, NULL, NULL, &d);
 }
 
 static status do_object_begin(struct pbrt *p, const struct pbrt_place *at)
@@ -147,9 +172,10 @@ static status do_object_begin(struct pbrt *p, const struct pbrt_place *at)
     if (p->object)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "an object cannot be defined inside of another one");
     TRY(pbrt_push(p, PBRT_STACK_OBJECT, at));
+    TRY(pbrt_define(p, "object", name, at));
     p->object = must(ARENA_NEW(&p->arena, struct pbrt_object));
-    if (pbrt_name_find(&p->objects, name)) /* its parts stay with the arena's owner until the end */
-        return pbrt_fail(p, STATUS_ERR_INPUT, at, "the object \"%.80s\" is defined twice", name);
+    p->object->former = p->last_object;
+    p->last_object = p->object;
     pbrt_name_set(p, &p->objects, name, p->object);
     return STATUS_OK;
 }
@@ -163,17 +189,14 @@ static status do_object_end(struct pbrt *p, const struct pbrt_place *at)
 
 static status do_object_instance(struct pbrt *p, const struct pbrt_place *at)
 {
-    const struct pbrt_object *object;
+    const struct pbrt_directive d = {.at = *at, .ctm = p->now.ctm};
     const char *name;
 
     TRY(need_world(p, "ObjectInstance", at));
     TRY(pbrt_next_string(p, "ObjectInstance", &name));
-    object = pbrt_name_find(&p->objects, name);
-    if (!object)
-        return pbrt_fail(p, STATUS_ERR_INPUT, at, "the object \"%.80s\" is not known", name);
     if (p->object)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "an object cannot be placed in an object definition");
-    return pbrt_object_place(p, object, at);
+    return pbrt_now_or_late(p, LATE_INSTANCE, name, NULL, &d);
 }
 
 const struct pbrt_word pbrt_world_words[] = {

@@ -54,7 +54,7 @@ static void test_errors_name_their_place(void **state)
         {"Shape \"sphere\"", "must come after WorldBegin"},
         {"WorldBegin WorldBegin", "twice"},
         {"WorldBegin Camera \"perspective\"", "before WorldBegin"},
-        {"WorldBegin NamedMaterial \"x\"", "\"x\" is not known"},
+        {"WorldBegin NamedMaterial \"x\" Shape \"sphere\"", "\"x\" is not known"},
         {"WorldBegin ObjectInstance \"x\"", "\"x\" is not known"},
         {"WorldBegin ObjectBegin \"x\" ObjectBegin \"y\"", "inside of another"},
         {"WorldBegin ObjectBegin \"x\" ObjectInstance \"x\"", "object definition"},

@@ -97,8 +97,9 @@ struct pbrt_matrices {
 
 /* A Material directive; it is resolved when a shape uses it. */
 struct pbrt_material {
-    const char *kind, *name;
+    const char *kind, *name; /* kind NULL: named by NamedMaterial at `at`, not defined yet */
     struct pbrt_place at;
+    int known; /* all names in it are defined (pbrt_late.c) */
     struct pbrt_params *params;
     int resolved;
     int refused; /* not a supported surface: grey */
@@ -146,6 +147,8 @@ struct pbrt_part {
 struct pbrt_object {
     struct pbrt_part *parts;
     size_t count, capacity;
+    struct pbrt_object *former; /* defined before it */
+    int waits;                  /* for definitions: not all of its shapes are parts yet */
 };
 
 struct pbrt_directive {
@@ -182,10 +185,14 @@ struct pbrt {
     struct pbrt_table float_textures, color_textures, materials, media, objects, systems, images, texture_rows, spectra;
     struct pbrt_renamed *renamed; /* pbrt-v3: textures and materials are names of their attribute block */
     size_t renamed_count, renamed_capacity;
+    struct pbrt_table defined; /* pbrt-v4: the place of each definition, by kind and name */
+    struct pbrt_late *late;    /* pbrt-v4: what uses names that are defined later */
+    size_t late_count, late_capacity;
     struct pbrt_material *default_material;
     struct pbrt_texture *white;
     struct pbrt_object *object; /* being defined, or NULL */
-    size_t image_bytes;         /* decoded */
+    struct pbrt_object *last_object;
+    size_t image_bytes; /* decoded */
 
     int64_t last_node; /* of last_ctm, BUILDER_NO_ROW: none */
     struct pbrt_matrices last_ctm;
@@ -206,6 +213,17 @@ void pbrt_name_set(struct pbrt *p, struct pbrt_table *t, const char *name, const
 void pbrt_name_set_here(struct pbrt *p, struct pbrt_table *t, const char *name, const void *value);
 void pbrt_names_restore(struct pbrt *p, size_t count);
 char *pbrt_keep(struct pbrt *p, const char *text); /* NULL: out of memory */
+
+/* ---- pbrt_late.c -------------------------------------------------------------------------- */
+/* Note the definition of a "material", "medium" and so on: a second one is an error in pbrt-v4. */
+status pbrt_define(struct pbrt *p, const char *kind, const char *name, const struct pbrt_place *at) MUST_CHECK;
+/* Shape, Texture and ObjectInstance: run them, or keep them in pbrt-v4 until the names that they use are defined. `name`: of the
+ * texture or the object; `type`: of the texture. */
+enum pbrt_late_kind { LATE_SHAPE, LATE_TEXTURE, LATE_INSTANCE };
+status pbrt_now_or_late(struct pbrt *p, enum pbrt_late_kind kind, const char *name, const char *type,
+                        const struct pbrt_directive *d) MUST_CHECK;
+/* The file has ended: run what was kept. `at`: the place of what fails. */
+status pbrt_late_finish(struct pbrt *p, struct pbrt_place *at) MUST_CHECK;
 
 /* ---- pbrt_matrix.c ------------------------------------------------------------------------ */
 /* The world matrix of an object at `ctm` at the start, with mirroring. */
@@ -297,6 +315,8 @@ struct pbrt_surface {
     int one_sided;                    /* only its front exists */
 };
 status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned depth) MUST_CHECK;
+/* The names of a mix's two parts; 0: it does not give them. */
+int pbrt_mix_parts(const struct pbrt_material *m, const char *part[2]);
 status pbrt_material_row(struct pbrt *p, const struct pbrt_surface *s, uint32_t *row) MUST_CHECK;
 /* Does any of its parts, or `alpha`, use texture coordinates or tangents? */
 int pbrt_material_uses_uv(const struct pbrt_material *m);
@@ -316,5 +336,5 @@ typedef status pbrt_shape_make(struct pbrt *p, const struct pbrt_directive *d, s
 /* NULL: the kind is not supported. */
 pbrt_shape_make *pbrt_shape_kind(const char *kind);
 status pbrt_instance(struct pbrt *p, const struct pbrt_part *part) MUST_CHECK;
-/* ObjectInstance */
-status pbrt_object_place(struct pbrt *p, const struct pbrt_object *object, const struct pbrt_place *at) MUST_CHECK;
+/* ObjectInstance "name" */
+status pbrt_object_place(struct pbrt *p, const char *name, const struct pbrt_place *at) MUST_CHECK;
