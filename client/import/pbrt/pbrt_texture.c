@@ -236,6 +236,22 @@ static status read_checkerboard(struct pbrt *p, const struct pbrt_directive *d, 
     return child_or(p, d, "tex2", color, 0, &t->child[1]);
 }
 
+static status read_uv(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_texture **out)
+{
+    *out = texture_new(p, TEXTURE_UV);
+    return read_mapping(p, d, *out);
+}
+
+static status read_dots(struct pbrt *p, const struct pbrt_directive *d, int color, struct pbrt_texture **out)
+{
+    struct pbrt_texture *t = texture_new(p, TEXTURE_DOTS);
+
+    *out = t;
+    TRY(read_mapping(p, d, t));
+    TRY(child_or(p, d, "inside", color, 1, &t->child[0]));
+    return child_or(p, d, "outside", color, 0, &t->child[1]);
+}
+
 static status read_bilerp(struct pbrt *p, const struct pbrt_directive *d, int color, struct pbrt_texture **out)
 {
     static const char *const names[4] = {"v00", "v01", "v10", "v11"};
@@ -310,6 +326,10 @@ status pbrt_texture(struct pbrt *p, const char *name, const char *type, const st
         TRY(read_imagemap(p, d, color, &t));
     else if (strcmp(d->kind, "checkerboard") == 0)
         TRY(read_checkerboard(p, d, color, &t));
+    else if (strcmp(d->kind, "dots") == 0)
+        TRY(read_dots(p, d, color, &t));
+    else if (strcmp(d->kind, "uv") == 0 && color) /* pbrt-v3's; there is none of numbers */
+        TRY(read_uv(p, d, &t));
     else if (strcmp(d->kind, "bilerp") == 0)
         TRY(read_bilerp(p, d, color, &t));
     else if (is_one_of(d->kind, combinations))

@@ -10,7 +10,8 @@
 struct domain {
     const struct pbrt_texture *first; /* the leaf that gives the mapping */
     int same_mapping;
-    int images, checkers, bilerps;
+    int images, checkers, bilerps, ramps, dots;
+    double fields[2];          /* of the dots along the mesh's u and v */
     int all_wrap, all_nearest; /* of the images; -1: none, -2: different */
     uint32_t width, height;    /* the largest image */
 };
@@ -20,7 +21,8 @@ static status collect(struct pbrt *p, const struct pbrt_texture *t, struct domai
     for (int i = 0; i < 3; i++)
         if (t->child[i])
             TRY(collect(p, t->child[i], d));
-    if (t->op != TEXTURE_IMAGE && t->op != TEXTURE_CHECKER && t->op != TEXTURE_BILERP)
+    if (t->op != TEXTURE_IMAGE && t->op != TEXTURE_CHECKER && t->op != TEXTURE_BILERP && t->op != TEXTURE_UV &&
+        t->op != TEXTURE_DOTS)
         return STATUS_OK;
     if (!d->first)
         d->first = t;
@@ -28,6 +30,10 @@ static status collect(struct pbrt *p, const struct pbrt_texture *t, struct domai
         d->same_mapping = 0;
     d->checkers += t->op == TEXTURE_CHECKER;
     d->bilerps += t->op == TEXTURE_BILERP;
+    d->ramps += t->op == TEXTURE_UV;
+    d->dots += t->op == TEXTURE_DOTS;
+    for (int i = 0; i < 2 && t->op == TEXTURE_DOTS; i++)
+        d->fields[i] = fmax(d->fields[i], fabs(t->mapping[i][i]));
     if (t->op != TEXTURE_IMAGE)
         return STATUS_OK;
     TRY(pbrt_image_decode(p, t->image));
@@ -48,7 +54,11 @@ struct canvas {
     double mapping[2][3]; /* mesh uv to (s, t) */
     enum scene_wrap wrap;
     int nearest;
+    int is_smooth; /* 8 bits would show */
 };
+
+/* Dots are many texels wide, within the limits. */
+static uint32_t dots_side(double fields) { return (uint32_t)fmin(fmax(64 * ceil(fields), 256), PBRT_BAKE_SIDE_MAX / 2); }
 
 static void plan_canvas(const struct domain *d, struct canvas *c)
 {
@@ -56,7 +66,7 @@ static void plan_canvas(const struct domain *d, struct canvas *c)
 
     *c = (struct canvas){.period = 1, .wrap = WRAP_REPEAT};
     c->mapping[0][0] = c->mapping[1][1] = 1;
-    if (d->same_mapping && d->first) {
+    if (d->same_mapping && d->first && !d->dots) { /* dots do not repeat after a few fields */
         memcpy(c->mapping, d->first->mapping, sizeof c->mapping);
         c->period = d->checkers ? 2 : 1;
     } else if (d->first) { /* the mesh's own 0..1, fine enough for what is repeated within */
@@ -70,6 +80,11 @@ static void plan_canvas(const struct domain *d, struct canvas *c)
         while ((size_t)c->width * c->height > PBRT_BAKE_TEXELS_MAX)
             c->width = (c->width + 1) / 2, c->height = (c->height + 1) / 2;
         c->nearest = d->all_nearest == 1;
+    } else if (d->dots) {
+        c->width = c->height = d->bilerps || d->ramps || d->checkers ? 1024 : 1;
+    } else if (d->ramps) {
+        c->width = c->height = d->checkers ? 512 : 256;
+        c->is_smooth = 1;
     } else if (d->bilerps) {
         c->width = c->height = d->checkers ? 256 : 64;
     } else if (d->same_mapping) {
@@ -79,9 +94,13 @@ static void plan_canvas(const struct domain *d, struct canvas *c)
         c->width = c->height = 1024;
         c->nearest = 1;
     }
-    if (d->images && !d->checkers && d->same_mapping && d->all_wrap >= 0)
+    if (d->dots) {
+        c->width = (uint32_t)fmax(c->width, dots_side(d->fields[0]));
+        c->height = (uint32_t)fmax(c->height, dots_side(d->fields[1]));
+    }
+    if (d->images && !d->checkers && !d->ramps && !d->dots && d->same_mapping && d->all_wrap >= 0)
         c->wrap = (enum scene_wrap)d->all_wrap;
-    if (!d->images && !d->checkers && d->bilerps)
+    if (!d->images && !d->checkers && !d->ramps && !d->dots && d->bilerps)
         c->wrap = WRAP_CLAMP;
 }
 
@@ -100,14 +119,13 @@ static int canvas_uv(const struct canvas *c, uint32_t x, uint32_t y, double uv[2
 static status add_canvas(struct pbrt *p, const struct canvas *c, const struct image *pixels, int as_pfm,
                          enum scene_encoding encoding, struct scene_texture_slot *slot)
 {
-    const int small = (size_t)c->width * c->height <= 4096;
+    const int fine = c->is_smooth || (size_t)c->width * c->height <= 4096;
     struct scene_texture texture = {.wrap_u = c->wrap,
                                     .wrap_v = c->wrap,
                                     .nearest = c->nearest,
                                     .encoding = encoding};
     struct buffer out = BUFFER_INIT;
-    status result =
-        as_pfm ? pfm_encode(&out, pixels, p->err) : png_encode_texture(&out, pixels, small ? 16 : 8, p->err);
+    status result = as_pfm ? pfm_encode(&out, pixels, p->err) : png_encode_texture(&out, pixels, fine ? 16 : 8, p->err);
 
     if (result != STATUS_OK) {
         buffer_release(&out);

@@ -71,6 +71,19 @@ static void look_up_image(const struct pbrt_texture *t, double s, double up, dou
     }
 }
 
+/* In every second field around a whole (s, t), on average, lies a dot, off its middle. */
+static int is_in_dot(const double st[2])
+{
+    const double radius = 0.35, shift = 0.5 - radius;
+    double s = floor(st[0] + 0.5), t = floor(st[1] + 0.5), ds, dt;
+
+    if (!(fabs(s) < 1e15 && fabs(t) < 1e15) || !(pbrt_noise(s + 0.5, t + 0.5, 0.5) > 0))
+        return 0;
+    ds = st[0] - s - shift * pbrt_noise(s + 1.5, t + 2.8, 0.5);
+    dt = st[1] - t - shift * pbrt_noise(s + 4.5, t + 9.8, 0.5);
+    return ds * ds + dt * dt < radius * radius;
+}
+
 void pbrt_evaluate(const struct pbrt_texture *t, const double uv[2], double out[4])
 {
     double a[4], b[4], m[4], st[2];
@@ -97,6 +110,13 @@ void pbrt_evaluate(const struct pbrt_texture *t, const double uv[2], double out[
             out[i] = a[i] * (1 - m[3]) + b[i] * m[3];
         break;
     case TEXTURE_CHECKER: pbrt_evaluate(t->child[fmod(floor(st[0]) + floor(st[1]), 2) != 0], uv, out); break;
+    case TEXTURE_DOTS: pbrt_evaluate(t->child[!is_in_dot(st)], uv, out); break;
+    case TEXTURE_UV:
+        for (int i = 0; i < 2; i++)
+            out[i] = st[i] - floor(st[i]);
+        out[2] = 0;
+        out[3] = (out[0] + out[1]) / 3;
+        break;
     case TEXTURE_BILERP:
         for (int i = 0; i < 3; i++)
             out[i] = (1 - st[0]) * ((1 - st[1]) * t->corner[0][i] + st[1] * t->corner[1][i]) +

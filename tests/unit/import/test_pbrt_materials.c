@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "client/import/pbrt/read/pbrt_spectrum.h"
+#include "common/image/color.h"
 #include "common/image/image.h"
 #include "tests/support/gltf_maker.h"
 #include "tests/support/pbrt_text.h"
@@ -517,6 +518,55 @@ static void test_computed_textures(void **state)
     import_result_release(&r);
 }
 
+/* Red is the fraction of s, green that of t: the picture is one period of both. */
+static void test_uv_texture(void **state)
+{
+    struct import_result r;
+    struct scene_material m = material_with_image("Texture \"u\" \"color\" \"uv\" \"float uscale\" 2 \"float vdelta\" .5 "
+                                                  "Material \"matte\" \"texture Kd\" \"u\"", &r);
+
+    (void)state;
+    assert_floats(&m.base_color_texture.uv_transform[0][0], (const float[]){2, 0, 0, 0, -1, 0.5f}, 6, 0);
+    for (uint32_t i = 1; i < 256; i += 100) {
+        const float fraction = ((float)i + 0.5f) / 256;
+        assert_float_equal(srgb_decode(texel_of(&r, 0, i, 3, 0)), fraction, 1e-4f);
+        assert_float_equal(srgb_decode(texel_of(&r, 0, 3, 255 - i, 1)), fraction, 1e-4f);
+        assert_true(texel_of(&r, 0, i, i, 2) == 0);
+    }
+    assert_int_equal(r.warning_count, 0);
+    import_result_release(&r);
+}
+
+/* Four fields along s, three along t. The noise of the field around (1, 2) is 0.375, its dot lies at (1.1132, 2.0119) with a radius of
+ * 0.35; around (1, 1) it is -0.25, around (1, 0) 0: no dots. */
+static void test_dots_texture(void **state)
+{
+    static const struct {
+        double s, t;
+        int inside;
+    } places[] = {{1.1, 2, 1}, {1.45, 2, 1}, {1.48, 2, 0}, {0.78, 2, 1}, {0.74, 2, 0}, {1.1, 2.35, 1}, {1.1, 2.38, 0}, {1.1, 1.67, 1},
+                  {1.1, 1.64, 0}, {1, 1, 0}, {1, 0.1, 0}, {0, 0.9, 1}};
+    struct import_result r;
+    struct scene_material m =
+        material_with_image("Texture \"d\" \"spectrum\" \"dots\" \"rgb inside\" [1 0 0] \"rgb outside\" [0 0 1] "
+                            "\"float uscale\" 4 \"float vscale\" 3 Material \"diffuse\" \"texture reflectance\" \"d\"", &r);
+
+    (void)state;
+    assert_floats(&m.base_color_texture.uv_transform[0][0], (const float[]){1, 0, 0, 0, -1, 1}, 6, 0);
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+        uint32_t x = (uint32_t)(places[i].s / 4 * 256), y = (uint32_t)((3 - places[i].t) / 3 * 256);
+        if (texel_of(&r, 0, x, y, 0) != (float)places[i].inside || texel_of(&r, 0, x, y, 2) != (float)!places[i].inside)
+            fail_msg("(%g, %g) is not %s a dot", places[i].s, places[i].t, places[i].inside ? "in" : "outside of");
+    }
+    assert_int_equal(r.warning_count, 0);
+    import_result_release(&r);
+    /* As a mask, and many of them: a field has at least some texels. */
+    m = material_with_image("Texture \"d\" \"float\" \"dots\" \"float uscale\" 40 \"float vscale\" 1 "
+                            "Material \"coateddiffuse\" \"texture roughness\" \"d\" \"bool remaproughness\" false", &r);
+    assert_true(m.metallic_roughness_texture.texture == 0 && texel_of(&r, 0, 2047, 255, 1) >= 0);
+    import_result_release(&r);
+}
+
 static void test_roughness_texture(void **state)
 {
     struct import_result r;
@@ -689,6 +739,8 @@ int main(void)
         cmocka_unit_test(test_alpha),
         cmocka_unit_test(test_image_texture),
         cmocka_unit_test(test_computed_textures),
+        cmocka_unit_test(test_uv_texture),
+        cmocka_unit_test(test_dots_texture),
         cmocka_unit_test(test_roughness_texture),
         cmocka_unit_test(test_alpha_texture),
         cmocka_unit_test(test_normal_map),

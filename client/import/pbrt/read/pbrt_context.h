@@ -55,6 +55,8 @@ enum pbrt_texture_op {
     TEXTURE_SCALE,    /* child 0 times child 1 */
     TEXTURE_MIX,      /* child 0 to child 1 by child 2 */
     TEXTURE_CHECKER,  /* child 0 where floor(s) + floor(t) is even, else child 1 */
+    TEXTURE_UV,       /* the fractions of s and t as red and green */
+    TEXTURE_DOTS,     /* child 0 in random dots, child 1 around them */
     TEXTURE_BILERP,   /* corner[0] at (0, 0), [1] at (0, 1), [2] at (1, 0), [3] at (1, 1) */
     TEXTURE_DIRECTION_MIX /* child 0: pbrt would mix by direction */
 };
