@@ -87,7 +87,7 @@ status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned d
     TRY(read_relief(p, m));
     (void)pbrt_string(m->params, "type", NULL);
     snprintf(what, sizeof what, "material \"%.60s\"", m->kind);
-    pbrt_params_report(m->params, p->b, what);
+    pbrt_params_report(m->is_derived ? m->params->defaults : m->params, p->b, what);
     m->resolved = 1;
     return STATUS_OK;
 }

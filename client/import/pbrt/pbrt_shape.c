@@ -230,6 +230,7 @@ static status add_shape(struct pbrt *p, const struct pbrt_directive *d, struct m
     int64_t row;
 
     TRY(read_alpha(p, d, &s.alpha));
+    TRY(pbrt_override(p, d->params, &s.material));
     TRY(pbrt_material_resolve(p, s.material, 0));
     if (s.light)
         TRY(pbrt_area_light_resolve(p, s.light));

@@ -103,6 +103,7 @@ struct pbrt_material {
     struct pbrt_place at;
     int known; /* all names in it are defined (pbrt_late.c) */
     struct pbrt_params *params;
+    int is_derived; /* its params are a shape's, their defaults the material's (pbrt_override.c) */
     int resolved;
     int refused; /* not a supported surface: grey */
     struct scene_material base;
@@ -187,6 +188,7 @@ struct pbrt {
     struct pbrt_table float_textures, color_textures, materials, media, objects, systems, images, texture_rows, spectra;
     struct pbrt_renamed *renamed; /* pbrt-v3: textures and materials are names of their attribute block */
     size_t renamed_count, renamed_capacity;
+    struct pbrt_table derived; /* pbrt-v3: materials with a shape's own parameters */
     struct pbrt_table defined; /* pbrt-v4: the place of each definition, by kind and name */
     struct pbrt_late *late;    /* pbrt-v4: what uses names that are defined later */
     size_t late_count, late_capacity;
@@ -320,6 +322,8 @@ status pbrt_material_resolve(struct pbrt *p, struct pbrt_material *m, unsigned d
 /* The names of a mix's two parts; 0: it does not give them. */
 int pbrt_mix_parts(const struct pbrt_material *m, const char *part[2]);
 status pbrt_material_row(struct pbrt *p, const struct pbrt_surface *s, uint32_t *row) MUST_CHECK;
+/* pbrt-v3: the material with those of the shape's parameters that the shape has not used itself. */
+status pbrt_override(struct pbrt *p, struct pbrt_params *shape, struct pbrt_material **m) MUST_CHECK;
 /* Does any of its parts, or `alpha`, use texture coordinates or tangents? */
 int pbrt_material_uses_uv(const struct pbrt_material *m);
 int pbrt_material_wants_tangents(const struct pbrt_material *m);
