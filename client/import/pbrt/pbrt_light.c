@@ -15,7 +15,13 @@
 
 static double luminance(const double c[3]) { return 0.2126729 * c[0] + 0.7151522 * c[1] + 0.0721750 * c[2]; }
 
-/* name (L or I) times scale, which pbrt-v3 gives as a colour. */
+/* pbrt-v4's square maps of equal areas; all of pbrt-v3's are of latitude and longitude. */
+static int is_equal_area(const struct pbrt *p, const struct pbrt_image *image)
+{
+    return image->width == image->height && !p->version3;
+}
+
+/* name (L or I) times scale, which pbrt-v3 takes as a colour alone, pbrt-v4 as a number. */
 static status read_strength(struct pbrt *p, struct pbrt_params *params, const char *name, double out[3])
 {
     double scale[3] = {1, 1, 1};
@@ -24,7 +30,7 @@ static status read_strength(struct pbrt *p, struct pbrt_params *params, const ch
     out[0] = out[1] = out[2] = 1;
     TRY(pbrt_color(p, params, name, USE_LIGHT, out, &given));
     TRY(pbrt_color(p, params, "scale", USE_UNBOUNDED, scale, &given));
-    if (!given)
+    if (!given && !p->version3)
         scale[0] = scale[1] = scale[2] = pbrt_float(params, "scale", 1);
     for (int i = 0; i < 3; i++)
         out[i] = fmax(out[i] * scale[i], 0);
@@ -267,7 +273,7 @@ static status read_goniometric(struct pbrt *p, const struct pbrt_directive *d, s
         scale_by(strength, mean > 0 ? power / (4 * PI_D * mean) : 0);
     }
     put_rgb(strength, out->intensity);
-    if (image->width != image->height) {
+    if (!is_equal_area(p, image)) {
         TRY(read_frame(p, d, half_turn, out));
         TRY(pbrt_image_row(p, image, &row));
         out->image = (int32_t)row;
@@ -396,10 +402,10 @@ static status make_map(struct pbrt *p, const struct pbrt_directive *d, struct pb
             m.m[i][j] = axes[i][j];
     handed = transform_d_determinant(&m) < 0 ? -1 : 1;
     TRY(pbrt_image_decode(p, image));
-    if (image->width == image->height) /* the lat-long map is twice as large */
+    if (is_equal_area(p, image)) /* the lat-long map is twice as large */
         TRY(builder_check_pixels(p->b, image->name, 2 * (uint64_t)image->width, image->height));
     TRY(linear_copy(p, image, &pixels));
-    if (image->width == image->height) {
+    if (is_equal_area(p, image)) {
         /* Map axes (x, z, -+y) of the light: the zenith is +z, and the whole is a rotation. */
         const double map_of_light[3][3] = {{1, 0, 0}, {0, 0, 1}, {0, -handed, 0}};
         result = pbrt_octahedral_to_latlong(&pixels, -handed, out, p->err);

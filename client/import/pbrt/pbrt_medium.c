@@ -102,6 +102,14 @@ static float coefficient(struct pbrt *p, const struct medium_entry *e, double x)
     return (float)fmin(fmax(x, 0), most);
 }
 
+static status read_sigmas(struct pbrt *p, struct pbrt_params *params, double a[3], double s[3])
+{
+    int given;
+
+    TRY(pbrt_color(p, params, "sigma_a", USE_UNBOUNDED, a, &given));
+    return pbrt_color(p, params, "sigma_s", USE_UNBOUNDED, s, &given);
+}
+
 static status read_coefficients(struct pbrt *p, const struct medium_entry *e, struct scene_medium *out)
 {
     /* pbrt-v3's own default is Jensen's whole milk, pbrt-v4's is 1. */
@@ -118,14 +126,16 @@ static status read_coefficients(struct pbrt *p, const struct medium_entry *e, st
         memcpy(a, milk_a, sizeof a);
         memcpy(s, milk_s, sizeof s);
     }
-    TRY(pbrt_color(p, params, "sigma_a", USE_UNBOUNDED, a, &given));
-    TRY(pbrt_color(p, params, "sigma_s", USE_UNBOUNDED, s, &given));
+    if (!p->version3) /* there a preset counts before them */
+        TRY(read_sigmas(p, params, a, s));
     if (*preset && preset_find(preset) >= 0) {
         memcpy(a, presets[preset_find(preset)].absorption, sizeof a);
         memcpy(s, presets[preset_find(preset)].scattering, sizeof s);
     } else if (*preset) {
         pbrt_warn(p, &e->d.at, "medium preset", "the medium preset \"%.60s\" is not known", preset);
     }
+    if (p->version3)
+        TRY(read_sigmas(p, params, a, s));
     TRY(pbrt_color(p, params, "Le", USE_LIGHT, le, &given));
     glow = pbrt_param(params, "Lescale", PBRT_NUMBERS);
     if (glow && glow->number_count > 1) {

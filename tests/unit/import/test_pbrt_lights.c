@@ -82,6 +82,13 @@ static void test_version3(void **state)
         assert_float_equal(r.scene.lights[1].intensity[i] / PI_F, wanted[i], 0.015f * wanted[0]);
     assert_true(spectrum_blackbody(2000, (double[3]){0}) < 0.06); /* pbrt-v4's light is 20 times as strong */
     import_result_release(&r);
+    /* Its scale is a colour; a number of that name is unknown (FindOneSpectrum). */
+    pbrt_whole("Film \"image\" Camera \"perspective\" WorldBegin LightSource \"point\" \"rgb I\" [4 4 4] \"rgb scale\" [2 1 0] "
+               "LightSource \"point\" \"rgb I\" [4 4 4] \"float scale\" 2 " TRIANGLE, NULL, &r);
+    assert_rgb(r.scene.lights[0].intensity, 8, 4, 0);
+    assert_rgb(r.scene.lights[1].intensity, 4, 4, 4);
+    pbrt_warned(&r, "light \"point\"|float scale\" is not known");
+    import_result_release(&r);
 }
 
 /* In the mirrored world lights are mirrored too. */
@@ -216,12 +223,12 @@ static void square_to_sphere(double u, double v, double d[3])
 
 enum { MAP_SIDE = 64 };
 
-/* A picture whose colour is its direction: (d + 1) / 2, and twice that in all (to tell scale). */
+/* A picture whose colour is its direction: (d + 1) / 2, and twice that in all (to tell scale). `latlong` 2: square, too. */
 static void direction_map(struct image *map, int latlong)
 {
     struct error err = {0};
 
-    assert_int_equal(image_init(map, latlong ? 2 * MAP_SIDE : MAP_SIDE, MAP_SIDE, 3, &err), STATUS_OK);
+    assert_int_equal(image_init(map, latlong == 1 ? 2 * MAP_SIDE : MAP_SIDE, MAP_SIDE, 3, &err), STATUS_OK);
     for (uint32_t y = 0; y < map->height; y++)
         for (uint32_t x = 0; x < map->width; x++) {
             double d[3], u = (x + 0.5) / map->width, v = (y + 0.5) / map->height;
@@ -279,7 +286,7 @@ static void check_map(int latlong, const char *before, const char *light, const 
         if (digest_equal(&r.blobs[i].digest, &r.scene.environment.image.blob.digest))
             assert_int_equal(image_decode_hdr(&got, r.blobs[i].data, r.blobs[i].size_bytes, "e", &repairs, &err),
                              STATUS_OK);
-    assert_int_equal(got.width, 2 * got.height);
+    assert_int_equal(got.width, latlong == 2 ? got.height : 2 * got.height);
     for (size_t k = 0; k < sizeof directions / sizeof *directions; k++) {
         float seen[3];
         look_at_environment(&r, &got, directions[k], seen);
@@ -317,6 +324,8 @@ static void test_environment_maps(void **state)
     check_map(0, "Scale -1 1 1", turned, quarter);
     check_map(1, "Scale -1 1 1", old, same);
     check_map(1, "", old, mirrored);
+    /* All of pbrt-v3's are of latitude and longitude. */
+    check_map(2, "Film \"image\" Scale -1 1 1", old, same);
 }
 
 static void test_image_lights(void **state)
@@ -354,13 +363,15 @@ static void test_image_lights(void **state)
     assert_true(l->image >= 0 && l->to_world.m[2][2] == 1);
     import_result_release(&r);
     /* pbrt-v3's picture has its top at -y (projection.cpp has no Scale(1, -1, 1)). */
-    pbrt_whole("Film \"image\" " RIGHT_HANDED
-               "WorldBegin LightSource \"projection\" \"string mapname\" \"wide.exr\" " TRIANGLE,
+    pbrt_whole("Film \"image\" " RIGHT_HANDED "WorldBegin LightSource \"projection\" \"string mapname\" \"wide.exr\" "
+               "LightSource \"goniometric\" \"string mapname\" \"square.exr\" " TRIANGLE,
                folder, &r);
     pbrt_folder_remove(folder);
     l = &r.scene.lights[0];
     assert_rgb(l->direction, 0, 0, 1);
     assert_true(l->to_world.m[0][0] == 1 && l->to_world.m[1][1] == -1 && l->to_world.m[2][2] == -1);
+    l = &r.scene.lights[1]; /* a square picture of latitude and longitude, as it is */
+    assert_true(l->to_world.m[0][0] == -1 && l->to_world.m[2][2] == -1);
     import_result_release(&r);
     image_release(&map);
     buffer_release(&file);
@@ -424,6 +435,28 @@ static void test_media(void **state)
 }
 
 /* A scene of a nanometre's size may be opaque; beyond what a scene may say, a warning. */
+/* pbrt-v4's presets count before coefficients, pbrt-v3's after them; without either, milk and 1. */
+static void test_media_of_both_versions(void **state)
+{
+#define BOTH "MakeNamedMedium \"p\" \"string type\" \"homogeneous\" \"string preset\" \"Ketchup\" \"rgb sigma_a\" [1 2 3] " \
+             "MakeNamedMedium \"d\" \"string type\" \"homogeneous\" Material \"none\" " \
+             "MediumInterface \"p\" \"\" Shape \"sphere\" MediumInterface \"d\" \"\" Shape \"sphere\""
+    struct import_result r;
+
+    (void)state;
+    pbrt_world(LAMP BOTH, &r);
+    assert_rgb(r.scene.media[0].absorption, 0.061f, 0.97f, 1.45f);
+    assert_rgb(r.scene.media[0].scattering, 0.18f, 0.07f, 0.03f);
+    assert_rgb(r.scene.media[1].absorption, 1, 1, 1);
+    import_result_release(&r);
+    pbrt_whole("Film \"image\" " RIGHT_HANDED "WorldBegin " LAMP BOTH, NULL, &r);
+    assert_rgb(r.scene.media[0].absorption, 1, 2, 3);
+    assert_rgb(r.scene.media[0].scattering, 0.18f, 0.07f, 0.03f);
+    assert_rgb(r.scene.media[1].scattering, 2.55f, 3.21f, 3.77f);
+    import_result_release(&r);
+#undef BOTH
+}
+
 static void test_dense(void **state)
 {
     struct import_result r;
@@ -485,6 +518,7 @@ int main(void)
         cmocka_unit_test(test_environment_maps),
         cmocka_unit_test(test_image_lights),
         cmocka_unit_test(test_media),
+        cmocka_unit_test(test_media_of_both_versions),
         cmocka_unit_test(test_dense), cmocka_unit_test(test_grid),
     };
 
