@@ -42,7 +42,8 @@ static void finish(struct pbrt *p)
     struct pbrt_table *const tables[] = {&p->float_textures, &p->color_textures, &p->materials,
                                          &p->media,          &p->objects,        &p->systems,
                                          &p->images,         &p->texture_rows,   &p->spectra,
-                                         &p->defined,        &p->derived};
+                                         &p->defined,        &p->derived,
+                                         &p->masks};
 
     for (size_t i = 0; i < p->images.size; i++)
         if (p->images.entries[i].value)

@@ -74,17 +74,32 @@ static status read_plastic(struct pbrt *p, struct pbrt_material *m)
     return pbrt_own_roughness(p, m, 0.1, 1);
 }
 
+/* "uroughness" and "vroughness": glass and substrate have no "roughness". */
+static status read_two_roughnesses(struct pbrt *p, struct pbrt_material *m, double otherwise, struct pbrt_roughness *out)
+{
+    const struct pbrt_texture *const given = pbrt_constant(p, otherwise, otherwise, otherwise);
+
+    TRY(pbrt_float_texture(p, m->params, "uroughness", &out->u));
+    TRY(pbrt_float_texture(p, m->params, "vroughness", &out->v));
+    out->u = out->u ? out->u : given;
+    out->v = out->v ? out->v : given;
+    out->remap = pbrt_bool(m->params, "remaproughness", 1) ? REMAP_V3 : REMAP_NONE;
+    return STATUS_OK;
+}
+
 /* Ashikhmin and Shirley's: Ks is the reflectance at normal incidence. */
 static status read_substrate(struct pbrt *p, struct pbrt_material *m)
 {
     const struct pbrt_texture *ks;
+    struct pbrt_roughness rough;
 
     m->base.metallic = 0;
     m->base.ior = 1.5f;
     TRY(pbrt_color_or(p, m, "Kd", 0.5, &m->color));
     TRY(pbrt_color_or(p, m, "Ks", 0.5, &ks));
     TRY(put_specular(p, m, ks, 0.04));
-    return pbrt_own_roughness(p, m, 0.1, 1);
+    TRY(read_two_roughnesses(p, m, 0.1, &rough));
+    return pbrt_put_roughness(p, m, &rough);
 }
 
 static status read_uber(struct pbrt *p, struct pbrt_material *m)
@@ -94,7 +109,7 @@ static status read_uber(struct pbrt *p, struct pbrt_material *m)
     double index, abbe;
 
     TRY(read_plastic(p, m));
-    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", 1, &index, &abbe));
+    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "eta") ? "eta" : "index", 1, &index, &abbe));
     m->base.ior = (float)index;
     for (int i = 0; i < 2; i++) {
         TRY(pbrt_color_texture(p, m->params, missing[i], USE_REFLECTANCE, &t));
@@ -125,12 +140,12 @@ static status read_glass(struct pbrt *p, struct pbrt_material *m)
     struct pbrt_roughness rough;
     double index, abbe;
 
-    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "index") ? "index" : "eta", PBRT_INDEX_MIN, &index, &abbe));
+    TRY(pbrt_read_index(p, m, pbrt_has(m->params, "eta") ? "eta" : "index", PBRT_INDEX_MIN, &index, &abbe));
     pbrt_be_glass(m, index, abbe);
     TRY(pbrt_color_or(p, m, "Kt", 1, &m->color));
     TRY(pbrt_color_or(p, m, "Kr", 1, &kr));
     TRY(put_specular(p, m, kr, 1));
-    TRY(pbrt_read_roughness(p, m, "", 0, 1, &rough));
+    TRY(read_two_roughnesses(p, m, 0, &rough));
     if (pbrt_same_constant(rough.u, rough.v) && rough.u->op == TEXTURE_CONSTANT &&
         rough.u->value[0] == 0) {
         m->base.roughness = 0; /* no remapping of smooth glass */

@@ -151,14 +151,28 @@ status pbrt_object_place(struct pbrt *p, const char *name, const struct pbrt_pla
 
 /* ---- surfaces ----------------------------------------------------------------------------- */
 
+/* pbrt-v3 has an alpha on meshes alone, and it is a mask. */
 static status read_alpha(struct pbrt *p, const struct pbrt_directive *d, const struct pbrt_texture **out)
 {
+    if (p->version3 && strcmp(d->kind, "trianglemesh") != 0 && strcmp(d->kind, "plymesh") != 0)
+        return STATUS_OK;
     TRY(pbrt_float_texture(p, d->params, "alpha", out));
+    if (*out && p->version3)
+        *out = pbrt_mask(p, *out);
     if (*out && (*out)->op == TEXTURE_CONSTANT && (*out)->value[0] >= 1)
         *out = NULL;
     if (pbrt_param(d->params, "shadowalpha", ~0u))
         pbrt_warn(p, &d->at, "shadow alpha", "\"shadowalpha\" is not supported: \"alpha\" counts for shadows too");
     return STATUS_OK;
+}
+
+/* In pbrt-v3 the front of a mesh of triangles is where its normals point, if it has any: its ReverseOrientation does nothing to them. */
+static int is_reversed(const struct pbrt *p, const struct pbrt_directive *d, const struct mesh_source *mesh)
+{
+    const int of_triangles =
+        strcmp(d->kind, "trianglemesh") == 0 || strcmp(d->kind, "plymesh") == 0 || strcmp(d->kind, "loopsubdiv") == 0;
+
+    return p->now.reversed && !(p->version3 && of_triangles && mesh->normals);
 }
 
 /* The media behind and before the surface; none if they are the same. */
@@ -247,7 +261,7 @@ static status add_shape(struct pbrt *p, const struct pbrt_directive *d, struct m
                   "a light of \"alpha\" 0, which cannot be seen itself, is not supported: it does "
                   "not shine");
     wind_by_normals(mesh);
-    if (p->now.reversed)
+    if (is_reversed(p, d, mesh))
         mesh_source_reverse(mesh);
     TRY(read_media(p, d, &s));
     if (pbrt_material_uses_uv(s.material) || (s.alpha && s.alpha->op != TEXTURE_CONSTANT) ||

@@ -72,6 +72,23 @@ const struct pbrt_texture *pbrt_product(struct pbrt *p, const struct pbrt_textur
     return fold(p, t);
 }
 
+const struct pbrt_texture *pbrt_mask(struct pbrt *p, const struct pbrt_texture *t)
+{
+    const double value = t->value[0] != 0;
+    struct pbrt_texture *mask = pbrt_table_find(&p->masks, &t, sizeof t);
+
+    if (pbrt_is_constant(t))
+        return pbrt_constant(p, value, value, value);
+    if (!mask) {
+        mask = texture_new(p, TEXTURE_MASK);
+        mask->is_color = 0;
+        mask->child[0] = t;
+        texture_weigh(mask);
+        pbrt_table_set(&p->masks, &p->arena, &t, sizeof t, mask);
+    }
+    return mask;
+}
+
 static status find_texture(struct pbrt *p, const struct pbrt_param *param, int color, const struct pbrt_texture **out)
 {
     const char *name = param->strings[0];
@@ -185,8 +202,7 @@ static void read_encoding(struct pbrt *p, const struct pbrt_directive *d, struct
     const char *encoding = pbrt_string(d->params, "encoding", "sRGB");
     double power;
 
-    /* pbrt-v3's: whether to decode; the default for colours. */
-    if (!pbrt_bool(d->params, "gamma", t->is_color || !p->version3))
+    if (!pbrt_bool(d->params, "gamma", 1)) /* pbrt-v3's: whether to decode 8 bits, numbers as well */
         t->gamma = 1;
     if (strcmp(encoding, "linear") == 0)
         t->gamma = 1;
@@ -214,6 +230,7 @@ static status read_imagemap(struct pbrt *p, const struct pbrt_directive *d, int 
     t->nearest = strcmp(filter, "point") == 0;
     t->scale = pbrt_float(d->params, "scale", 1);
     t->invert = pbrt_bool(d->params, "invert", 0);
+    t->by_luminance = p->version3;
     pbrt_ignore(d->params, unneeded);
     TRY(pbrt_image(p, name, &d->at, &t->image));
     if (!t->image) { /* warned about: mid grey */

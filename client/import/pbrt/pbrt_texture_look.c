@@ -37,6 +37,11 @@ static void texel(const struct pbrt_texture *t, long x, long y, double out[4])
     from = im->pixels + ((size_t)y * im->width + (size_t)x) * im->channels;
     for (unsigned c = 0; c < 3; c++)
         out[c] = decode(t, from[im->channels >= 3 ? c : 0]);
+    if (t->by_luminance && im->channels >= 3) { /* before it is decoded, as there */
+        double luminance = 0.212671 * (double)from[0] + 0.715160 * (double)from[1] + 0.072169 * (double)from[2];
+        out[3] = t->image->is_float || t->gamma == 1 ? luminance : (double)srgb_decode((float)luminance);
+        return;
+    }
     out[3] = im->channels < 3    ? out[0]
              : im->channels == 3 ? (out[0] + out[1] + out[2]) / 3
                                  : (double)from[3];
@@ -110,6 +115,10 @@ void pbrt_evaluate(const struct pbrt_texture *t, const double uv[2], double out[
             out[i] = a[i] * (1 - m[3]) + b[i] * m[3];
         break;
     case TEXTURE_CHECKER: pbrt_evaluate(t->child[fmod(floor(st[0]) + floor(st[1]), 2) != 0], uv, out); break;
+    case TEXTURE_MASK:
+        pbrt_evaluate(t->child[0], uv, a);
+        out[3] = a[3] != 0;
+        break;
     case TEXTURE_DOTS: pbrt_evaluate(t->child[!is_in_dot(st)], uv, out); break;
     case TEXTURE_UV:
         for (int i = 0; i < 2; i++)

@@ -361,6 +361,26 @@ static void test_version_3(void **state)
     import_result_release(&r);
 }
 
+/* Glass and substrate have two roughnesses only, and "eta" counts before "index" (glass.cpp, substrate.cpp). */
+static void test_version_3_names(void **state)
+{
+    struct import_result r;
+    struct scene_material m = pbrt_material_of("Material \"glass\" \"float roughness\" .5 \"float index\" 1.3 \"float eta\" 1.4", &r);
+
+    (void)state;
+    assert_true(m.roughness == 0 && m.ior == 1.4f);
+    pbrt_warned(&r, "glass|roughness\" is not known");
+    import_result_release(&r);
+    m = pbrt_material_of("Material \"uber\" \"float index\" 1.3 \"float eta\" 1.4", &r);
+    assert_true(m.ior == 1.4f);
+    import_result_release(&r);
+    m = pbrt_material_of("Material \"substrate\" \"float uroughness\" .25 \"float vroughness\" .25 \"float roughness\" .9 "
+                         "\"bool remaproughness\" \"false\"", &r);
+    assert_float_equal(m.roughness, 0.5f, 1e-6f);
+    pbrt_warned(&r, "substrate|roughness\" is not known");
+    import_result_release(&r);
+}
+
 static void test_refused_kinds(void **state)
 {
     static const char *const kinds[] = {"measured", "subsurface", "hair", "fourier", "odd"};
@@ -606,6 +626,58 @@ static void test_alpha_texture(void **state)
     import_result_release(&r);
 }
 
+static void version3_with_image(const char *text, struct import_result *r)
+{
+    char *folder = pbrt_folder_make();
+    struct buffer all = BUFFER_INIT;
+
+    pbrt_folder_put(folder, "t.tga", four_colors, sizeof four_colors);
+    buffer_printf(&all, "Film \"image\" " RIGHT_HANDED "WorldBegin " LAMP "%s", text);
+    pbrt_whole(buffer_text(&all), folder, r);
+    buffer_release(&all);
+    pbrt_folder_remove(folder);
+}
+
+/* pbrt-v3's number of a colour is its luminance before it is decoded (imagemap.h): red is 0.212671, 0.037191 in linear light, green
+ * 0.715160 and 0.470; alpha their roots. */
+static void test_numbers_of_version3(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    version3_with_image("Texture \"t\" \"float\" " IMAGE "Material \"plastic\" \"texture roughness\" \"t\" "
+                        "\"bool remaproughness\" \"false\" " TRIANGLE, &r);
+    assert_float_equal(texel_of(&r, 0, 0, 0, 1), 0.19285f, 1e-4f);
+    import_result_release(&r);
+    version3_with_image("Texture \"t\" \"float\" " IMAGE "\"bool gamma\" \"false\" Material \"plastic\" \"texture roughness\" \"t\" "
+                        "\"bool remaproughness\" \"false\" " TRIANGLE, &r);
+    assert_float_equal(texel_of(&r, 0, 0, 0, 1), 0.46116f, 1e-4f);
+    import_result_release(&r);
+}
+
+/* pbrt-v3's alpha is a mask, of meshes alone: 0 is nothing, all else opaque. */
+static void test_alpha_of_version3(void **state)
+{
+    struct import_result r;
+    const struct scene_material *m;
+
+    (void)state;
+    version3_with_image("Texture \"t\" \"float\" " IMAGE "\"string filter\" \"point\" Texture \"a\" \"float\" \"checkerboard\" \"texture tex1\" \"t\" "
+                        "\"float uscale\" 2 \"float vscale\" 2 "
+                        TRIANGLE "\"texture alpha\" \"a\" " TRIANGLE "\"float alpha\" .25 " TRIANGLE "\"float alpha\" 0 "
+                        TRIANGLE "\"texture alpha\" \"a\" Shape \"sphere\" \"float alpha\" .25", &r);
+    m = &r.scene.materials[r.scene.instances[0].material];
+    assert_int_equal(m->alpha_mode, ALPHA_BLEND);
+    /* The lower left field is blue, of luminance 0.07; that beside it 0. */
+    assert_true(texel_of(&r, 0, 0, 1, 3) == 1 && texel_of(&r, 0, 1, 1, 3) == 0);
+    assert_int_equal(r.scene.materials[r.scene.instances[1].material].alpha_mode, ALPHA_OPAQUE);
+    assert_true(r.scene.materials[r.scene.instances[2].material].base_color[3] == 0);
+    assert_int_equal(r.scene.instances[3].material, r.scene.instances[0].material);
+    assert_int_equal(r.scene.materials[r.scene.instances[4].material].alpha_mode, ALPHA_OPAQUE);
+    pbrt_warned(&r, "shape \"sphere\"|alpha\" is not known");
+    import_result_release(&r);
+}
+
 static void test_normal_map(void **state)
 {
     struct import_result r;
@@ -735,6 +807,7 @@ int main(void)
         cmocka_unit_test(test_diffuse_transmission),
         cmocka_unit_test(test_mix),
         cmocka_unit_test(test_version_3),
+        cmocka_unit_test(test_version_3_names),
         cmocka_unit_test(test_refused_kinds),
         cmocka_unit_test(test_alpha),
         cmocka_unit_test(test_image_texture),
@@ -743,6 +816,8 @@ int main(void)
         cmocka_unit_test(test_dots_texture),
         cmocka_unit_test(test_roughness_texture),
         cmocka_unit_test(test_alpha_texture),
+        cmocka_unit_test(test_numbers_of_version3),
+        cmocka_unit_test(test_alpha_of_version3),
         cmocka_unit_test(test_normal_map),
         cmocka_unit_test(test_texture_faults),
         cmocka_unit_test(test_spectra),

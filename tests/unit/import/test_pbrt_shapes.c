@@ -6,6 +6,7 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "tests/support/gltf_maker.h"
@@ -51,6 +52,31 @@ static void test_fronts(void **state)
         assert_true((v.normals != NULL) == (cases[i].normal != 0));
         if (v.normals)
             assert_true(v.normals[2] == cases[i].normal);
+        import_result_release(&r);
+    }
+}
+
+/* pbrt-v3's triangles turn to their normals, whatever is reversed (triangle.cpp); other shapes are. */
+static void test_fronts_of_version3(void **state)
+{
+    static const struct {
+        const char *shape;
+        float front;
+    } cases[] = {
+        {"Shape \"trianglemesh\" " CORNERS, -1},
+        {"Shape \"trianglemesh\" " CORNERS "\"normal N\" [0 0 1 0 0 1 0 0 1]", 1},
+        {"Shape \"trianglemesh\" " CORNERS "\"normal N\" [0 0 -1 0 0 -1 0 0 -1]", -1},
+        {"Shape \"disk\" \"float innerradius\" .5", -1},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[512];
+        struct import_result r;
+        snprintf(text, sizeof text, "Film \"image\" " RIGHT_HANDED "WorldBegin " LAMP "ReverseOrientation %s", cases[i].shape);
+        pbrt_whole(text, NULL, &r);
+        if (!(front(&r) * cases[i].front > 0))
+            fail_msg("case %zu", i);
         import_result_release(&r);
     }
 }
@@ -157,6 +183,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_fronts),
+        cmocka_unit_test(test_fronts_of_version3),
         cmocka_unit_test(test_triangle_mesh),
         cmocka_unit_test(test_quadrics),
         cmocka_unit_test(test_other_surfaces),

@@ -55,6 +55,7 @@ enum pbrt_texture_op {
     TEXTURE_SCALE,    /* child 0 times child 1 */
     TEXTURE_MIX,      /* child 0 to child 1 by child 2 */
     TEXTURE_CHECKER,  /* child 0 where floor(s) + floor(t) is even, else child 1 */
+    TEXTURE_MASK,     /* 1 where child 0 is not 0 */
     TEXTURE_UV,       /* the fractions of s and t as red and green */
     TEXTURE_DOTS,     /* child 0 in random dots, child 1 around them */
     TEXTURE_BILERP,   /* corner[0] at (0, 0), [1] at (0, 1), [2] at (1, 0), [3] at (1, 1) */
@@ -85,6 +86,7 @@ struct pbrt_texture {
     double gamma; /* of 8 bit images: 0 sRGB, 1 linear, else the power */
     double scale;
     int invert;
+    int by_luminance;     /* pbrt-v3's number of a colour; pbrt-v4's is the mean, or alpha */
     double mapping[2][3]; /* (s, t) from (u, v, 1); t runs upwards */
     unsigned depth, cost;
 };
@@ -188,6 +190,7 @@ struct pbrt {
     struct pbrt_table float_textures, color_textures, materials, media, objects, systems, images, texture_rows, spectra;
     struct pbrt_renamed *renamed; /* pbrt-v3: textures and materials are names of their attribute block */
     size_t renamed_count, renamed_capacity;
+    struct pbrt_table masks;   /* pbrt-v3: by the texture that they are made of */
     struct pbrt_table derived; /* pbrt-v3: materials with a shape's own parameters */
     struct pbrt_table defined; /* pbrt-v4: the place of each definition, by kind and name */
     struct pbrt_late *late;    /* pbrt-v4: what uses names that are defined later */
@@ -281,6 +284,9 @@ status pbrt_color_texture(struct pbrt *p, struct pbrt_params *params, const char
 const struct pbrt_texture *pbrt_constant(struct pbrt *p, double r, double g, double b);
 /* a * b; NULL: out of memory. */
 const struct pbrt_texture *pbrt_product(struct pbrt *p, const struct pbrt_texture *a, const struct pbrt_texture *b);
+
+/* pbrt-v3's alpha: nothing where the texture is 0, opaque elsewhere. One for each texture. */
+const struct pbrt_texture *pbrt_mask(struct pbrt *p, const struct pbrt_texture *t);
 
 /* ---- pbrt_texture_slot.c ------------------------------------------------------------------ */
 /* factor * slot = the colour, the factor within 0..limit (1, or more for light). `alpha`, not
