@@ -319,6 +319,33 @@ static void test_hints(void **state)
     import_result_release(&r);
 }
 
+/* The time of exposure is pbrt-v4's shutter (film.cpp); pbrt-v3's film has a scale. In stops. */
+static void test_exposure(void **state)
+{
+    static const struct {
+        const char *text;
+        float stops;
+    } cases[] = {
+        {RIGHT_HANDED, 0},
+        {RIGHT_HANDED "\"float shutteropen\" 1 \"float shutterclose\" 5 ", 2},
+        {"Film \"rgb\" \"float iso\" 50 " RIGHT_HANDED "\"float shutterclose\" .5 ", -2},
+        {"Film \"rgb\" \"float exposuretime\" 2 " RIGHT_HANDED "\"float shutterclose\" .5 ", 1},
+        {"Film \"image\" \"float scale\" 8 " RIGHT_HANDED "\"float shutterclose\" .5 ", 3},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct import_result r;
+        char text[512];
+        snprintf(text, sizeof text, "%s WorldBegin " LAMP TRIANGLE, cases[i].text);
+        pbrt_whole(text, NULL, &r);
+        if (fabsf(r.scene.cameras[0].exposure_ev - cases[i].stops) > 1e-5f)
+            fail_msg("case %zu: %g", i, (double)r.scene.cameras[0].exposure_ev);
+        assert_int_equal(r.warning_count, 0);
+        import_result_release(&r);
+    }
+}
+
 /* What would change pbrt's picture and is not done is named with its line; what is as pbrt has it
  * anyway is not. */
 static void test_hints_not_taken(void **state)
@@ -330,6 +357,7 @@ static void test_hints_not_taken(void **state)
         {"Integrator \"ambientocclusion\"", "integrator|ambientocclusion"},
         {"Integrator \"path\" \"integer maxdepth\" 5000", "5000|1024"},
         {"Film \"rgb\" \"float maxcomponentvalue\" 10", "maxcomponentvalue|10"},
+        {"Film \"image\" \"float maxsampleluminance\" 10", "maxsampleluminance|no sample is clamped"},
         {"Film \"rgb\" \"float whitebalance\" 5000", "whitebalance|--white-balance"},
         {"Film \"rgb\" \"string sensor\" \"canon_eos_1d\"", "sensor|canon_eos_1d"},
         {"Film \"rgb\" \"float cropwindow\" [.5 .2 0 1]", "crop window"},
@@ -557,6 +585,7 @@ int main(void)
         cmocka_unit_test(test_perspective),
         cmocka_unit_test(test_other_cameras),
         cmocka_unit_test(test_hints),
+        cmocka_unit_test(test_exposure),
         cmocka_unit_test(test_hints_not_taken),
         cmocka_unit_test(test_fov),
         cmocka_unit_test(test_matrices),

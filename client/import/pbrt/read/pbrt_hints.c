@@ -84,16 +84,33 @@ static void read_crop(struct pbrt *p, struct pbrt_params *params)
     hints->crop_height = (uint32_t)(edge[3] - edge[2]);
 }
 
+/* pbrt's imaging ratio, 1 unless asked for. pbrt-v4's time of exposure is the shutter's (older ones had it with the film); in pbrt-v3
+ * the film's scale is all. */
+static void put_exposure(struct pbrt *p, struct scene_camera *camera)
+{
+    struct pbrt_params *film = p->film.params;
+    double open = pbrt_float(p->camera.params, "shutteropen", 0), close = pbrt_float(p->camera.params, "shutterclose", 1);
+    double time = pbrt_float(film, "exposuretime", p->version3 ? 1 : close - open);
+    double ratio = pbrt_float(film, "iso", 100) / 100 * time;
+
+    if (p->version3)
+        ratio *= pbrt_float(film, "scale", 1);
+    if (ratio > 1e-12 && ratio < 1e12 && ratio != 1)
+        camera->exposure_ev = det_log((float)ratio) * 1.44269504f;
+}
+
 void pbrt_film_hints(struct pbrt *p, struct scene_camera *camera, double *aspect)
 {
     struct pbrt_params *params = p->film.params;
     static const char *const elsewhere[] = {"filename", "savefp16", "diagonal",
                                             "coordinatesystem", NULL};
+    const char *const limit = p->version3 ? "maxsampleluminance" : "maxcomponentvalue";
     long width = 1280, height = 720;
-    double iso, exposure, ratio, most;
+    double most;
     const char *sensor;
 
     *aspect = 1280.0 / 720.0;
+    put_exposure(p, camera);
     if (!params)
         return;
     width = pbrt_integer(params, "xresolution", width);
@@ -111,19 +128,13 @@ void pbrt_film_hints(struct pbrt *p, struct scene_camera *camera, double *aspect
     if (strcmp(sensor, "cie1931") != 0)
         pbrt_warn(p, &p->film.at, "sensor", "the film's sensor \"%.40s\" is not supported: an ideal one is used",
                   sensor);
-    iso = pbrt_float(params, "iso", 100);
-    exposure = pbrt_float(params, "exposuretime", 1);
-    ratio = iso * exposure / 100; /* pbrt's imaging ratio: 1 unless asked for */
-    if (ratio > 1e-12 && ratio < 1e12 && ratio != 1)
-        camera->exposure_ev = det_log((float)ratio) * 1.44269504f;
     if (pbrt_float(params, "whitebalance", 0) != 0)
         pbrt_warn(p, &p->film.at, "whitebalance",
                   "the film's \"whitebalance\" is not supported: see --white-balance for the tone "
                   "mapped picture");
-    most = pbrt_float(params, "maxcomponentvalue", INFINITY);
+    most = pbrt_float(params, limit, INFINITY);
     if (most < (double)SCENE_RADIANCE_MAX)
-        pbrt_warn(p, &p->film.at, "maxcomponentvalue",
-                  "the film's \"maxcomponentvalue\" of %g is not supported: no sample is clamped", most);
+        pbrt_warn(p, &p->film.at, limit, "the film's \"%s\" of %g is not supported: no sample is clamped", limit, most);
     if (strcmp(p->film.kind, "rgb") != 0 && strcmp(p->film.kind, "image") != 0)
         pbrt_warn(p, &p->film.at, "film", "the film \"%.40s\" is taken as \"rgb\"", p->film.kind);
     pbrt_ignore(params, elsewhere);
