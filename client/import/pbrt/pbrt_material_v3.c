@@ -63,7 +63,8 @@ static status put_specular(struct pbrt *p, struct pbrt_material *m, const struct
     return STATUS_OK;
 }
 
-static status read_plastic(struct pbrt *p, struct pbrt_material *m)
+/* Of plastic and uber. */
+static status read_gloss(struct pbrt *p, struct pbrt_material *m, struct pbrt_roughness *rough)
 {
     const struct pbrt_texture *ks;
 
@@ -71,7 +72,15 @@ static status read_plastic(struct pbrt *p, struct pbrt_material *m)
     TRY(pbrt_color_or(p, m, "Kd", 0.25, &m->color));
     TRY(pbrt_color_or(p, m, "Ks", 0.25, &ks));
     TRY(put_specular(p, m, ks, 1));
-    return pbrt_own_roughness(p, m, 0.1, 1);
+    return pbrt_read_roughness(p, m, "", 0.1, 1, rough);
+}
+
+static status read_plastic(struct pbrt *p, struct pbrt_material *m)
+{
+    struct pbrt_roughness rough;
+
+    TRY(read_gloss(p, m, &rough));
+    return pbrt_put_roughness(p, m, &rough);
 }
 
 /* "uroughness" and "vroughness": glass and substrate have no "roughness". */
@@ -106,9 +115,13 @@ static status read_uber(struct pbrt *p, struct pbrt_material *m)
 {
     static const char *const missing[] = {"Kr", "Kt"};
     const struct pbrt_texture *t;
+    struct pbrt_roughness rough;
     double index, abbe;
 
-    TRY(read_plastic(p, m));
+    TRY(read_gloss(p, m, &rough));
+    if (!pbrt_has(m->params, "vroughness"))
+        rough.v = rough.u; /* metal's would be "roughness" */
+    TRY(pbrt_put_roughness(p, m, &rough));
     TRY(pbrt_read_index(p, m, pbrt_has(m->params, "eta") ? "eta" : "index", 1, &index, &abbe));
     m->base.ior = (float)index;
     for (int i = 0; i < 2; i++) {

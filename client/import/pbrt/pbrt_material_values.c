@@ -11,12 +11,10 @@ static double alpha_of(double roughness, enum pbrt_remap remap)
 {
     double x;
 
-    if (!(roughness > 0))
-        return 0;
     if (remap == REMAP_V4)
-        return sqrt(roughness);
+        return roughness > 0 ? sqrt(roughness) : 0;
     if (remap == REMAP_NONE)
-        return roughness;
+        return roughness > 0 ? roughness : 0;
     x = det_log_d(roughness > 1e-3 ? roughness : 1e-3);
     return 1.62142 + x * (0.819955 + x * (0.1734 + x * (0.0171201 + x * 0.000640711)));
 }

@@ -361,6 +361,26 @@ static void test_version_3(void **state)
     import_result_release(&r);
 }
 
+/* pbrt-v3's remapping takes 0 as 0.001, an alpha of 0.04727 (microfacet.h); glass alone is smooth. */
+static void test_version_3_smooth(void **state)
+{
+    struct import_result r;
+    struct scene_material m = pbrt_material_of("Material \"metal\" \"float roughness\" 0", &r);
+
+    (void)state;
+    assert_float_equal(m.roughness, 0.21742f, 1e-4f);
+    import_result_release(&r);
+    m = pbrt_material_of("Material \"metal\" \"float roughness\" 0 \"bool remaproughness\" \"false\"", &r);
+    assert_true(m.roughness == 0);
+    import_result_release(&r);
+    m = pbrt_material_of("Material \"glass\" \"float uroughness\" 0 \"float vroughness\" 0", &r);
+    assert_true(m.roughness == 0);
+    import_result_release(&r);
+    m = pbrt_material_of("Material \"conductor\" \"float roughness\" 0", &r);
+    assert_true(m.roughness == 0);
+    import_result_release(&r);
+}
+
 /* Glass and substrate have two roughnesses only, and "eta" counts before "index" (glass.cpp, substrate.cpp). */
 static void test_version_3_names(void **state)
 {
@@ -371,8 +391,9 @@ static void test_version_3_names(void **state)
     assert_true(m.roughness == 0 && m.ior == 1.4f);
     pbrt_warned(&r, "glass|roughness\" is not known");
     import_result_release(&r);
-    m = pbrt_material_of("Material \"uber\" \"float index\" 1.3 \"float eta\" 1.4", &r);
-    assert_true(m.ior == 1.4f);
+    m = pbrt_material_of("Material \"uber\" \"float index\" 1.3 \"float eta\" 1.4 \"float uroughness\" .25 "
+                         "\"bool remaproughness\" \"false\"", &r);
+    assert_true(m.ior == 1.4f && m.roughness == 0.5f && m.anisotropy == 0); /* vroughness is uroughness */
     import_result_release(&r);
     m = pbrt_material_of("Material \"substrate\" \"float uroughness\" .25 \"float vroughness\" .25 \"float roughness\" .9 "
                          "\"bool remaproughness\" \"false\"", &r);
@@ -807,6 +828,7 @@ int main(void)
         cmocka_unit_test(test_diffuse_transmission),
         cmocka_unit_test(test_mix),
         cmocka_unit_test(test_version_3),
+        cmocka_unit_test(test_version_3_smooth),
         cmocka_unit_test(test_version_3_names),
         cmocka_unit_test(test_refused_kinds),
         cmocka_unit_test(test_alpha),
