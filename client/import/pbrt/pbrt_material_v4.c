@@ -189,6 +189,10 @@ status pbrt_read_mix(struct pbrt *p, struct pbrt_material *m, unsigned depth)
         TRY(pbrt_float_texture(p, m->params, "amount", &amount));
     if (!amount)
         amount = pbrt_constant(p, 0.5, 0.5, 0.5);
+    if (amount->op == TEXTURE_CONSTANT &&
+        (amount->value[0] != amount->value[1] || amount->value[0] != amount->value[2]))
+        pbrt_warn(p, &m->at, "amount by colour",
+                  "material \"%.60s\": a mix by a colour is not supported: the mean of its channels counts", m->name);
     m->base.kind = MATERIAL_MIX;
     for (int i = 0; i < 2; i++) {
         if (!m->mix[i])

@@ -109,7 +109,8 @@ status pbrt_scalar_slot(struct pbrt *p, const struct pbrt_texture *value, pbrt_c
 {
     no_slot(slot);
     if (pbrt_is_constant(value)) {
-        *factor = (float)fmin(fmax(change(value->value[0], parameter), 0), 1);
+        const double mean = (value->value[0] + value->value[1] + value->value[2]) / 3;
+        *factor = (float)fmin(fmax(change(mean, parameter), 0), 1);
         return STATUS_OK;
     }
     return pbrt_bake_scalar(p, value, change, parameter, factor, slot);

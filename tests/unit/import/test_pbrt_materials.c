@@ -321,6 +321,24 @@ static void test_mix(void **state)
                  "mixed more than");
 }
 
+/* The amount is a colour in pbrt-v3, and the share of the first: 1 - (.2 + .4 + .9) / 3. */
+static void test_mix_by_color(void **state)
+{
+    struct import_result r;
+
+    (void)state;
+    pbrt_world(LAMP "MakeNamedMaterial \"a\" \"string type\" \"matte\" Material \"mix\" \"string namedmaterial1\" \"a\" "
+                    "\"string namedmaterial2\" \"a\" \"rgb amount\" [.2 .4 .9] " TRIANGLE, &r);
+    assert_float_equal(r.scene.materials[r.scene.instances[0].material].mix_amount, 0.5f, 1e-6f);
+    pbrt_warned(&r, "a.pbrt:4: |mix by a colour");
+    import_result_release(&r);
+    pbrt_world(LAMP "MakeNamedMaterial \"a\" \"string type\" \"matte\" Material \"mix\" \"string namedmaterial1\" \"a\" "
+                    "\"string namedmaterial2\" \"a\" \"rgb amount\" [.2 .2 .2] " TRIANGLE, &r);
+    assert_float_equal(r.scene.materials[r.scene.instances[0].material].mix_amount, 0.8f, 1e-6f);
+    assert_int_equal(r.warning_count, 0);
+    import_result_release(&r);
+}
+
 static void test_version_3(void **state)
 {
     struct import_result r;
@@ -827,6 +845,7 @@ int main(void)
         cmocka_unit_test(test_dielectrics),
         cmocka_unit_test(test_diffuse_transmission),
         cmocka_unit_test(test_mix),
+        cmocka_unit_test(test_mix_by_color),
         cmocka_unit_test(test_version_3),
         cmocka_unit_test(test_version_3_smooth),
         cmocka_unit_test(test_version_3_names),
