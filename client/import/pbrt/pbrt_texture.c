@@ -264,6 +264,7 @@ static status read_dots(struct pbrt *p, const struct pbrt_directive *d, int colo
     struct pbrt_texture *t = texture_new(p, TEXTURE_DOTS);
 
     *out = t;
+    t->cost = 3 * 8; /* the noise at three places is of eight corners each */
     TRY(read_mapping(p, d, t));
     TRY(child_or(p, d, "inside", color, 1, &t->child[0]));
     return child_or(p, d, "outside", color, 0, &t->child[1]);

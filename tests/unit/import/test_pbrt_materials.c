@@ -619,6 +619,15 @@ static void test_dots_texture(void **state)
     }
     assert_int_equal(r.warning_count, 0);
     import_result_release(&r);
+    /* Dots of dots are as costly as they are. */
+    {
+        struct buffer text = BUFFER_INIT;
+        buffer_puts(&text, "WorldBegin Texture \"0\" \"float\" \"dots\" ");
+        for (int i = 1; i < 12; i++)
+            buffer_printf(&text, "Texture \"%d\" \"float\" \"dots\" \"texture inside\" \"%d\" ", i, i - 1);
+        pbrt_refused(buffer_text(&text), "built of one another");
+        buffer_release(&text);
+    }
     /* As a mask, and many of them: a field has at least some texels. */
     m = material_with_image("Texture \"d\" \"float\" \"dots\" \"float uscale\" 40 \"float vscale\" 1 "
                             "Material \"coateddiffuse\" \"texture roughness\" \"d\" \"bool remaproughness\" false", &r);
