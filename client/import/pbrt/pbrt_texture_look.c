@@ -6,6 +6,8 @@
 #include "common/image/color.h"
 #include "common/math/elementary.h"
 
+#define DOT_RADIUS 0.35 /* of a field */
+
 static double decode(const struct pbrt_texture *t, float encoded)
 {
     if (t->image->is_float || t->gamma == 1)
@@ -76,17 +78,38 @@ static void look_up_image(const struct pbrt_texture *t, double s, double up, dou
     }
 }
 
-/* In every second field around a whole (s, t), on average, lies a dot, off its middle. */
+/* The dot of the field around a whole (s, t), if it has one. */
+struct dot {
+    double s, t, middle[2];
+    int is_known, exists;
+};
+
+static struct dot dot_of(double s, double t)
+{
+    const double shift = 0.5 - DOT_RADIUS;
+    struct dot dot = {.s = s, .t = t, .is_known = 1, .exists = pbrt_noise(s + 0.5, t + 0.5, 0.5) > 0};
+
+    if (dot.exists) {
+        dot.middle[0] = s + shift * pbrt_noise(s + 1.5, t + 2.8, 0.5);
+        dot.middle[1] = t + shift * pbrt_noise(s + 4.5, t + 9.8, 0.5);
+    }
+    return dot;
+}
+
 static int is_in_dot(const double st[2])
 {
-    const double radius = 0.35, shift = 0.5 - radius;
+    static _Thread_local struct dot recent[16]; /* neighbouring texels ask for one field */
     double s = floor(st[0] + 0.5), t = floor(st[1] + 0.5), ds, dt;
+    struct dot *dot;
 
-    if (!(fabs(s) < 1e15 && fabs(t) < 1e15) || !(pbrt_noise(s + 0.5, t + 0.5, 0.5) > 0))
+    if (!(fabs(s) < 1e15 && fabs(t) < 1e15))
         return 0;
-    ds = st[0] - s - shift * pbrt_noise(s + 1.5, t + 2.8, 0.5);
-    dt = st[1] - t - shift * pbrt_noise(s + 4.5, t + 9.8, 0.5);
-    return ds * ds + dt * dt < radius * radius;
+    dot = &recent[((uint64_t)(int64_t)s + 5 * (uint64_t)(int64_t)t) % 16];
+    if (!dot->is_known || dot->s != s || dot->t != t)
+        *dot = dot_of(s, t);
+    ds = st[0] - dot->middle[0];
+    dt = st[1] - dot->middle[1];
+    return dot->exists && ds * ds + dt * dt < DOT_RADIUS * DOT_RADIUS;
 }
 
 void pbrt_evaluate(const struct pbrt_texture *t, const double uv[2], double out[4])
