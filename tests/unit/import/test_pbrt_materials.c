@@ -619,6 +619,12 @@ static void test_dots_texture(void **state)
     }
     assert_int_equal(r.warning_count, 0);
     import_result_release(&r);
+    /* A column of fields: those around (0, 1), (0, 2), (0, 3), (0, 11) ... have dots, by a program of nested interpolations. */
+    (void)material_with_image("Texture \"d\" \"spectrum\" \"dots\" \"float uscale\" .1 \"float vscale\" 32 "
+                              "Material \"diffuse\" \"texture reflectance\" \"d\"", &r);
+    for (uint32_t t = 1; t < 32; t++)
+        assert_true(texel_of(&r, 0, 128, (32 - t) * 64, 0) == (float)(2165098510u >> t & 1));
+    import_result_release(&r);
     /* Dots of dots are as costly as they are. */
     {
         struct buffer text = BUFFER_INIT;
