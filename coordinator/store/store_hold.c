@@ -33,16 +33,14 @@ static int is_taken(int fd) { return fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) != 
 
 static status refuse_second(const struct store_lock *lock, const char *folder, struct error *err)
 {
-    char text[32];
+    char text[32], process[48] = "";
     ssize_t got = read(lock->file, text, sizeof text - 1);
 
     text[got > 0 ? got : 0] = 0;
-    if (atoi(text) <= 0) /* its file was deleted: this one is new */
-        return error_set(err, STATUS_ERR_REFUSED,
-                         "%s: another coordinator uses this store; end it, or choose another --store", folder);
+    if (atoi(text) > 0) /* else its file was deleted: this one is new */
+        snprintf(process, sizeof process, " (process %d)", atoi(text));
     return error_set(err, STATUS_ERR_REFUSED,
-                     "%s: another coordinator (process %d) uses this store; end it, or choose another --store", folder,
-                     atoi(text));
+                     "%s: another coordinator%s uses this store; end it, or choose another --store", folder, process);
 }
 
 status store_lock(struct store_lock *out, const char *folder, struct error *err)
@@ -54,9 +52,10 @@ status store_lock(struct store_lock *out, const char *folder, struct error *err)
     *out = STORE_UNLOCKED;
     NEED(path, err, "the store");
     s = open_lock(out, path, folder, err);
-    if (s == STATUS_OK && (flock(out->file, LOCK_EX | LOCK_NB) != 0 || is_taken(out->blobs)))
-        s = refuse_second(out, folder, err);
-    else if (s == STATUS_OK && (ftruncate(out->file, 0) != 0 || write(out->file, text, (size_t)length) < 0))
+    /* A coordinator that was killed may leave a child between its fork and its exec, which holds it for a moment: 2 s at most. */
+    for (int tries = 0; s == STATUS_OK && (flock(out->file, LOCK_EX | LOCK_NB) != 0 || is_taken(out->blobs)); tries++)
+        s = tries < 100 ? (usleep(20000), STATUS_OK) : refuse_second(out, folder, err);
+    if (s == STATUS_OK && (ftruncate(out->file, 0) != 0 || write(out->file, text, (size_t)length) < 0))
         log_debug("%s: the process number could not be noted", path);
     if (s != STATUS_OK)
         store_unlock(out);

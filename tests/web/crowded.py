@@ -52,8 +52,8 @@ def summary(times):
 
 def frame_times(page, seconds):
     """How long each animation frame took for so many seconds."""
-    return summary(page.js("""new Promise(done => { const out = []; let last = 0; const begin = performance.now();
-        const f = now => { if (last) out.push(now - last); last = now;
+    return summary(page.js("""new Promise(done => { const out = []; let last = 0, begin = 0; /* the first frame may be late */
+        const f = now => { begin ||= now; if (last) out.push(now - last); last = now;
           if (now - begin < %d) requestAnimationFrame(f); else done(out); };
         requestAnimationFrame(f); })""" % (seconds * 1000)))
 
@@ -63,8 +63,8 @@ def scroll(page, what, seconds):
     page.wait("""(() => { for (const row of document.querySelectorAll(%r))
           for (let e = row.parentElement; e; e = e.parentElement)
             if (e.scrollHeight > e.clientHeight + 1) return window.list = e; })()""" % what, "a list that can scroll")
-    return summary(page.js("""new Promise(done => { const out = []; let last = 0; const begin = performance.now();
-        const f = now => { if (last) out.push(now - last); last = now;
+    return summary(page.js("""new Promise(done => { const out = []; let last = 0, begin = 0; /* the first frame may be late */
+        const f = now => { begin ||= now; if (last) out.push(now - last); last = now;
           const at = (now - begin) / 1000 %% 2; list.scrollTop = (at < 1 ? at : 2 - at) * 4000;
           if (now - begin < %d) requestAnimationFrame(f); else { list.scrollTop = 0; done(out); } };
         requestAnimationFrame(f); })""" % (seconds * 1000)))

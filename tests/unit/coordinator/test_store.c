@@ -13,6 +13,7 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "common/system/file.h"
@@ -542,6 +543,28 @@ static void a_store_in_use_is_refused(void **state)
     store = sim_store(folder);
     store_close(store);
     close(folder_fd);
+}
+
+/* As by the child that a killed coordinator had just forked. */
+static void a_lock_that_is_let_go_is_waited_for(void **state)
+{
+    struct store *store = sim_store(folder);
+    int lock = open(path_of("lock"), O_RDWR);
+    pid_t child;
+
+    (void)state;
+    store_close(store);
+    assert_int_equal(flock(lock, LOCK_EX | LOCK_NB), 0);
+    child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        usleep(200000);
+        _exit(0);
+    }
+    close(lock);
+    store = sim_store(folder);
+    store_close(store);
+    assert_int_equal(waitpid(child, NULL, 0), child);
 }
 
 static void bad_stores_are_refused(void **state)
@@ -1201,6 +1224,7 @@ int main(void)
         STORE_TEST(a_frame_whose_outputs_cannot_be_synced_is_not_done), STORE_TEST(tokens_name_one_job),
         STORE_TEST(epochs_never_repeat),
         STORE_TEST(a_store_in_use_is_refused),
+        STORE_TEST(a_lock_that_is_let_go_is_waited_for),
         STORE_TEST(bad_stores_are_refused),
         STORE_TEST(films_come_back),
         STORE_TEST(a_small_film_is_kept_as_it_is),
