@@ -359,10 +359,12 @@ void wire_sums_set(ProtobufCBinaryData *out, const float *sums, size_t count)
 
 status wire_sums_get(const float **out, size_t *count, const ProtobufCBinaryData *in, struct error *err)
 {
-    *count = in->len / sizeof **out;
-    *out = (const void *)in->data; /* aligned, as all memory of an unpacked message */
-    if (in->len % sizeof **out || *count > TILE_FLOATS_MAX)
+    *out = NULL;
+    *count = 0;
+    if (in->len % sizeof **out || in->len > TILE_FLOATS_MAX * sizeof **out)
         return error_set(err, STATUS_ERR_PROTOCOL, "a result of %zu bytes", in->len);
+    *out = (const void *)in->data; /* aligned, as all memory of an unpacked message */
+    *count = in->len / sizeof **out;
     return STATUS_OK;
 }
 
@@ -469,10 +471,14 @@ void wire_unit_set(Azulejo__Wire__TileResult *out, struct wire_work *work, const
 
 status wire_unit_get(struct unit_result *out, const Azulejo__Wire__TileResult *in, struct error *err)
 {
+    status s = wire_sums_get(&out->sums, &out->count, &in->sums, err);
+
     out->name = (struct unit_name){in->tile, in->group, in->pass};
-    TRY(wire_sums_get(&out->sums, &out->count, &in->sums, err));
-    TRY(wire_tail_get(&out->tail, &in->tail, err));
-    return wire_work_get(&out->work, in->work, err);
+    THEN(s, wire_tail_get(&out->tail, &in->tail, err));
+    THEN(s, wire_work_get(&out->work, in->work, err));
+    if (s != STATUS_OK)
+        *out = (struct unit_result){0};
+    return s;
 }
 
 /* ---- blobs ----------------------------------------------------------------------------- */

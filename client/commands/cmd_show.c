@@ -36,14 +36,16 @@ static void print_settings(const Azulejo__Wire__RenderSettings *s)
 }
 
 /* "2/255, at most 4096 samples a pixel" */
-static void print_rules(const Azulejo__Wire__StopRules *stop, uint32_t spp)
+static void print_rules(const Azulejo__Wire__JobInfo *job)
 {
     char text[STOP_RULES_TEXT_SIZE];
     struct stop_rules rules;
     struct error ignored = {0};
 
-    if (wire_stop_get(&rules, stop, &ignored) == STATUS_OK)
-        field_print(stdout, "until", stop_rules_text(text, &rules, spp));
+    if (job->by_schedule)
+        field_print(stdout, "until", "it has what its schedule says");
+    else if (wire_stop_get(&rules, job->stop, &ignored) == STATUS_OK)
+        field_print(stdout, "until", stop_rules_text(text, &rules, job->settings->spp));
 }
 
 /* Only values that differ from the defaults. */
@@ -174,7 +176,7 @@ static void print_job(const Azulejo__Wire__JobInfo *job)
     print_needs(job);
     if (job->settings) {
         print_settings(job->settings);
-        print_rules(job->stop, job->settings->spp);
+        print_rules(job);
         print_extras(job->settings);
     }
     if (job->output)

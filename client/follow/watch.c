@@ -35,7 +35,7 @@ static void describe_name(struct buffer *line, const Azulejo__Wire__JobInfo *job
                   format_duration(number, elapsed_s(job)));
 }
 
-/* What is told first is left out first where the line is too short: the reason is what a person can do something about. */
+/* What a line that is too short leaves out, in this order. The reason stays: a person can do something about it. */
 enum telling { TELL_ALL, TELL_NO_PLACE, TELL_NO_NAME, TELL_REASON };
 
 static void describe_waiting(struct buffer *line, const Azulejo__Wire__JobInfo *job, int named, enum telling telling)

@@ -94,7 +94,8 @@ const char *stop_rules_text(char out[STOP_RULES_TEXT_SIZE], const struct stop_ru
         used += (size_t)snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%s of core time a frame", used ? ", " : "",
                                  duration_text(duration, (int64_t)(rules->core_limit_ms / 1000)));
     if (rules->max_rays > 0)
-        snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%.6g rays a frame", used ? ", " : "", (double)rules->max_rays);
+        snprintf(out + used, STOP_RULES_TEXT_SIZE - used, "%s%.6g million rays a frame", used ? ", " : "",
+                 (double)rules->max_rays / 1e6);
     return out;
 }
 

@@ -198,7 +198,7 @@ static status parse_whole(const struct setting *row, const char *text, void *rec
     value = strtoull(text, &end, 10);
     if (end > text && (*end == 'e' || *end == '.')) { /* 2e9 */
         double real = strtod(text, &rest);
-        if (real >= 0 && real <= 0x1p53 && real == floor(real)) {
+        if (real >= 0 && real < 0x1p63 && real == floor(real)) {
             value = (unsigned long long)real;
             end = rest;
         }

@@ -65,7 +65,7 @@ static int is_due(struct job_frame *frame)
     }
     if (tiles < FIGURES_LEAST_TILES || tonemap_reach(&frame->job->output.tonemap) == TONEMAP_REACH_PICTURE)
         return 0;
-    tiles = fmax(tiles / 2, FIGURES_LEAST_TILES); /* the next ones shall not wait until as much was earned again */
+    tiles = fmax(tiles / 2, FIGURES_LEAST_TILES);
     frame->measure_tiles = tiles < FIGURES_SAMPLE_TILES ? (uint32_t)tiles : FIGURES_SAMPLE_TILES;
     return !last || is_old(frame, last);
 }

@@ -7,8 +7,8 @@
  *
  * Computing takes at most one part in FIGURES_COST_SHARE of the processor time that the frame took to render, whatever the
  * number of queries. Within that, figures of the whole picture come with each growth of the samples by FIGURES_GROWTH.
- * Where they would come too late, as with large pictures, they are of as many tiles as are affordable, spread over the
- * picture (measure.h): so the newest are never older than 5 s or a tenth of the frame's time so far, whichever is more, once
+ * Where they would come too late, as with large pictures, they are of half as many tiles as are affordable (the next ones
+ * shall not wait until as much was earned again), spread over the picture (measure.h): so the newest are never older than 5 s or a tenth of the frame's time so far, whichever is more, once
  * each tile has samples of both groups. Figures of what an operator shows only as a whole (TONEMAP_REACH_PICTURE) wait.
  * The first come sooner: a picture without any figure says too little. The last are always of the whole picture.
  */

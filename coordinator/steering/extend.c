@@ -104,6 +104,9 @@ static status check_rules(const struct job *job, const struct job_reopening *cho
                          "job %llu was rendered to %s: give a smaller error in the same unit, or "
                          "--spp",
                          id_of(job), stop_target_text(text, &job->stop.target));
+    if (rules->max_rays > 0 && rules->max_rays < job->stop.max_rays + !chosen->chosen)
+        return error_set(err, STATUS_ERR_REFUSED, "job %llu was rendered to %llu rays a frame: give a larger --max-rays",
+                         id_of(job), (unsigned long long)job->stop.max_rays);
     if (spp == job->settings.spp && !is_room(job, chosen))
         return error_set(err, STATUS_ERR_REFUSED, "job %llu has all of its %u samples a pixel: give a larger --spp",
                          id_of(job), spp);

@@ -466,6 +466,7 @@ void job_report_make(struct job_report *report, struct farm *farm, struct job *j
     info.require = job->needs.require;
     info.memory = job->needs.memory;
     info.memory_said = job->needs.memory_said;
+    info.by_schedule = job->schedule.size > 0;
 #define OPTION(...)
 #define SETTING(o, KIND, type, name, ...) info.name = job->needs.name;
     JOB_NEEDS(OPTION, SETTING, )

@@ -148,8 +148,12 @@ def rays_are_limited():
             expect(int(result.info["stop"]["max_rays"]) == limit, result.info["stop"])
             expect("ended by the limit of rays after" in farm.cli("show", number, expect=0).out, "show")
             again = render(farm, "--schedule-from", result.path)
+            expect(again.info["by_schedule"] and not result.info["by_schedule"], "by_schedule")
             expect(again.bits == result.bits and again.ends == ["schedule"], "other pixels by its schedule: %s" % again.ends)
             if limit == 300000:
+                for few in ("2e5", "3e5"):
+                    refused = farm.cli("extend", number, "--max-rays", few)
+                    expect(refused.code == 5 and "was rendered to 300000 rays a frame" in refused.err, refused)
                 farm.cli("extend", number, "--max-rays", "9e5", expect=0)
                 farm.coordinator.kill()
                 farm.restart_coordinator()

@@ -34,6 +34,17 @@ void pbrt_world(const char *world, struct import_result *out)
     buffer_release(&text);
 }
 
+status pbrt_read_only(const char *text)
+{
+    const struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    struct import_result result;
+    struct error err = {0};
+    status s = import_scene_memory(text, strlen(text), "a.pbrt", NULL, &options, &result, &err);
+
+    import_result_release(&result);
+    return s;
+}
+
 void pbrt_refused(const char *text, const char *words)
 {
     const struct import_options options = IMPORT_OPTIONS_DEFAULT;

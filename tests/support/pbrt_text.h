@@ -17,6 +17,8 @@ void pbrt_world(const char *world, struct import_result *out);
 void pbrt_whole(const char *text, const char *folder, struct import_result *out);
 /* It must fail, and the message hold all of `words` ("a|b"). */
 void pbrt_refused(const char *text, const char *words);
+/* Read it, and forget what came of it: for starve_each. */
+status pbrt_read_only(const char *text);
 /* One warning holds all of `words` ("a|b"). */
 int pbrt_has_warned(const struct import_result *r, const char *words);
 void pbrt_warned(const struct import_result *r, const char *words);

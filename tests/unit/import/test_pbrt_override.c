@@ -93,7 +93,7 @@ static void test_shared(void **state)
     import_result_release(&r);
 }
 
-/* What nobody reads is named, once, as what it is: a parameter of the shape, or of the material. */
+/* A parameter that is not read is named once, as the shape's or as the material's. */
 static void test_unknown(void **state)
 {
     struct import_result r;
