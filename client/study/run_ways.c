@@ -13,6 +13,7 @@ static const struct way ways[] = {
     {KNOB_ALLOCATION, 1, "adaptive", "More samples where the grain is"},
     {KNOB_SAMPLER, SAMPLER_SOBOL, "Sobol", "Scrambled Sobol' points"},
     {KNOB_SAMPLER, SAMPLER_INDEPENDENT, "independent", "Independent random numbers"},
+    {KNOB_ENVIRONMENT, ENV_SAMPLING_LEARNED, "learned", "Environment sampled by what arrives of it"},
     {KNOB_ENVIRONMENT, ENV_SAMPLING_IMPORTANCE, "importance", "Environment sampled by importance"},
     {KNOB_ENVIRONMENT, ENV_SAMPLING_UNIFORM, "uniform", "Environment sampled uniformly"},
     {KNOB_ENVIRONMENT, ENV_SAMPLING_BSDF, "BSDF", "Environment found by the surfaces' directions alone"},

@@ -24,7 +24,8 @@
     CHOICE(ENV_SAMPLING, UNIFORM, 1, "uniform")       /* uniform over the sphere, MIS with the BSDF */                 \
     CHOICE(ENV_SAMPLING, BSDF, 2, "bsdf")             /* no light sampling of the environment */                       \
     CHOICE(ENV_SAMPLING, IMPORTANCE_ONLY, 3, "importance-only")                                                        \
-    CHOICE(ENV_SAMPLING, UNIFORM_ONLY, 4, "uniform-only")
+    CHOICE(ENV_SAMPLING, UNIFORM_ONLY, 4, "uniform-only")                                                              \
+    CHOICE(ENV_SAMPLING, LEARNED, 5, "learned")       /* importance; in rooms, of what arrives there (sky_guide.h) */
 
 #define SAMPLERS(CHOICE)                                                                                               \
     CHOICE(SAMPLER, SOBOL, 0, "sobol")             /* Owen-scrambled Sobol' points */                                  \

@@ -52,9 +52,9 @@
             "turn the environment about +Y, counter-clockwise seen from above (default 0)")                            \
     SETTING(o, NUMBER, float, env_strength, 1, 0, 1e6, ALWAYS, "azulejo:envStrength", "env-strength", "X",             \
             "multiply the environment's radiance (default 1)")                                                         \
-    SETTING(o, CHOICE, enum env_sampling, env_sampling, ENV_SAMPLING_IMPORTANCE, 0, 0, ALWAYS,                         \
+    SETTING(o, CHOICE, enum env_sampling, env_sampling, ENV_SAMPLING_LEARNED, 0, 0, ALWAYS,                            \
             "azulejo:envSampling", "env-sampling", "HOW",                                                              \
-            "how light directions are chosen from the environment (default importance)",                               \
+            "how light directions are chosen from the environment (default learned)",                               \
             CHOICE_OF(ENV_SAMPLING, ENV_SAMPLINGS))                                                                    \
     SETTING(o, CHOICE, enum isa, isa, ISA_AVX2, 0, 0, ALWAYS, "azulejo:isa", "isa", "NAME",                            \
             "instruction set for the ray tracing of every worker (default avx2)", CHOICE_OF(ISA, ISAS))                \

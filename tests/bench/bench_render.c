@@ -141,7 +141,7 @@ static void keep(const char *path, struct image *image)
 
 int main(int argc, char **argv)
 {
-    const char *env = NULL, *size = "400x400", *out = NULL, *sampling = "importance", *isa = "avx2";
+    const char *env = NULL, *size = "400x400", *out = NULL, *sampling = "learned", *isa = "avx2";
     int64_t spp = 100, threads = 1, depth = 12;
     int trace = 0, json = 0, help = 0, general = 0;
     int64_t frame = 0, seed = 0;
@@ -158,7 +158,7 @@ int main(int argc, char **argv)
         {"threads", 0, OPTION_INT, &threads, "N", "rendering threads", 1, 256, NULL},
         {"max-depth", 0, OPTION_INT, &depth, "N", "path depth", 0, SETTINGS_DEPTH_MAX, NULL},
         {"env-sampling", 0, OPTION_CHOICE, &sampling, "MODE", "strategy", 0, 0,
-         "importance|uniform|bsdf|importance-only|uniform-only"},
+         "importance|uniform|bsdf|importance-only|uniform-only|learned"},
         {"sampler", 0, OPTION_CHOICE, &sampler, "NAME", "random numbers", 0, 0, "sobol|independent"},
         {"light-choice", 0, OPTION_CHOICE, &light_choice, "HOW", "odds of lights", 0, 0,
          "tree|power|uniform"},

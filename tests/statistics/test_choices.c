@@ -20,7 +20,7 @@
 
 enum {
     FRAMES = 40, SIDE = 12, BLOCK = 4, BLOCKS = (SIDE / BLOCK) * (SIDE / BLOCK), SPP = 32,
-    SCENES = 5, CHOICES = 8,
+    SCENES = 6, CHOICES = 9,
     TESTS = SCENES * CHOICES * BLOCKS
 };
 
@@ -127,6 +127,13 @@ static void window(struct scene_builder *b)
     b->scene.environment.portals = &portal;
 }
 
+/* The sky through a window that is none: the guide must find it. */
+static void room(struct scene_builder *b)
+{
+    builder_windowed_room(b);
+    sky(b);
+}
+
 static void window_done(struct scene_builder *b)
 {
     b->scene.environment.portal_count = 0;
@@ -139,7 +146,7 @@ static const struct {
     void (*done)(struct scene_builder *b);
 } scenes[SCENES] = {
     {"lamps", lamps, NULL}, {"sky", plain_sky, NULL},        {"glass", glass, NULL},
-    {"fog", fog, NULL},     {"window", window, window_done},
+    {"fog", fog, NULL},     {"window", window, window_done}, {"room", room, NULL},
 };
 
 /* ---- the choices --------------------------------------------------------------------------- */
@@ -151,6 +158,7 @@ static void no_roulette(struct render_settings *s) { s->no_roulette = 1; }
 static void map_only(struct render_settings *s) { s->env_sampling = ENV_SAMPLING_IMPORTANCE_ONLY; }
 static void sphere(struct render_settings *s) { s->env_sampling = ENV_SAMPLING_UNIFORM; }
 static void sphere_only(struct render_settings *s) { s->env_sampling = ENV_SAMPLING_UNIFORM_ONLY; }
+static void by_map(struct render_settings *s) { s->env_sampling = ENV_SAMPLING_IMPORTANCE; }
 static void surface_only(struct render_settings *s) { s->env_sampling = ENV_SAMPLING_BSDF; }
 
 static const struct {
@@ -159,6 +167,7 @@ static const struct {
 } choices[CHOICES] = {
     {"independent", independent},  {"power", by_power}, {"uniform lights", alike},     {"no roulette", no_roulette},
     {"importance-only", map_only}, {"uniform", sphere}, {"uniform-only", sphere_only}, {"bsdf", surface_only},
+    {"importance", by_map},
 };
 
 /* ---- comparing ----------------------------------------------------------------------------- */
@@ -235,10 +244,11 @@ static void expect_effect(double noise[SCENES][CHOICES], double rays[SCENES][CHO
     assert_true(noise[0][1] > 1.02 && noise[0][1] < noise[0][2]);
     assert_true(rays[3][3] > 1.1); /* without roulette, in fog */
     for (int i = 1; i < SCENES; i++) {
-        assert_true(noise[i][4] > 1.2);               /* MIS saves noise, */
-        assert_true(noise[i][6] > 1.2 * noise[i][5]); /* with uniform directions, too */
-        assert_true(noise[i][6] > noise[i][4]);
+        assert_true(noise[i][4] > 1.2);                   /* MIS saves noise, */
+        assert_true(noise[i][6] > 1.2 * noise[i][5]);     /* with uniform directions, too */
+        assert_true(i == 5 || noise[i][6] > noise[i][4]); /* the map's brightest part does not shine into the room */
     }
+    assert_true(noise[5][8] > 2.5); /* the guide, in a room */
 }
 
 static void test_unbiased(void **state)

@@ -364,6 +364,30 @@ void builder_room(struct scene_builder *b, void (*dress)(struct scene_builder *b
         dress(b, m);
 }
 
+void builder_windowed_room(struct scene_builder *b)
+{
+    enum { QUADS = 9 };
+    const float x0 = -2, x1 = 2, y0 = -1, y1 = 2, z0 = -2.5f, z1 = 4; /* the room */
+    const float a0 = 0, a1 = 1, c0 = -1, c1 = 0;                      /* the window's y and z */
+    const float quads[QUADS][4][3] = {
+        {{x0, y0, z0}, {x0, y0, z1}, {x1, y0, z1}, {x1, y0, z0}}, {{x0, y1, z0}, {x1, y1, z0}, {x1, y1, z1}, {x0, y1, z1}},
+        {{x0, y0, z0}, {x1, y0, z0}, {x1, y1, z0}, {x0, y1, z0}}, {{x0, y0, z1}, {x0, y1, z1}, {x1, y1, z1}, {x1, y0, z1}},
+        {{x1, y0, z0}, {x1, y0, z1}, {x1, y1, z1}, {x1, y1, z0}}, {{x0, y0, z0}, {x0, a0, z0}, {x0, a0, z1}, {x0, y0, z1}},
+        {{x0, a1, z0}, {x0, y1, z0}, {x0, y1, z1}, {x0, a1, z1}}, {{x0, a0, z0}, {x0, a1, z0}, {x0, a1, c0}, {x0, a0, c0}},
+        {{x0, a0, c1}, {x0, a1, c1}, {x0, a1, z1}, {x0, a0, z1}},
+    };
+    uint32_t walls, ball;
+
+    builder_init(b);
+    walls = builder_quads(b, quads, QUADS);
+    ball = builder_sphere(b, 12, 1);
+    builder_lambert(b, 0.6f);
+    builder_place(b, walls, builder_last_material(b), vec3_splat(1), vec3_make(0, 0, 0));
+    builder_lambert(b, 0.7f);
+    builder_place(b, ball, builder_last_material(b), vec3_splat(0.6f), vec3_make(0.4f, -0.4f, -0.5f));
+    builder_camera(b, vec3_make(0, 0.5f, 3.8f), vec3_make(0, 0.2f, 0), 0.9f);
+}
+
 static struct scene_blob add_exr(struct scene_builder *b, const float *rgb, uint32_t width, uint32_t height)
 {
     struct image image = {width, height, 3, NULL};

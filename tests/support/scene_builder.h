@@ -70,6 +70,9 @@ void builder_environment_constant(struct scene_builder *b, struct vec3 radiance)
 /* A whole scene: a floor, a ball, a lamp and a sky, and a camera before them. `dress` (may be NULL)
  * changes the ball's material, which is Lambert's. Takes the place of builder_init. */
 void builder_room(struct scene_builder *b, void (*dress)(struct scene_builder *b, struct scene_material *ball));
+/* Four walls, floor and ceiling, a window of 1 x 1 m in the wall at x = -2, a ball, no lamp, and a camera inside. Give it an
+ * environment. Takes the place of builder_init. */
+void builder_windowed_room(struct scene_builder *b);
 /* A lat-long map of floats [height][width][3], stored as an EXR blob. */
 void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width, uint32_t height);
 

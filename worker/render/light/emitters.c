@@ -229,6 +229,7 @@ status emitters_init(struct emitters *e, struct render_scene *scene, const struc
 void emitters_release(struct emitters *e)
 {
     portals_release(&e->environment.portals);
+    sky_guide_release(&e->environment.guide);
     light_tree_release(&e->tree);
     light_table_release(&e->table);
     for (uint32_t i = 0; e->punctual && i < e->punctual_count; i++)

@@ -40,6 +40,7 @@ status medium_new(struct render_medium **out, const struct scene_medium *medium,
 void medium_free(struct render_medium *medium);
 size_t medium_bytes(const struct render_medium *medium); /* without the grid's blob */
 int medium_scatters(const struct render_medium *medium);
+int medium_has_grid(const struct render_medium *medium);
 
 /* Where along the ray, up to ray->t_max (may be INFINITY), the light last scattered. `first` in
  * [0,1) is the sequence's number for the first free path. */

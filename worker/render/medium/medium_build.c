@@ -151,3 +151,5 @@ size_t medium_bytes(const struct render_medium *medium)
 }
 
 int medium_scatters(const struct render_medium *medium) { return medium->scatters; }
+
+int medium_has_grid(const struct render_medium *medium) { return medium->cells != NULL; }

@@ -16,12 +16,21 @@ typedef size_t tile_render_function(const struct render_scene *scene, uint32_t f
 typedef struct vec3 sample_render_function(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
                                            uint32_t number, struct vec3 *radiance, struct render_stats *stats);
 
+/* What of the light from a direction (unit, above the surface) arrives at a point, 0..1. `in`: the volumes in front of
+ * the surface. */
+struct surface;
+struct interior;
+typedef real arrives_function(const struct render_scene *scene, const struct surface *s, const struct interior *in,
+                              struct vec3 direction);
+
 struct kernel {
     const char *name;
     uint64_t effects;
     tile_render_function *tile_render;
     accel_accept *accept;
-    sample_render_function *sample_render; /* only of the one that records paths; else NULL */
+    /* Only of the one that records paths; else NULL. */
+    sample_render_function *sample_render;
+    arrives_function *arrives;
 };
 
 /* The smallest kernel that covers these effects. */
@@ -38,3 +47,5 @@ extern const struct kernel kernel_recording;
 /* tile.c */
 tile_render_function tile_render;
 sample_render_function sample_render;
+/* path.c */
+arrives_function path_arrives;

@@ -21,8 +21,7 @@ static real power_heuristic(real a, real b)
     return 1 / (1 + r * r);
 }
 
-/* Transmittance from the ray's origin to its end. */
-static struct vec3 path_visibility(struct path *path, const struct ray *ray)
+struct vec3 path_visibility(struct path *path, const struct ray *ray)
 {
     path->query.ray_number++;
     if (calls_for(path->scene->effects, INDEX_MATCHED_EFFECTS))

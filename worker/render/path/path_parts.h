@@ -158,6 +158,8 @@ static inline int path_disperses_at(const struct path *path, const struct surfac
 
 /* ---- path_light.c ---------------------------------------------------------------------------- */
 
+/* Transmittance from the ray's origin to its end. */
+struct vec3 path_visibility(struct path *path, const struct ray *ray);
 /* Next-event estimation: light from one sampled emitter, scattered at the vertex towards wo. */
 struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct path_notes *notes);
 /* The same at a vertex in a medium, where path->ray starts. `direction`: the direction of flight. */

@@ -79,8 +79,10 @@ static __attribute__((noinline)) void sink_unscattered(const struct basis *basis
 static inline void sink_vertex_begins(const struct path *path, struct path_vertex *v, struct path_notes *notes)
 {
     notes->added[FROM_PATH] = vec3_splat(0);
-    if (KERNEL_RECORDS)
+    if (KERNEL_RECORDS) {
         record_vertex_begins(path, v, notes);
+        sky_pilot_vertex_begins(path);
+    }
 }
 
 /* The vertex is complete. `record` may be NULL. */
@@ -93,8 +95,10 @@ static inline void sink_vertex(struct path *path, struct path_vertex *v, const s
         sink_features(path, v, notes->added[FROM_PATH], end, record);
     if (end == PATH_BEHIND || end == PATH_ABSORBED) /* is that its basis' fault? */
         sink_unscattered(&v->s.basis);
-    if (KERNEL_RECORDS)
+    if (KERNEL_RECORDS) {
         record_vertex_ends(path, v, notes, end);
+        sky_pilot_vertex_ends(v, notes);
+    }
     if (FAULT(NAN_DIRECTION))
         path->ray.direction = vec3_normalize(vec3_splat(NAN));
     if (FAULT(NAN_THROUGHPUT))

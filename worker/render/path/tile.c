@@ -316,5 +316,5 @@ struct vec3 sample_render(const struct render_scene *scene, uint32_t frame, uint
 /* The kernel that these files are compiled into: others see it as kernel_NAME (Makefile). */
 extern const struct kernel kernel_row KERNEL_ROW;
 const struct kernel kernel_row = {KERNEL_NAME, KERNEL_EFFECTS, tile_render, path_accept,
-                                  KERNEL_RECORDS ? sample_render : NULL};
+                                  KERNEL_RECORDS ? sample_render : NULL, KERNEL_RECORDS ? path_arrives : NULL};
 #endif

@@ -17,6 +17,7 @@
 #include "worker/render/path/enclosure.h"
 #include "worker/render/path/interior.h"
 #include "worker/render/path/kernel.h"
+#include "worker/render/path/sky_pilot.h"
 #include "worker/render/medium/medium.h"
 #include "worker/render/scene/render_material.h"
 #include "worker/render/scene/render_memory.h"
@@ -523,6 +524,11 @@ status render_scene_new(struct render_scene **out, const struct scene *scene, co
     enclosure_find(w);
     if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
         interior_find_camera(w);
+    s = sky_pilot_run(w, err);
+    if (s != STATUS_OK) {
+        render_scene_free(w);
+        return s;
+    }
     w->info.build_ns = clock_monotonic_ns() - start_ns;
     *out = w;
     return STATUS_OK;

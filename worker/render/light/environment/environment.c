@@ -84,22 +84,6 @@ static inline void place_of(const struct environment *env, const struct lat_long
 
 /* ---- directions --------------------------------------------------------------------------- */
 
-static inline struct vec3 to_map(const struct environment *env, struct vec3 d)
-{
-    const real(*m)[3] = env->to_map;
-
-    return (struct vec3){m[0][0] * d.x + m[0][1] * d.y + m[0][2] * d.z, m[1][0] * d.x + m[1][1] * d.y + m[1][2] * d.z,
-                         m[2][0] * d.x + m[2][1] * d.y + m[2][2] * d.z};
-}
-
-static inline struct vec3 from_map(const struct environment *env, struct vec3 d)
-{
-    const real(*m)[3] = env->to_map;
-
-    return (struct vec3){m[0][0] * d.x + m[1][0] * d.y + m[2][0] * d.z, m[0][1] * d.x + m[1][1] * d.y + m[2][1] * d.z,
-                         m[0][2] * d.x + m[1][2] * d.y + m[2][2] * d.z};
-}
-
 struct vec3 environment_read(const struct environment *env, const struct lat_long *at)
 {
     struct place place;
@@ -139,7 +123,7 @@ struct vec3 environment_radiance_pdf(const struct environment *env, struct vec3 
     *pdf = uniform * UNIFORM_PDF;
     if (env->width == 0 || env->black)
         return env->constant;
-    lat_long_of(to_map(env, direction), &at);
+    lat_long_of(environment_to_map(env, direction), &at);
     if (env->mode == MODE_IMPORTANCE)
         *pdf += (1 - uniform) * importance_pdf(env, &at, UINT32_MAX);
     return environment_read(env, &at);
@@ -153,7 +137,7 @@ struct vec3 environment_radiance(const struct environment *env, struct vec3 dire
         return vec3_splat(0);
     if (env->width == 0 || env->black)
         return env->constant;
-    lat_long_of(to_map(env, direction), &at);
+    lat_long_of(environment_to_map(env, direction), &at);
     return environment_read(env, &at);
 }
 
@@ -165,14 +149,11 @@ real environment_pdf(const struct environment *env, struct vec3 direction)
         return 0;
     if (env->mode == MODE_UNIFORM)
         return UNIFORM_PDF;
-    lat_long_of(to_map(env, direction), &at);
+    lat_long_of(environment_to_map(env, direction), &at);
     return env->uniform_share * UNIFORM_PDF + (1 - env->uniform_share) * importance_pdf(env, &at, UINT32_MAX);
 }
 
 /* ---- sampling ----------------------------------------------------------------------------- */
-
-/* A window may cross the map's seam. */
-static inline real seam_crossed(real u) { return u >= 1 ? u - 1 : u; }
 
 /* Can parts other than the one that was chosen from contain the direction? */
 static inline int overlaps(const struct environment *env, uint32_t part, real u)
@@ -188,7 +169,7 @@ static int sample_map(const struct environment *env, real u, real v, struct vec3
     struct density_choice choice;
     struct lat_long at;
     uint32_t part = 0;
-    real share, sine, cosine, radius;
+    real share;
     struct vec3 d;
 
     while (part + 1 < env->part_count && u >= env->part_start[part + 1])
@@ -196,11 +177,8 @@ static int sample_map(const struct environment *env, real u, real v, struct vec3
     share = env->part_start[part + 1] - env->part_start[part];
     u = real_min((u - env->part_start[part]) / share, REAL_BELOW_ONE);
     density_choose(&env->parts[part], u, v, &choice);
-    choice.u = seam_crossed(choice.u);
-    lat_long_sincos(choice.u, &sine, &cosine);
-    radius = real_sqrt(choice.versine * (2 - choice.versine));
-    d = vec3_make(-radius * cosine, real_flip(1 - choice.versine, choice.south), -radius * sine);
-    *direction = vec3_normalize(from_map(env, d));
+    d = environment_chosen(&choice);
+    *direction = vec3_normalize(environment_from_map(env, d));
     *pdf = choice.pdf;
     if (env->part_count > 1 && overlaps(env, part, choice.u)) {
         lat_long_of(d, &at);

@@ -312,33 +312,153 @@ static status parts_build(struct environment *env, struct importance *m, struct 
     return STATUS_OK;
 }
 
-status environment_importance_build(struct environment *env, real largest, struct error *err)
+/* The finest grid, not yet measured; `rows3`: as importance_measure needs it. Release both. */
+static status importance_init(struct importance *m, const struct environment *env, double **rows3, struct error *err)
 {
-    struct importance m = {.env = env, .columns = env->width, .rows = env->height,
-                           .scale = 1 / (double)largest};
-    double *rows3 = NULL;
     size_t cells;
+
+    *m = (struct importance){.env = env, .columns = env->width, .rows = env->height, .scale = 1 / (double)env->largest};
+    for (uint32_t parts = 2; m->columns < GRID_COLUMNS_MIN || (parts == 2 && m->columns <= PARTS_COLUMNS_MAX); parts += 2)
+        m->columns = env->width * parts;
+    for (uint32_t parts = 2; m->rows < GRID_ROWS_MIN || (parts == 2 && m->rows <= PARTS_COLUMNS_MAX / 2); parts += 2)
+        m->rows = env->height * parts;
+    *rows3 = mem_alloc_array(env->width, 3 * sizeof **rows3);
+    m->values = mem_size_mul(m->columns, m->rows, &cells) ? mem_calloc(cells, sizeof *m->values) : NULL;
+    if (*rows3 && m->values)
+        return STATUS_OK;
+    mem_free(m->values);
+    mem_free(*rows3);
+    m->values = NULL;
+    *rows3 = NULL;
+    return error_no_memory(err, "the environment's importance table");
+}
+
+status environment_importance_build(struct environment *env, struct error *err)
+{
+    struct importance m;
+    double *rows3;
     status s;
 
-    for (uint32_t parts = 2; m.columns < GRID_COLUMNS_MIN || (parts == 2 && m.columns <= PARTS_COLUMNS_MAX); parts += 2)
-        m.columns = env->width * parts;
-    for (uint32_t parts = 2; m.rows < GRID_ROWS_MIN || (parts == 2 && m.rows <= PARTS_COLUMNS_MAX / 2); parts += 2)
-        m.rows = env->height * parts;
+    TRY(importance_init(&m, env, &rows3, err));
     m.offset = env->uniform_share > 0 ? 0 : env->mean_luminance * m.scale;
-    rows3 = mem_alloc_array(env->width, 3 * sizeof *rows3);
-    m.values = mem_size_mul(m.columns, m.rows, &cells) ? mem_calloc(cells, sizeof *m.values) : NULL;
-    if (!rows3 || !m.values) {
-        s = error_no_memory(err, "the environment's importance table");
-        goto done;
-    }
     importance_measure(&m, rows3);
     if (!(m.total > COMPENSATED_MIN * 4 * PI_D * m.offset)) {
         m.offset = 0;
         importance_measure(&m, rows3);
     }
     s = parts_build(env, &m, err);
-done:
     mem_free(m.values);
     mem_free(rows3);
     return s;
+}
+
+/* ---- cells by luminance ----------------------------------------------------------------------- */
+
+/* What a window holds is not the grid's. */
+static void window_clear(struct importance *m, const struct density *window)
+{
+    const double columns = m->columns, rows = m->rows;
+    const uint32_t column = (uint32_t)((double)window->u0 * columns + 0.5), row = (uint32_t)((double)window->v0 * rows + 0.5);
+    const uint32_t across = (uint32_t)((double)window->u_size * columns + 0.5);
+    const uint32_t end = row + (uint32_t)((double)window->v_size * rows + 0.5);
+
+    for (uint32_t y = row; y < end && y < m->rows; y++)
+        for (uint32_t x = 0; x < across; x++)
+            m->values[(size_t)y * m->columns + (column + x) % m->columns] = 0;
+}
+
+/* Finer cells a side of each cell. */
+enum { CELL_PARTS_MAX = 16 };
+
+/* A cell's part holds a column and a row of the finest grid at least. */
+static uint32_t cell_parts(const struct importance *m, uint32_t columns, uint32_t rows)
+{
+    uint32_t parts = CELL_PARTS_MAX;
+
+    while (parts > 1 && (parts * columns > m->columns || parts * rows > m->rows))
+        parts /= 2;
+    return parts;
+}
+
+static status cells_init(struct density *cells, uint32_t columns, uint32_t rows, uint32_t parts, struct error *err)
+{
+    for (uint32_t i = 0; i < columns * rows; i++)
+        TRY(density_init(&cells[i], (double)(i % columns) / columns, (double)(i / columns) / rows, 1.0 / columns,
+                         1.0 / rows, parts, parts, err));
+    return STATUS_OK;
+}
+
+/* From the measured grid. `shape`: parts x cells. */
+static void cells_fill(const struct importance *m, const struct coarse *shape, uint32_t parts, struct density *cells)
+{
+    const uint32_t columns = shape->columns / parts;
+
+    for (uint32_t y = 0; y < shape->rows; y++) {
+        coarse_row(m, shape, y);
+        for (uint32_t i = 0; i < columns; i++) {
+            struct density *cell = &cells[y / parts * columns + i];
+            double *sum = shape->sum + (size_t)i * parts;
+
+            for (uint32_t x = 0; x < parts; x++)
+                sum[x] *= density_cell_area(cell, y % parts) / shape->area[(size_t)i * parts + x];
+            density_set_row(cell, y % parts, sum);
+        }
+    }
+}
+
+static status cells_of_map(const struct environment *env, uint32_t columns, uint32_t rows, struct density *cells,
+                           struct error *err)
+{
+    struct coarse shape = {0};
+    struct importance m;
+    double *rows3, *sums = NULL;
+    uint32_t parts;
+    status s;
+
+    TRY(importance_init(&m, env, &rows3, err));
+    parts = cell_parts(&m, columns, rows);
+    shape.columns = columns * parts;
+    shape.rows = rows * parts;
+    s = cells_init(cells, columns, rows, parts, err);
+    if (s == STATUS_OK) {
+        sums = mem_alloc_array(shape.columns, 3 * sizeof *sums);
+        s = sums ? STATUS_OK : error_no_memory(err, "the environment's importance table");
+    }
+    if (s == STATUS_OK) {
+        shape.sum = sums;
+        shape.square = sums + shape.columns;
+        shape.area = sums + 2 * (size_t)shape.columns;
+        importance_measure(&m, rows3);
+        for (uint32_t i = environment_first_window(env); i < env->part_count; i++)
+            window_clear(&m, &env->parts[i]);
+        cells_fill(&m, &shape, parts, cells);
+    }
+    mem_free(sums);
+    mem_free(m.values);
+    mem_free(rows3);
+    return s;
+}
+
+static status cells_of_constant(uint32_t columns, uint32_t rows, struct density *cells, struct error *err)
+{
+    TRY(cells_init(cells, columns, rows, 1, err));
+    for (uint32_t i = 0; i < columns * rows; i++) {
+        const double area = density_cell_area(&cells[i], 0);
+
+        density_set_row(&cells[i], 0, &area);
+    }
+    return STATUS_OK;
+}
+
+status environment_cells_build(const struct environment *env, uint32_t columns, uint32_t rows, struct density *cells,
+                               struct error *err)
+{
+    if (env->width == 0)
+        TRY(cells_of_constant(columns, rows, cells, err));
+    else
+        TRY(cells_of_map(env, columns, rows, cells, err));
+    for (uint32_t i = 0; i < columns * rows; i++)
+        if (density_finish(&cells[i]))
+            density_share(&cells[i], 1);
+    return STATUS_OK;
 }

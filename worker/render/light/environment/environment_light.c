@@ -28,8 +28,12 @@ static real mixture_pdf(const struct environment_light *light, const struct ligh
 struct vec3 environment_light_radiance(const struct environment_light *light, const struct light_context *context,
                                        struct vec3 direction, real *pdf)
 {
-    struct vec3 radiance = environment_radiance_pdf(light->map, direction, pdf);
+    const struct sky_region *region = sky_guide_region(&light->guide, context);
+    struct vec3 radiance;
 
+    if (region)
+        return sky_guide_radiance(&light->guide, light->map, region, direction, pdf);
+    radiance = environment_radiance_pdf(light->map, direction, pdf);
     if (light->portals.count > 0) {
         struct portals_view view;
 
@@ -46,8 +50,11 @@ struct vec3 environment_light_radiance(const struct environment_light *light, co
 static int aim(const struct environment_light *light, const struct light_context *context, real u, real v,
                struct vec3 *direction, real *pdf)
 {
+    const struct sky_region *region = sky_guide_region(&light->guide, context);
     struct portals_view view;
 
+    if (region)
+        return sky_guide_aim(&light->guide, light->map, region, u, v, direction, pdf);
     if (light->portals.count == 0)
         return environment_aim(light->map, u, v, direction, pdf);
     PROFILE_EFFECT(PORTAL);

@@ -140,6 +140,7 @@ static int has_black(const struct image *map)
 static enum mode mode_of(enum env_sampling sampling)
 {
     switch (sampling) {
+    case ENV_SAMPLING_LEARNED:
     case ENV_SAMPLING_IMPORTANCE:
     case ENV_SAMPLING_IMPORTANCE_ONLY: return MODE_IMPORTANCE;
     case ENV_SAMPLING_UNIFORM:
@@ -155,7 +156,6 @@ status environment_new(struct environment **out, struct image *map, const float3
 {
     struct environment *env = mem_calloc(1, sizeof *env);
     status st = STATUS_OK;
-    real largest;
 
     *out = NULL;
     if (!env) {
@@ -186,8 +186,8 @@ status environment_new(struct environment **out, struct image *map, const float3
     set_rotation(env, own, rotate_deg);
     env->width = env->map.width;
     env->height = env->map.height;
-    largest = scale_pixels(&env->map, factor);
-    env->black = largest == 0;
+    env->largest = scale_pixels(&env->map, factor);
+    env->black = env->largest == 0;
     if (env->black)
         goto done;
     env->has_black = has_black(&env->map);
@@ -195,7 +195,7 @@ status environment_new(struct environment **out, struct image *map, const float3
     env->uniform_share = uniform_share(sampling);
     measure_mean(env);
     if (env->mode == MODE_IMPORTANCE)
-        st = environment_importance_build(env, largest, err);
+        st = environment_importance_build(env, err);
 done:
     if (st != STATUS_OK) {
         environment_free(env);

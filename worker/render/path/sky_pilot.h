@@ -1,0 +1,13 @@
+/* sky_pilot: what of the environment arrives in the scene, before it is rendered.
+ *
+ * Paths of pixels all over the picture, of random numbers that no picture uses, find the surfaces that light is asked
+ * for on; from there rays find what arrives, and that makes the emitters' guide (light/environment/sky_guide.h).
+ */
+#pragma once
+
+#include "common/base/status.h"
+
+struct render_scene;
+
+/* Make scene->emitters.environment.guide, if the job asks for it. The scene is complete but for it. */
+status sky_pilot_run(struct render_scene *scene, struct error *err) MUST_CHECK;
