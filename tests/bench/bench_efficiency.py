@@ -44,11 +44,11 @@ BEGIN, END = "<!-- make bench-efficiency -->\n", "<!-- end of make bench-efficie
 
 
 class Scene:
-    def __init__(self, kind, path, depth=12, env=None, data=False):
-        self.kind, self.depth, self.env = kind, depth, env
+    def __init__(self, kind, path, depth=12, env=None, data=False, without=None, name=None):
+        self.kind, self.depth, self.env, self.without = kind, depth, env, without
         self.path = os.path.join(DATA or "" if data else os.path.join(ROOT, "scenes"), path)
         stem = os.path.splitext(os.path.basename(path))[0]
-        self.name = os.path.basename(os.path.dirname(path)) if stem == "scene-v4" else stem
+        self.name = name or (os.path.basename(os.path.dirname(path)) if stem == "scene-v4" else stem)
 
     def environment(self):
         if self.env != "sky":
@@ -63,6 +63,10 @@ SCENES = [
     Scene("room", "cornell/cornell-area.gltf"),
     Scene("room", "features/window.pbrt"),
     Scene("room", "features/portal.pbrt"),
+    Scene("room, no portal", "features/window.pbrt", without="portal", name="window-plain"),
+    Scene("room, no portal", "features/window.pbrt", env="sky", without="portal", name="window-sky"),
+    Scene("room, no portal", "features/portal.pbrt", without="portal", name="portal-plain"),
+    Scene("mirrors, open", "cornell/cornell-mirror.gltf", env="sky", name="cornell-mirror-sky"),
     Scene("textured", "studio/textured-spheres.gltf", env="sky"),
     Scene("textured", "features/normal-map.gltf"),
     Scene("textured", "features/alpha.gltf"),
@@ -113,6 +117,8 @@ class Azulejo:
                 str(scene.depth), "--threads", str(threads), "--json", "--out", out]
         if scene.environment():
             argv += ["--env", scene.environment()]
+        if scene.without:
+            argv += ["--without", scene.without]
         return json.loads(run(argv)[0].strip().split("\n")[-1])["cpu_s"]
 
 
@@ -123,7 +129,7 @@ class Pbrt:
         self.program = shutil.which("pbrt")
 
     def reads(self, scene):
-        return self.program and scene.path.endswith(".pbrt")
+        return self.program and scene.path.endswith(".pbrt") and not scene.without
 
     def render(self, scene, seed, spp, threads, out):
         """Of the scene's text only the picture's size is changed; its files lie beside it by links."""
