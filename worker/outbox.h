@@ -16,7 +16,7 @@
 #include "worker/pool.h"
 #include "worker/render/render.h"
 
-enum { OUTBOX_HIGH = 8192 }; /* results; 6 KiB each, up to 22 KiB with AOVs */
+enum { OUTBOX_HIGH = 8192 }; /* results; 6 KiB each, up to 56 KiB with AOVs */
 
 struct lease;
 

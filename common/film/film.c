@@ -5,6 +5,7 @@
 #include "common/base/memory.h"
 #include "common/base/safeguard.h"
 #include "common/film/film_parts.h"
+#include "common/film/matte.h"
 
 enum { LEVEL_OF_ONE_PASS = 3 }; /* the last level whose second half is one pass */
 
@@ -183,6 +184,11 @@ static void add_aovs(const struct film *film, uint32_t tile, uint32_t group, uin
         size_t count = sent >> aov & 1 ? (size_t)pixels * aov_channels((enum aov)aov) : 0;
         const float *in = from + tile_aov_offset(pixels, sent, (enum aov)aov);
         double *out = to + tile_aov_offset(pixels, kept, (enum aov)aov);
+        if (AOV_MATTES >> aov & 1) {
+            for (size_t i = 0; i < count; i += MATTE_FLOATS)
+                matte_add(out + i, in + i);
+            continue;
+        }
         for (size_t i = 0; i < count; i++)
             out[i] = film_add(out[i], in[i]);
     }
@@ -342,6 +348,21 @@ static status group_wait(struct film_group *g, struct waiting **at, const struct
     return STATUS_OK;
 }
 
+int film_mattes_are_valid(const struct film *film, const struct unit_result *unit)
+{
+    const uint32_t pixels = film_tile_pixels(film, unit->tile), sent = unit_aovs(film->aovs, unit->group, unit->pass);
+    uint32_t begin, end;
+
+    pass_range(film->spp, unit->group, unit->pass, &begin, &end);
+    for (int aov = 0; aov < AOV_COUNT && film->aovs & AOV_MATTES; aov++) {
+        const float *values = unit->sums + tile_aov_offset(pixels, sent, (enum aov)aov);
+        for (uint32_t p = 0; (film->aovs & AOV_MATTES) >> aov & 1 && p < pixels; p++)
+            if (!matte_is_valid(values + (size_t)p * MATTE_FLOATS, end - begin))
+                return 0;
+    }
+    return 1;
+}
+
 static status check_result(const struct film *film, const struct unit_result *unit, struct error *err)
 {
     uint32_t tile = unit->tile, group = unit->group, pass = unit->pass;
@@ -362,6 +383,9 @@ static status check_result(const struct film *film, const struct unit_result *un
                          "tile %u, group %u, pass %u: its largest contributions are out of order "
                          "or range",
                          tile, group, pass);
+    if (!film_mattes_are_valid(film, unit))
+        return error_set(err, STATUS_ERR_INPUT, "tile %u, group %u, pass %u: its counts of things are impossible", tile,
+                         group, pass);
     return STATUS_OK;
 }
 

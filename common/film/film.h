@@ -173,7 +173,8 @@ enum { FILM_PICTURE = -1 };
 void film_group_tile(const struct film *film, uint32_t tile, uint32_t group, int aov, float *out);
 /* The same, from `out` on, whose lines are `line` floats apart. */
 void film_group_tile_at(const struct film *film, uint32_t tile, uint32_t group, int aov, float *out, size_t line);
-/* How many floats of a pixel film_develop_aov() gives: those that workers send, 1 for AOV_SAMPLES, 3 for AOV_ERROR and AOV_VARIANCE. */
+/* How many floats of a pixel film_develop_aov() gives: those that workers send, 1 for AOV_SAMPLES, 3 for AOV_ERROR and AOV_VARIANCE;
+ * 0 for AOV_MATTES. */
 uint32_t film_aov_channels(enum aov aov);
 /* The AOV's values for lines y..y+height-1 into out[channels][height][film width]; 0 if a pixel has
  * no sample yet. Means over the samples, or point samples. AOV_SAMPLES (samples of the pixel),
@@ -182,6 +183,18 @@ uint32_t film_aov_channels(enum aov aov);
 void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_t height, float *out);
 /* One tile of the whole picture. */
 void film_develop_tile_aov(const struct film *film, uint32_t tile, enum aov aov, float *out);
+
+/* One of AOV_MATTES: which things the pixel of the tile shows (matte.h), and the share of its samples of each, weighted as
+ * the picture's: 0..1, together at most 1. By rising number; returns how many. */
+struct film_thing {
+    uint32_t number;
+    double share;
+};
+enum { FILM_THINGS_MAX = 2 * GROUPS * MATTE_SLOTS };
+uint32_t film_things(const struct film *film, uint32_t tile, enum aov aov, uint32_t pixel,
+                     struct film_thing out[FILM_THINGS_MAX]);
+/* The samples of the frame that met something which is in no pixel's list. */
+uint64_t film_things_lost(const struct film *film, enum aov aov);
 
 /* One tile, [pixel, row-major]: the mean radiance, to the bits of film_develop, and the standard error of its
  * luminance (Rec. 709) from the difference of the groups; NaN: there is one only. 0: the tile has no samples. */

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "common/film/film_parts.h"
+#include "common/film/matte.h"
 
 #define GROUPS_ALL ((1u << GROUPS) - 1)
 
@@ -81,6 +82,8 @@ int film_has_groups(const struct film *film)
 
 uint32_t film_aov_channels(enum aov aov)
 {
+    if (AOV_MATTES >> aov & 1)
+        return 0;
     return aov == AOV_SAMPLES ? 1 : aov == AOV_ERROR || aov == AOV_VARIANCE ? 3 : aov_channels(aov);
 }
 
@@ -213,4 +216,71 @@ void film_develop_aov(const struct film *film, enum aov aov, uint32_t y, uint32_
             break;
         develop_tile_aov(film, i, aov, y, height, out);
     }
+}
+
+/* ---- which things -------------------------------------------------------------------------- */
+
+/* The pixel's counts in the group's whole and short passes; NULL: none. */
+static void find_mattes(const struct film *film, uint32_t tile, uint32_t group, enum aov aov, uint32_t pixel,
+                        const double *out[2])
+{
+    const struct film_group *g = &film->tiles[tile].groups[group];
+    const size_t at = tile_aov_offset(film_tile_pixels(film, tile), unit_aovs(film->aovs, group, 0), aov) +
+                      (size_t)pixel * MATTE_FLOATS;
+
+    out[0] = g->whole ? g->whole->values + at : NULL;
+    out[1] = g->cut ? g->cut->values + at : NULL;
+}
+
+/* Sorted into the `count` that are there; `samples` of the group count `weight`. Returns how many there are now. */
+static uint32_t add_things(struct film_thing *out, uint32_t count, const double matte[MATTE_FLOATS], double weight,
+                           double samples)
+{
+    for (uint32_t i = 0; i < MATTE_SLOTS && matte[2 * i + 2] > 0; i++) {
+        const uint32_t number = (uint32_t)matte[2 * i + 1];
+        uint32_t at = count;
+        while (at > 0 && out[at - 1].number >= number)
+            at--;
+        if (at == count || out[at].number != number) {
+            memmove(out + at + 1, out + at, (count - at) * sizeof *out);
+            out[at] = (struct film_thing){number, 0};
+            count++;
+        }
+        out[at].share += weight * (matte[2 * i + 2] / samples);
+    }
+    return count;
+}
+
+uint32_t film_things(const struct film *film, uint32_t tile, enum aov aov, uint32_t pixel,
+                     struct film_thing out[FILM_THINGS_MAX])
+{
+    const unsigned there = groups_there(film, tile, GROUPS_ALL);
+    uint32_t count = 0;
+
+    for (uint32_t g = 0; g < GROUPS; g++) {
+        const double *mattes[2];
+        if (!(there >> g & 1))
+            continue;
+        find_mattes(film, tile, g, aov, pixel, mattes);
+        for (int i = 0; i < 2; i++)
+            if (mattes[i])
+                count =
+                    add_things(out, count, mattes[i], there == 1u << g ? 1 : 0.5, film_group_samples(film, tile, g));
+    }
+    return count;
+}
+
+uint64_t film_things_lost(const struct film *film, enum aov aov)
+{
+    uint64_t lost = 0;
+
+    for (uint32_t i = 0; i < film->tiles_total; i++)
+        for (uint32_t p = 0; p < film_tile_pixels(film, i); p++)
+            for (uint32_t g = 0; g < GROUPS; g++) {
+                const double *mattes[2];
+                find_mattes(film, i, g, aov, p, mattes);
+                for (int k = 0; k < 2; k++)
+                    lost += mattes[k] ? (uint64_t)mattes[k][0] : 0;
+            }
+    return lost;
 }

@@ -103,6 +103,8 @@ void film_group_forget_waiting(struct film_group *group);
  * NULL: it is measured. */
 void film_group_fold(struct film *film, const struct unit_result *unit, struct film_log_entry entry,
                      const struct film_level *level);
+/* Are the result's counts of things (matte.h) possible? Its other numbers are finite and as many as they should be. */
+int film_mattes_are_valid(const struct film *film, const struct unit_result *unit);
 /* Floats of a unit's result. */
 size_t film_unit_numbers(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass);
 

@@ -136,7 +136,7 @@ status film_unit_load(struct film *film, uint32_t tile, const uint8_t *data, siz
     if (!cap_allows(film, tile, &h, unit.work.samples))
         return STATUS_OK;
     completes = pass_is_short(film->spp, h.group, h.pass) ? 0 : level_at(h.pass + 1) + 1;
-    if (!finite || !tail_is_valid(&unit.tail, film_tile_pixels(film, tile)) || (h.level > 0 && h.level != (uint32_t)completes))
+    if (!finite || !film_mattes_are_valid(film, &unit) || !tail_is_valid(&unit.tail, film_tile_pixels(film, tile)) || (h.level > 0 && h.level != (uint32_t)completes))
         return error_set(err, STATUS_ERR_CORRUPT, "tile %u: a stored result has impossible values", tile);
     *result = h.pass < film_tile_passes(film, tile, h.group) ? FILM_UNIT_KNOWN : FILM_UNIT_GAP;
     if (h.pass != film_tile_passes(film, tile, h.group))

@@ -136,7 +136,7 @@ struct exr_channels {
     void (*lines)(void *user, uint32_t y, uint32_t height, float *planes);
     void *user;
 };
-enum { EXR_CHANNELS_MAX = 64, EXR_LINES = 16 };
+enum { EXR_CHANNELS_MAX = 96, EXR_LINES = 16 };
 
 /* Where a picture lies in a larger one, which is the display window. */
 struct exr_window {

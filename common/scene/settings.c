@@ -63,7 +63,8 @@ const char *settings_aovs_text(uint32_t set, char out[SETTINGS_TEXT_SIZE])
 
 int aov_is_point(enum aov aov)
 {
-    const uint32_t means = 1u << AOV_NORMAL | 1u << AOV_ALBEDO | 1u << AOV_ALPHA | 1u << AOV_EMISSION | AOV_FEATURES;
+    const uint32_t means =
+        1u << AOV_NORMAL | 1u << AOV_ALBEDO | 1u << AOV_ALPHA | 1u << AOV_EMISSION | AOV_FEATURES | AOV_MATTES;
 
     return !(means >> aov & 1);
 }

@@ -24,6 +24,11 @@ enum {
 
 uint32_t isa_supported_mask(void); /* bit per enum isa that this CPU has */
 
+enum {
+    MATTE_SLOTS = 6,                    /* things that a pixel of a group keeps apart */
+    MATTE_FLOATS = 1 + 2 * MATTE_SLOTS, /* the lost samples, then pairs (common/film/matte.h) */
+};
+
 /* Arbitrary output variables: what a frame holds besides its radiance, only on request.
  * X(name, text, channels sent by workers). Point-sampled ones are those of sample 0. */
 #define AOV_MAP(X)                                                                         \
@@ -45,7 +50,10 @@ uint32_t isa_supported_mask(void); /* bit per enum isa that this CPU has */
                                    smooth surfaces before it; a feature, mean */                    \
     X(DENOISING_NORMAL, "denoising-normal", 3) /* its shading normal; a feature, mean */            \
     X(EMISSION, "emission", 3)  /* radiance of emitters and surroundings that is met before a rough hit; mean */ \
-    X(VARIANCE, "variance", 0)  /* the error's square; made by the coordinator */
+    X(VARIANCE, "variance", 0)  /* the error's square; made by the coordinator */ \
+    X(CRYPTOMATTE, "cryptomatte", 0) /* a word for the next two (aovs_with_implied): no job has it */ \
+    X(CRYPTO_OBJECT, "crypto-object", MATTE_FLOATS)     /* how many samples met which object (common/film/matte.h) */ \
+    X(CRYPTO_MATERIAL, "crypto-material", MATTE_FLOATS) /* the same of materials */
 
 enum aov {
 #define AOV_ENUM(name, text, channels) AOV_##name,
@@ -53,7 +61,7 @@ enum aov {
 #undef AOV_ENUM
         AOV_COUNT
 };
-enum { AOV_FLOATS_MAX = 27 /* of one pixel, all that workers send */ };
+enum { AOV_FLOATS_MAX = 27 + 2 * MATTE_FLOATS /* of one pixel, all that workers send */ };
 const char *aov_name(enum aov aov);
 int aov_parse(const char *name); /* -1: unknown */
 /* Floats that a worker sends for one pixel; `mask` has bit 1 << enum aov. */
@@ -65,9 +73,13 @@ uint32_t aov_channels(enum aov aov); /* that workers send */
 #define AOV_FEATURES (1u << AOV_DENOISING | 1u << AOV_DENOISING_ALBEDO | 1u << AOV_DENOISING_NORMAL)
 /* What it needs besides the picture. */
 #define AOV_FOR_DENOISING (1u << AOV_DENOISING_ALBEDO | 1u << AOV_DENOISING_NORMAL | 1u << AOV_EMISSION)
+/* Counts of things, which are not added as numbers are. */
+#define AOV_MATTES (1u << AOV_CRYPTO_OBJECT | 1u << AOV_CRYPTO_MATERIAL)
 /* The mask, with what goes with those in it. */
 static inline uint32_t aovs_with_implied(uint32_t aovs)
 {
+    if (aovs >> AOV_CRYPTOMATTE & 1)
+        aovs = (aovs & ~(1u << AOV_CRYPTOMATTE)) | AOV_MATTES;
     return aovs >> AOV_DENOISING & 1 ? aovs | AOV_FEATURES : aovs;
 }
 

@@ -216,6 +216,7 @@ void development_free(struct development *development)
     image_release(&development->denoised);
     scene_release(&development->description);
     mem_free(development->tile_errors);
+    development_mattes_end(development);
     mem_free(development->alpha);
     mem_free(development->there);
     mem_free(development);

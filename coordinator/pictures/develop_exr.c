@@ -12,7 +12,7 @@
 #include "common/image/image.h"
 #include "coordinator/pictures/measured.h"
 
-enum { ATTRIBUTES_MAX = 96 + 2 * HEALTH_KINDS };
+enum { ATTRIBUTES_MAX = 96 + DEVELOPMENT_MATTE_ATTRIBUTES + 1 + 2 * HEALTH_KINDS };
 
 struct attributes {
     struct exr_attribute items[ATTRIBUTES_MAX];
@@ -32,6 +32,16 @@ static void add_number(struct attributes *a, const char *name, double number)
 static void add_point(struct attributes *a, const char *name, const double point[3])
 {
     a->items[a->count++] = (struct exr_attribute){.name = name, .point = point};
+}
+
+static void add_mattes(struct attributes *a, const struct development *d,
+                       char names[DEVELOPMENT_MATTE_ATTRIBUTES][CRYPTOMATTE_NAME_SIZE])
+{
+    const uint64_t lost = development_mattes_lost(d);
+
+    a->count += development_mattes_attributes(d, a->items + a->count, names);
+    if (lost > 0)
+        add_number(a, "azulejo:mattesLost", (double)lost);
 }
 
 static void add_view(struct attributes *a, const struct development_view *view)
@@ -248,8 +258,11 @@ static void develop_lines(void *user, uint32_t y, uint32_t height, float *planes
             film_develop_aov(d->film, (enum aov)aov, y, height, planes);
             planes += (size_t)film_aov_channels((enum aov)aov) * film_width(d->film) * height;
         }
-    if (d->film && d->settings.aovs >> AOV_ERROR & 1)
+    if (d->film && d->settings.aovs >> AOV_ERROR & 1) {
         develop_tile_errors(d, y, height, planes);
+        planes += (size_t)film_width(d->film) * height;
+    }
+    development_mattes_lines(d, y, height, planes);
 }
 
 status develop_exr(struct development *d, struct buffer *exr, struct error *err)
@@ -261,6 +274,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     struct exr_channel channels[EXR_CHANNELS_MAX];
     struct exr_channels more = {.channels = channels, .lines = develop_lines, .user = d};
     char first[HEALTH_KINDS][HEALTH_TEXT_SIZE];
+    char mattes[DEVELOPMENT_MATTE_ATTRIBUTES][CRYPTOMATTE_NAME_SIZE];
     struct buffer measured = BUFFER_INIT, command = BUFFER_INIT;
     struct image with_alpha = {0};
     struct development_view view;
@@ -273,6 +287,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     status s;
 
     TRY(development_find_view(d, &view, err));
+    TRY(development_mattes_begin(d, err));
     digest_to_hex(&d->scene, scene);
     add_text(&a, "azulejo:software", "azulejo " AZULEJO_VERSION);
     add_text(&a, "azulejo:scene", scene);
@@ -292,6 +307,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     add_figures(&a, d, &text);
     add_denoised(&a, d);
     add_work(&a, d, first);
+    add_mattes(&a, d, mattes);
     write_measured(d, &measured);
     if (!buffer_ok(&measured) || !buffer_ok(&command)) {
         buffer_release(&measured);
@@ -311,6 +327,7 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
     }
     if (d->film)
         more.count += list_channels(d->settings.aovs & ~(1u << AOV_ALPHA), as, channels + more.count);
+    more.count += development_mattes_channels(d, channels + more.count);
     options.more = &more;
     options.names = as == EXR_NAMES_BLENDER ? blender_picture : NULL;
     s = d->alpha ? develop_with_alpha(&with_alpha, &d->image, d->alpha, err) : STATUS_OK;

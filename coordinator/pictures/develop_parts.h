@@ -1,12 +1,20 @@
 /* develop_parts: the inside of a development, shared by the files develop*.c; private to them.
  *
  * develop.c makes and ends one, develop_exr.c the EXR file, develop_display.c what a display shows,
- * develop_figures.c how wrong it is, develop_denoise.c the picture without its noise, develop_manifest.c what a frame called for. */
+ * develop_figures.c how wrong it is, develop_denoise.c the picture without its noise,
+ * develop_matte.c its layers for Cryptomatte, develop_manifest.c what a frame called for. */
 #pragma once
 
+#include "common/image/image.h"
 #include "common/scene/scene.h"
+#include "coordinator/pictures/cryptomatte.h"
 #include "coordinator/pictures/develop.h"
 #include "coordinator/pictures/measure.h"
+
+enum {
+    DEVELOPMENT_MATTES = 2, /* kinds of Cryptomatte layers */
+    DEVELOPMENT_MATTE_ATTRIBUTES = 4 * DEVELOPMENT_MATTES,
+};
 
 struct development {
     uint64_t job;
@@ -54,6 +62,7 @@ struct development {
                                 to fill */
     int looked, described; /* `description` was read; it is the job's scene */
     struct scene description;
+    struct cryptomatte mattes[DEVELOPMENT_MATTES]; /* of those that are asked for */
 };
 
 /* Tone mapping of one development: its settings, and the operator's file. */
@@ -85,6 +94,20 @@ struct development_view {
     int32_t rate[2];                 /* frames a second, a fraction */
 };
 status development_find_view(const struct development *d, struct development_view *view, struct error *err);
+
+/* ---- develop_matte.c: Cryptomatte layers of a film, if they are asked for ---- */
+/* Under the names of the description, which was looked for. */
+status development_mattes_begin(struct development *d, struct error *err);
+void development_mattes_end(struct development *d);
+/* How many channels they have, after those of other variables. */
+size_t development_mattes_channels(const struct development *d, struct exr_channel *out);
+/* The header's part: points to `names`, and into `d`. */
+size_t development_mattes_attributes(const struct development *d, struct exr_attribute *out,
+                                     char names[DEVELOPMENT_MATTE_ATTRIBUTES][CRYPTOMATTE_NAME_SIZE]);
+/* Samples that are missing in them. */
+uint64_t development_mattes_lost(const struct development *d);
+/* As exr_channels.lines; returns the end of what was written. */
+float *development_mattes_lines(const struct development *d, uint32_t y, uint32_t height, float *planes);
 
 status toning_begin(struct toning *t, const struct development *d, const struct store *store, struct error *err);
 void toning_end(struct toning *t);

@@ -8,6 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/film/matte.h"
+#include "common/math/elementary.h"
+
 static float number_of(uint32_t tile, uint32_t group, uint32_t pass, size_t i)
 {
     uint32_t h = (uint32_t)i * 2654435761u ^ tile * 40503u ^ (pass * GROUPS + group + 1) * 2246822519u;
@@ -16,6 +19,25 @@ static float number_of(uint32_t tile, uint32_t group, uint32_t pass, size_t i)
     h *= 2246822519u;
     h ^= h >> 13;
     return ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
+}
+
+/* A few samples of each pixel met things, of which there are more than a pixel keeps apart. */
+static void put_mattes(const struct film *film, const struct unit_result *unit, uint32_t pixels, uint32_t samples,
+                       float *sums)
+{
+    const uint32_t sent = unit_aovs(film_aovs(film), unit->group, unit->pass);
+
+    for (int aov = 0; aov < AOV_COUNT; aov++)
+        for (uint32_t p = 0; (sent & AOV_MATTES) >> aov & 1 && p < pixels; p++) {
+            float *out = sums + tile_aov_offset(pixels, sent, (enum aov)aov) + (size_t)p * MATTE_FLOATS;
+            struct matte_tally tally = {.count = 0};
+            double counts[MATTE_FLOATS];
+            for (uint32_t i = 0; i < samples && i < 16; i++)
+                matte_tally_add(&tally, 1 + float_bits(number_of(unit->tile, unit->group, unit->pass, p * 16 + i)) / 64 % 11);
+            matte_tally_get(&tally, counts);
+            for (int i = 0; i < MATTE_FLOATS; i++)
+                out[i] = (float)counts[i];
+        }
 }
 
 struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32_t group, uint32_t pass, float *sums)
@@ -28,6 +50,7 @@ struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32
     for (size_t i = 0; i < unit.count; i++)
         sums[i] = number_of(tile, group, pass, i);
     pass_range(film_spp(film), group, pass, &begin, &end);
+    put_mattes(film, &unit, pixels, end - begin, sums);
     unit.work.samples = (uint64_t)pixels * (end - begin);
     unit.work.rays = unit.work.samples * 3 + pass;
     unit.work.vertices = unit.work.rays / 2;

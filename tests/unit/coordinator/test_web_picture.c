@@ -306,6 +306,7 @@ static void layers_have_names(void **state)
     assert_false(linear_has_layer(0, AOV_DEPTH));
     assert_true(linear_has_layer(1u << AOV_DEPTH, AOV_DEPTH));
     assert_false(linear_has_layer(~0u, AOV_COUNT));
+    assert_false(linear_has_layer(~0u, AOV_CRYPTO_OBJECT)); /* it is no picture */
     assert_false(linear_has_layer(~0u, -2));
 }
 

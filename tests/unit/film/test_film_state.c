@@ -33,7 +33,7 @@ static void copy_states(const struct film *from, struct film *to)
 static void state_goes_to_disk_and_back(void **state)
 {
     enum { WIDTH = 24, HEIGHT = 20, SPP = 141 };
-    const uint32_t aovs = 1u << AOV_POSITION | 1u << AOV_ALBEDO;
+    const uint32_t aovs = 1u << AOV_POSITION | 1u << AOV_ALBEDO | 1u << AOV_CRYPTO_MATERIAL;
     struct film *whole = film_data_whole(WIDTH, HEIGHT, SPP, aovs);
     struct film *half = film_data_new(WIDTH, HEIGHT, SPP, aovs);
     struct film *resumed = film_data_new(WIDTH, HEIGHT, SPP, aovs);

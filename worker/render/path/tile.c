@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "common/base/safeguard.h"
+#include "common/film/matte.h"
 #include "worker/render/path/kernel.h"
 #include "worker/render/path/path.h"
 #include "worker/render/base/fault.h"
@@ -26,7 +27,7 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
                       const struct path_record *record, int first, double *values)
 {
     const struct vec3 normal = {FAULT(NAN_AOV) ? NAN : record->normal.x, record->normal.y, record->normal.z};
-    real sample[AOV_FLOATS_MAX], motion[2] = {0, 0};
+    real sample[3], motion[2] = {0, 0};
     uint32_t at = 0;
     int bad = 0;
 
@@ -34,6 +35,10 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
         uint32_t channels = aov_channels((enum aov)aov);
         if (!(mask >> aov & 1) || channels == 0)
             continue;
+        if (AOV_MATTES >> aov & 1) { /* counted, not added */
+            at += channels;
+            continue;
+        }
         memset(sample, 0, sizeof sample);
         if (record->hit)
             switch ((enum aov)aov) {
@@ -59,6 +64,9 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
             case AOV_SAMPLES:
             case AOV_ERROR:
             case AOV_VARIANCE:
+            case AOV_CRYPTOMATTE:
+            case AOV_CRYPTO_OBJECT:
+            case AOV_CRYPTO_MATERIAL:
             case AOV_COUNT: break;
             }
         if (aov == AOV_ALPHA)
@@ -83,6 +91,28 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
     }
     if (bad)
         health_note(HEALTH_DROPPED_AOVS);
+}
+
+/* What a pixel's samples are of. */
+struct tile_mattes {
+    struct matte_tally objects, materials;
+};
+
+static __attribute__((noinline)) void tile_count_things(const struct path_record *record, struct tile_mattes *mattes)
+{
+    if (!record->hit)
+        return;
+    matte_tally_add(&mattes->objects, record->instance + 1);
+    matte_tally_add(&mattes->materials, record->material + 1);
+}
+
+/* Into the pixel's `values`, in the enum's order. */
+static __attribute__((noinline)) void tile_put_mattes(uint32_t mask, const struct tile_mattes *mattes, double *values)
+{
+    if (mask >> AOV_CRYPTO_OBJECT & 1)
+        matte_tally_get(&mattes->objects, values + aov_floats(mask & ((1u << AOV_CRYPTO_OBJECT) - 1)));
+    if (mask >> AOV_CRYPTO_MATERIAL & 1)
+        matte_tally_get(&mattes->materials, values + aov_floats(mask & ((1u << AOV_CRYPTO_MATERIAL) - 1)));
 }
 
 /* For the shares of the light that clamping and --max-depth took: the light of one wavelength is outside
@@ -212,6 +242,7 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     struct sampler samplers[SAMPLER_LANES];
     struct ray rays[SAMPLER_LANES];
     struct sampler_batch batch;
+    struct tile_mattes mattes;
 
     pass_range(settings->spp, group, pass, &begin, &end);
     health_scope = (struct health_scope){stats->work.health.count, 0};
@@ -222,6 +253,8 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
     for (uint32_t y = rect.y; y < rect.y + rect.height; y++)
         for (uint32_t x = rect.x; x < rect.x + rect.width; x++, index++) {
             double sum[3] = {0}, values[AOV_FLOATS_MAX] = {0};
+            if (aovs & AOV_MATTES)
+                mattes.objects.count = mattes.objects.lost = mattes.materials.count = mattes.materials.lost = 0;
             for (uint32_t i = begin, at = 0, ready = 0; i < end; i++, at++) {
                 struct path_record record;
                 struct vec3 radiance;
@@ -236,8 +269,11 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
                                       extra ? &record : NULL, stats);
                 if (aovs >> AOV_EMISSION & 1)
                     tile_match_emission(&record, radiance, limit);
-                if (extra)
+                if (extra) {
                     tile_aovs(scene, aovs, &rays[at], &record, i == 0, values);
+                    if (aovs & AOV_MATTES)
+                        tile_count_things(&record, &mattes);
+                }
                 if ((health_scope.noted || !tile_is_sound(radiance)) &&
                     !tile_keeps(scene, radiance, (struct health_place){pass, tile, (uint32_t)index, i * GROUPS + group},
                                 stats))
@@ -253,6 +289,8 @@ size_t tile_render(const struct render_scene *scene, uint32_t frame, uint32_t ti
             for (size_t c = 0; c < 3; c++)
                 sums[index * 3 + c] = tile_float(sum[c]);
             tile_count_seen(sum, limit, stats);
+            if (aovs & AOV_MATTES)
+                tile_put_mattes(aovs, &mattes, values);
             for (uint32_t aov = 0, at = 0; extra && aov < AOV_COUNT; aov++) {
                 uint32_t channels = aovs >> aov & 1 ? aov_channels((enum aov)aov) : 0;
                 for (uint32_t c = 0; c < channels; c++)
