@@ -24,7 +24,7 @@ void scene_release(struct scene *scene)
 void scene_instance_default(struct scene_instance *instance)
 {
     memset(instance, 0, sizeof *instance);
-    instance->name = "";
+    instance->name = instance->asset = "";
     instance->to_world = transform_d_identity();
     instance->node = instance->skin = instance->body = -1;
 }

@@ -187,6 +187,7 @@ struct scene_material {
 /* One placement of a mesh with one material. */
 struct scene_instance {
     const char *name;
+    const char *asset; /* the name of the file's topmost thing that it is a part of; "": itself */
     uint32_t mesh;
     uint32_t material;
     struct transform_d to_world; /* invertible; a negative determinant mirrors the mesh: the

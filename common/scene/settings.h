@@ -53,7 +53,8 @@ enum {
     X(VARIANCE, "variance", 0)  /* the error's square; made by the coordinator */ \
     X(CRYPTOMATTE, "cryptomatte", 0) /* a word for the next two (aovs_with_implied): no job has it */ \
     X(CRYPTO_OBJECT, "crypto-object", MATTE_FLOATS)     /* how many samples met which object (common/film/matte.h) */ \
-    X(CRYPTO_MATERIAL, "crypto-material", MATTE_FLOATS) /* the same of materials */
+    X(CRYPTO_MATERIAL, "crypto-material", MATTE_FLOATS) /* the same of materials */ \
+    X(CRYPTO_ASSET, "crypto-asset", 0) /* the objects' counts by scene_instance.asset, by the coordinator; with the objects */
 
 enum aov {
 #define AOV_ENUM(name, text, channels) AOV_##name,
@@ -80,6 +81,8 @@ static inline uint32_t aovs_with_implied(uint32_t aovs)
 {
     if (aovs >> AOV_CRYPTOMATTE & 1)
         aovs = (aovs & ~(1u << AOV_CRYPTOMATTE)) | AOV_MATTES;
+    if (aovs >> AOV_CRYPTO_ASSET & 1)
+        aovs |= 1u << AOV_CRYPTO_OBJECT;
     return aovs >> AOV_DENOISING & 1 ? aovs | AOV_FEATURES : aovs;
 }
 

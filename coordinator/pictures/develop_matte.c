@@ -16,14 +16,22 @@ static const char *material_name(const void *scene, uint32_t thing)
     return ((const struct scene *)scene)->materials[thing].name;
 }
 
+static const char *asset_name(const void *scene, uint32_t thing)
+{
+    const struct scene_instance *instance = &((const struct scene *)scene)->instances[thing];
+
+    return *instance->asset ? instance->asset : instance->name;
+}
+
 static const struct {
-    enum aov aov;
-    const char *kind; /* of a thing without a name */
+    enum aov aov, counts; /* which is asked for; whose counts it is of */
+    const char *kind;     /* of a thing without a name */
     const char *(*thing_name)(const void *scene, uint32_t thing);
     const char *types[EXR_NAMES_COUNT], *channels[EXR_NAMES_COUNT][CRYPTOMATTE_CHANNELS];
 } rows[DEVELOPMENT_MATTES] = {
-    {AOV_CRYPTO_OBJECT, "object", object_name, NAMES("CryptoObject")},
-    {AOV_CRYPTO_MATERIAL, "material", material_name, NAMES("CryptoMaterial")},
+    {AOV_CRYPTO_OBJECT, AOV_CRYPTO_OBJECT, "object", object_name, NAMES("CryptoObject")},
+    {AOV_CRYPTO_MATERIAL, AOV_CRYPTO_MATERIAL, "material", material_name, NAMES("CryptoMaterial")},
+    {AOV_CRYPTO_ASSET, AOV_CRYPTO_OBJECT, "object", asset_name, NAMES("CryptoAsset")},
 };
 
 static int is_wanted(const struct development *d, int row) { return d->film && d->settings.aovs >> rows[row].aov & 1; }
@@ -36,7 +44,7 @@ status development_mattes_begin(struct development *d, struct error *err)
         if (!is_wanted(d, i) || d->mattes[i].ids)
             continue;
         TRY(cryptomatte_init(&d->mattes[i], rows[i].kind,
-                             rows[i].aov == AOV_CRYPTO_MATERIAL ? scene->material_count : scene->instance_count,
+                             rows[i].counts == AOV_CRYPTO_MATERIAL ? scene->material_count : scene->instance_count,
                              rows[i].thing_name, scene, err));
     }
     return STATUS_OK;
@@ -84,7 +92,7 @@ uint64_t development_mattes_lost(const struct development *d)
     uint64_t lost = 0;
 
     for (int i = 0; i < DEVELOPMENT_MATTES; i++)
-        if (is_wanted(d, i))
+        if (is_wanted(d, i) && rows[i].aov == rows[i].counts)
             lost += film_things_lost(d->film, rows[i].aov);
     return lost;
 }
@@ -102,7 +110,7 @@ static void put_tile(const struct development *d, int row, uint32_t tile, uint32
         float values[CRYPTOMATTE_CHANNELS];
         if (line < y || line >= y + height)
             continue;
-        cryptomatte_rank(&d->mattes[row], things, film_things(d->film, tile, rows[row].aov, p, things), values);
+        cryptomatte_rank(&d->mattes[row], things, film_things(d->film, tile, rows[row].counts, p, things), values);
         for (size_t c = 0; c < CRYPTOMATTE_CHANNELS; c++)
             planes[c * plane + (size_t)(line - y) * width + rect.x + p % rect.width] = values[c];
     }

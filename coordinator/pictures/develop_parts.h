@@ -12,7 +12,7 @@
 #include "coordinator/pictures/measure.h"
 
 enum {
-    DEVELOPMENT_MATTES = 2, /* kinds of Cryptomatte layers */
+    DEVELOPMENT_MATTES = 3, /* kinds of Cryptomatte layers */
     DEVELOPMENT_MATTE_ATTRIBUTES = 4 * DEVELOPMENT_MATTES,
 };
 

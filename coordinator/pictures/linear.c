@@ -10,7 +10,7 @@ static const char picture_name[] = "color";
 int linear_has_layer(uint32_t aovs, int layer)
 {
     return layer == LINEAR_PICTURE || layer == AOV_SAMPLES || layer == AOV_ERROR ||
-           (layer >= 0 && layer < AOV_COUNT && ((aovs & ~AOV_MATTES) >> layer & 1));
+           (layer >= 0 && layer < AOV_COUNT && ((aovs & ~(AOV_MATTES | 1u << AOV_CRYPTO_ASSET)) >> layer & 1));
 }
 
 const char *linear_layer_name(int layer) { return layer == LINEAR_PICTURE ? picture_name : aov_name((enum aov)layer); }

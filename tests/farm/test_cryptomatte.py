@@ -14,7 +14,7 @@ from png import Png
 tests = Tests()
 FEATURES = os.path.join(ROOT, "scenes", "features")
 RANKS = 6
-KEYS = {"CryptoObject": "3ae39a5", "CryptoMaterial": "be359d6"}  # of the specification
+KEYS = {"CryptoObject": "3ae39a5", "CryptoMaterial": "be359d6", "CryptoAsset": "f42029d"}  # of the specification
 
 
 def murmur(data):
@@ -68,14 +68,15 @@ class Matte:
 
 def write_boards(path):
     """Boards side by side before nothing, one unit a pixel of 32x16: "left" from x = -10 to 0.5, a pixel's centre, and a
-    second node "left" below it; an unnamed one from 0.5 to 10; materials "red" and one without a name."""
+    second node "left" below it; an unnamed one from 0.5 to 10; materials "red" and one without a name. The second and third
+    are in a node of a node "set"."""
     corners = struct.pack("<12f", 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0) + struct.pack("<6H", 0, 1, 2, 0, 2, 3)
     boards = [{"name": "left", "mesh": 0, "translation": [-10, 0, 0], "scale": [10.5, 4, 1]},
               {"name": "left", "mesh": 1, "translation": [-10, -4, 0], "scale": [10.5, 4, 1]},
               {"mesh": 1, "translation": [0.5, -4, 0], "scale": [9.5, 8, 1]}]
     scene = {
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2, 3]}],
-        "nodes": boards + [{"camera": 0, "translation": [0, 0, 10]}],
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 4, 3]}],
+        "nodes": boards + [{"camera": 0, "translation": [0, 0, 10]}, {"name": "set", "children": [5]}, {"name": "row", "children": [1, 2]}],
         "cameras": [{"type": "orthographic", "orthographic": {"xmag": 16, "ymag": 8, "znear": 1, "zfar": 100}}],
         "materials": [{"name": "red", "emissiveFactor": [1, 0, 0]}, {"emissiveFactor": [0, 0, 1]}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": m}]} for m in range(2)],
@@ -112,7 +113,7 @@ def shares_of_known_shapes():
     """coverage of boards has the closed form, sums to alpha, and is under the names of nodes and materials"""
     with Farm() as farm:
         boards = write_boards(farm.path("boards.gltf"))
-        farm.cli("render", boards, "--size", "32x16", "--spp", "256", "--aov", "cryptomatte", "--alpha", "--half", "-o", "picture",
+        farm.cli("render", boards, "--size", "32x16", "--spp", "256", "--aov", "cryptomatte,crypto-asset", "--alpha", "--half", "-o", "picture",
                  connect=False, expect=0)
         picture = read_exr(farm.path("picture.exr"))
         for layer, key in KEYS.items():
@@ -125,6 +126,10 @@ def shares_of_known_shapes():
         made = Matte(picture, "CryptoMaterial")
         expect(set(made.manifest) == {"red", "material 2"}, made.manifest)
         near(sum(p.get("red", 0) for p in made.pixels), 10.5 * 4, "the red board's area", 0.5)
+        parts = Matte(picture, "CryptoAsset")
+        expect(set(parts.manifest) == {"left", "set"}, parts.manifest)
+        near(sum(p.get("left", 0) for p in parts.pixels), 10.5 * 4, "the upper board's area", 0.5)
+        near(sum(p.get("set", 0) for p in parts.pixels), 20 * 8 - 10.5 * 4, "the set's area", 0.5)
         for a, b in zip(things.pixels, made.pixels):
             near(sum(a.values()), sum(b.values()), "materials and objects", 1e-6)
         expect("azulejo:mattesLost" not in picture.attributes, "lost")
@@ -157,7 +162,11 @@ def pictures_of_every_kind():
         for name, options in (("alpha.gltf", ()), ("motion.gltf", ("--shutter", "0.5", "--frames", "3")), ("panorama.pbrt", ()),
                               ("lens.pbrt", ("--lens", "0.02", "--focus", "4"))):
             picture = render(os.path.join(FEATURES, name), name.split(".")[0],
-                             "--size", "40x24", "--spp", "16", "--aov", "cryptomatte", "--alpha", *options)
+                             "--size", "40x24", "--spp", "16", "--aov", "crypto-material,crypto-asset",
+                             "--alpha", *options)
+            names = [set(Matte(picture, layer).manifest) for layer in ("CryptoObject", "CryptoAsset")]
+            if name == "panorama.pbrt":
+                expect(names[0] == {"trianglemesh 1", "trianglemesh 2", "sphere 3", "sphere 4", "sphere 5"} == names[1], names)
             for layer in KEYS:
                 matte = Matte(picture, layer)
                 expect(any(0 < sum(p.values()) < 1 or len(p) > 1 for p in matte.pixels), name + ": no edges")

@@ -296,6 +296,7 @@ void scene_sample(struct scene *s)
     for (uint32_t i = 0; i < 3; i++)
         s->instances[i] = (struct scene_instance){
             .name = "thing",
+            .asset = "",
             .mesh = i % 2,
             .material = i,
             .node = (int32_t)i - 1,

@@ -9,13 +9,15 @@
 struct visit {
     size_t node;
     uint32_t depth;
-    int moving; /* an ancestor moves */
+    int moving;      /* an ancestor moves */
+    const char *top; /* the name of its topmost ancestor; NULL: it is the topmost itself */
     struct transform_d to_world;
 };
 
 /* The place of the objects attached to a node. */
 struct stand {
     size_t node;
+    const char *asset;           /* as in struct scene_instance */
     int moving;                  /* the node or something above it */
     struct transform_d to_world; /* at rest */
 };
@@ -39,7 +41,7 @@ static const char *node_name(json_t *node)
 /* How a mesh is attached to the scene. */
 struct placing {
     const struct gltf_mesh *mesh;
-    const char *name;
+    const char *name, *asset;
     const struct gltf_place *at;
     int32_t node, skin;   /* rows, -1 */
     uint32_t joint_count; /* of the skin */
@@ -52,6 +54,7 @@ static status place_mesh(struct gltf *g, const struct placing *how, const struct
 
     scene_instance_default(&instance);
     instance.name = how->name;
+    instance.asset = how->asset;
     instance.node = how->node;
     instance.to_world = *to_world;
     if (!transform_d_is_finite(to_world) || !transform_d_invert(to_world, &inverse)) {
@@ -173,7 +176,7 @@ static status add_mesh(struct gltf *g, json_t *node, const struct gltf_place *at
                        const struct stand *stand)
 {
     json_t *instancing = gltf_extension(node, "EXT_mesh_gpu_instancing");
-    struct placing how = {.at = at, .node = -1, .skin = -1};
+    struct placing how = {.asset = stand->asset, .at = at, .node = -1, .skin = -1};
     struct transform_d to_world = stand->to_world;
     int64_t skin = -1;
     uint32_t row;
@@ -338,7 +341,7 @@ static status visit_node(struct walk *w, const struct visit *visit)
     const uint32_t moves = 1u << PATH_TRANSLATION | 1u << PATH_ROTATION | 1u << PATH_SCALE;
     struct gltf *g = w->g;
     const struct gltf_place at = gltf_at("nodes", visit->node, "");
-    struct stand stand = {.node = visit->node};
+    struct stand stand = {.node = visit->node, .asset = visit->top ? visit->top : ""};
     struct visit below = *visit;
     struct gltf_local local;
     int64_t mesh = -1, camera = -1, light = -1;
@@ -366,6 +369,8 @@ static status visit_node(struct walk *w, const struct visit *visit)
     if (light >= 0)
         TRY(add_light(g, node, (size_t)light, &stand));
     TRY(gltf_array(g, node, &at, "children", &children));
+    if (!visit->top)
+        below.top = builder_name(g->b, node_name(node));
     below.moving = stand.moving;
     below.to_world = stand.to_world;
     return push_all(w, children, &at, "children", &below);

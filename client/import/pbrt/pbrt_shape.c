@@ -112,7 +112,8 @@ status pbrt_instance(struct pbrt *p, const struct pbrt_part *part)
         return STATUS_OK;
     }
     scene_instance_default(&instance);
-    instance.name = p->b->meshes[part->mesh].name;
+    instance.name = part->name;
+    instance.asset = part->asset;
     instance.mesh = part->mesh;
     instance.material = part->material;
     instance.to_world = world;
@@ -144,6 +145,7 @@ status pbrt_object_place(struct pbrt *p, const char *name, const struct pbrt_pla
         for (int k = 0; k < 2; k++)
             part.ctm.at[k] = transform_d_multiply(&p->now.ctm.at[k], &part.ctm.at[k]);
         part.at = *at;
+        part.asset = object->name;
         TRY(pbrt_instance(p, &part));
     }
     return STATUS_OK;
@@ -194,7 +196,7 @@ static void tangents_of(const struct pbrt_surface *s, struct mesh_tangents *out)
 static status add_part(struct pbrt *p, const struct pbrt_directive *d, struct pbrt_surface *s, struct mesh_source *mesh,
                        int64_t *mesh_row)
 {
-    struct pbrt_part part = {.ctm = d->ctm, .at = d->at};
+    struct pbrt_part part = {.name = s->name, .asset = "", .ctm = d->ctm, .at = d->at};
     struct mesh_tangents tangents;
 
     for (int k = 0; k < 2; k++) {
@@ -234,9 +236,26 @@ static status add_light(struct pbrt *p, const struct pbrt_directive *d, struct p
     return result;
 }
 
+/* Shapes have no names: that of its file, or its kind and number. */
+static const char *shape_name(struct pbrt *p, const struct pbrt_directive *d)
+{
+    const char *file = strcmp(d->kind, "plymesh") == 0 ? pbrt_string(d->params, "filename", NULL) : NULL;
+    const char *folder = file ? strrchr(file, '/') : NULL, *end;
+    char name[SCENE_NAME_MAX + 1];
+
+    file = folder ? folder + 1 : file;
+    end = file ? strstr(file, ".ply") : NULL;
+    if (file)
+        snprintf(name, sizeof name, "%.*s", (int)(end ? end - file : SCENE_NAME_MAX), file);
+    else
+        snprintf(name, sizeof name, "%.60s %u", d->kind, ++p->shape_count);
+    return builder_name(p->b, name);
+}
+
 static status add_shape(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *mesh)
 {
-    struct pbrt_surface s = {.material = p->now.material,
+    struct pbrt_surface s = {.name = shape_name(p, d),
+                             .material = p->now.material,
                              .light = p->now.area_light,
                              .medium = BUILDER_NO_ROW,
                              .medium_outside = BUILDER_NO_ROW};

@@ -174,6 +174,7 @@ static status do_object_begin(struct pbrt *p, const struct pbrt_place *at)
     TRY(pbrt_push(p, PBRT_STACK_OBJECT, at));
     TRY(pbrt_define(p, "object", name, at));
     p->object = must(ARENA_NEW(&p->arena, struct pbrt_object));
+    p->object->name = builder_name(p->b, name);
     p->object->former = p->last_object;
     p->last_object = p->object;
     pbrt_name_set(p, &p->objects, name, p->object);

@@ -145,6 +145,7 @@ static void pack_instance(struct buffer *out, const struct scene_instance *insta
     Azulejo__Scene__Instance m = AZULEJO__SCENE__INSTANCE__INIT;
 
     m.name = TEXT(instance->name);
+    m.asset = TEXT(instance->asset);
     m.mesh = instance->mesh;
     m.material = instance->material;
     m.node = index_plus_one(instance->node);

@@ -51,6 +51,7 @@ status unpack_instance(struct scene_reader *r, const ProtobufCMessage *message, 
 
     scene_instance_default(to);
     TAKE(unpack_name(r, m->name, &to->name));
+    TAKE(unpack_name(r, m->asset, &to->asset));
     to->mesh = m->mesh;
     to->material = m->material;
     TAKE_DOUBLES(to_world, &to->to_world.m[0][0], 12);

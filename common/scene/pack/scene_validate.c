@@ -96,6 +96,7 @@ static status check_instance(const struct check_place *at, const struct scene *s
     double low[3], high[3];
 
     TRY(check_name(at, instance->name));
+    TRY(check_name(at, instance->asset));
     TRY(check_index(at, "mesh", instance->mesh, scene->mesh_count));
     TRY(check_index(at, "material", instance->material, scene->material_count));
     TRY(check_reference(at, "body", instance->body, scene->material_count));

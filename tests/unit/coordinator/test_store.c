@@ -1141,7 +1141,7 @@ static void aovs_are_layers(void **state)
     assert_int_equal(development_new_frame(&development, frame, &err), STATUS_OK);
     assert_int_equal(develop_encode(development, NULL, &exr, NULL, &err), STATUS_OK);
     development_free(development);
-    assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 27 + 8 + 2 * CRYPTOMATTE_CHANNELS);
+    assert_int_equal(exr_channel_count(exr.data, exr.size), 3 + 27 + 8 + 3 * CRYPTOMATTE_CHANNELS);
     for (size_t i = 0; i < sizeof channels / sizeof *channels; i++) {
         float wanted[3 * WIDTH * HEIGHT];
         int half = -1;

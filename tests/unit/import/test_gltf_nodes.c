@@ -40,9 +40,30 @@ static void test_hierarchy(void **state)
     assert_point(&r, 0, vec3_make(1, 1, 1), 14, 3, -2);
     assert_point(&r, 1, vec3_make(1, 1, 1), 34, 3, 2);
     assert_string_equal(r.scene.instances[1].name, "leaf");
+    assert_string_equal(r.scene.instances[1].asset, ""); /* the topmost node has no name */
     /* The mirroring stays in the transform: the renderer flips the winding by its sign. */
     assert_true(transform_d_determinant(&r.scene.instances[1].to_world) < 0);
     assert_true(scene_effects_default(&r.scene, 0) & EFFECT_INSTANCING);
+    import_result_release(&r);
+}
+
+/* What a part belongs to is the topmost node, which may have a mesh itself. */
+static void test_assets(void **state)
+{
+    static const char *const wanted[] = {"", "car", "car", "", "car"};
+    struct maker m = triangle_maker();
+    struct import_result r;
+
+    (void)state;
+    maker_import(&m,
+                 "\"scenes\":[{\"nodes\":[0,3,4]}],\"nodes\":["
+                 "{\"name\":\"car\",\"children\":[1],\"mesh\":0},{\"name\":\"axle\",\"children\":[2],\"mesh\":0},"
+                 "{\"name\":\"wheel\",\"mesh\":0},{\"name\":\"tree\",\"mesh\":0},"
+                 "{\"name\":\"car\",\"children\":[5]},{\"mesh\":0}]," ONE_TRIANGLE,
+                 &r);
+    assert_int_equal(r.scene.instance_count, 5);
+    for (uint32_t i = 0; i < 5; i++)
+        assert_string_equal(r.scene.instances[i].asset, wanted[i]);
     import_result_release(&r);
 }
 
@@ -367,6 +388,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_hierarchy),
+        cmocka_unit_test(test_assets),
         cmocka_unit_test(test_same_mesh_twice),
         cmocka_unit_test(test_node_faults),
         cmocka_unit_test(test_deep_hierarchy),

@@ -454,6 +454,10 @@ static void test_objects(void **state)
     assert_int_equal(r.scene.mesh_count, 1);
     assert_placed(&r, 0, (const float[]){0, 0, 0}, (const float[]){1, 0, 0});
     assert_placed(&r, 3, (const float[]){0, 0, 0}, (const float[]){4, 0, 0});
+    for (uint32_t i = 0; i < 4; i++) { /* an instance is a part of its object, and a shape is the same in all of them */
+        assert_string_equal(r.scene.instances[i].asset, "pair");
+        assert_string_equal(r.scene.instances[i].name, i % 2 ? "trianglemesh 2" : "trianglemesh 1");
+    }
     import_result_release(&r);
     pbrt_world("ObjectBegin \"o\" AreaLightSource \"diffuse\" " TRIANGLE "ObjectEnd "
                "ObjectInstance \"o\"", &r);

@@ -173,6 +173,8 @@ static void test_ply(void **state)
     pbrt_folder_put(folder, "b.ply", ply, 60);
     pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP "Shape \"plymesh\" \"string filename\" [\"a.ply\"]", folder, &r);
     assert_int_equal(r.scene.meshes[0].triangle_count, 1);
+    assert_string_equal(r.scene.instances[0].name, "a");
+    assert_string_equal(r.scene.instances[0].asset, "");
     import_result_release(&r);
     assert_int_not_equal(import_scene_memory(bad, strlen(bad), "a.pbrt", folder, &options, &r, &err), STATUS_OK);
     assert_says(&err, "a.pbrt:2: |b.ply");

@@ -232,6 +232,7 @@ static void assert_scene_equal(const struct scene *a, const struct scene *b)
     assert_int_equal(a->instance_count, b->instance_count);
     for (uint32_t i = 0; i < a->instance_count; i++) {
         assert_string_equal(a->instances[i].name, b->instances[i].name);
+        assert_string_equal(a->instances[i].asset, b->instances[i].asset);
         assert_int_equal(a->instances[i].mesh, b->instances[i].mesh);
         assert_int_equal(a->instances[i].material, b->instances[i].material);
         assert_memory_equal(&a->instances[i].to_world, &b->instances[i].to_world, sizeof a->instances[i].to_world);
@@ -302,6 +303,8 @@ static void test_round_trip(void **state)
 
     (void)state;
     scene_sample(&scene);
+    check_round_trip(&scene);
+    scene.instances[1].asset = "set";
     check_round_trip(&scene);
     scene_environment_default(&scene.environment);
     scene.environment.present = scene.environment.constant = 1;

@@ -67,6 +67,7 @@ static void tile_aovs(const struct render_scene *scene, uint32_t mask, const str
             case AOV_CRYPTOMATTE:
             case AOV_CRYPTO_OBJECT:
             case AOV_CRYPTO_MATERIAL:
+            case AOV_CRYPTO_ASSET:
             case AOV_COUNT: break;
             }
         if (aov == AOV_ALPHA)

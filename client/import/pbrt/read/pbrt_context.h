@@ -145,11 +145,13 @@ struct pbrt_state {
 
 /* One shape of an object definition. */
 struct pbrt_part {
+    const char *name, *asset; /* as in struct scene_instance */
     uint32_t mesh, material;
     struct pbrt_matrices ctm;
     struct pbrt_place at;
 };
 struct pbrt_object {
+    const char *name; /* the scene's */
     struct pbrt_part *parts;
     size_t count, capacity;
     struct pbrt_object *former; /* defined before it */
@@ -199,7 +201,8 @@ struct pbrt {
     struct pbrt_texture *white;
     struct pbrt_object *object; /* being defined, or NULL */
     struct pbrt_object *last_object;
-    size_t image_bytes; /* decoded */
+    uint32_t shape_count; /* without a name of their own */
+    size_t image_bytes;   /* decoded */
 
     int64_t last_node; /* of last_ctm, BUILDER_NO_ROW: none */
     struct pbrt_matrices last_ctm;
@@ -317,6 +320,7 @@ status pbrt_octahedral_to_latlong(const struct image *square, double y_sign, str
 /* ---- pbrt_material.c ---------------------------------------------------------------------- */
 /* The material as a shape needs it. */
 struct pbrt_surface {
+    const char *name; /* the shape's, for which this is; no part of the material */
     struct pbrt_material *material;
     struct pbrt_area_light *light;    /* NULL: does not shine */
     const struct pbrt_texture *alpha; /* NULL: opaque */
