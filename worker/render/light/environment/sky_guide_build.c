@@ -27,6 +27,8 @@ enum { DISTRICT_RAYS = 8, REGION_RAYS = 16, WINDOW_RAYS = 64, PARTS_MAX = SKY_CE
 #define DISTRICT_SHARE 0.1
 /* A region reaches so far beyond its points, of their extent: elsewhere the pilot has not been. */
 #define BOX_MARGIN 0.25f
+/* Where the variance of a direct light's sample is less than so many times its squared mean, other noise is more. */
+#define NOISE_MIN 6
 /* A region is guided if that lowers the variance of its direct light to this: far, for the map's samples are better
  * stratified. A district's regions are looked at if it lowers the district's to the other, and a scene is guided where at
  * least so many of the pilot's points are. */
@@ -352,7 +354,7 @@ static status stretch_learn(const struct building *b, const struct stretch *in, 
     const uint32_t parts = SKY_CELLS + windows_of(b->light->map);
     const double share = sight ? DISTRICT_SHARE : 0;
     struct moments by_map = {0}, by_guide = {0};
-    double weights[PARTS_MAX], least[PARTS_MAX], opens = 0, arrives = 0, unseen = 0;
+    double weights[PARTS_MAX], least[PARTS_MAX], opens = 0, arrives = 0, unseen = 0, mean;
 
     *before = *after = 0;
     measure_open(b, in, parts, trials->open);
@@ -383,8 +385,9 @@ static status stretch_learn(const struct building *b, const struct stretch *in, 
     for (uint32_t part = 0; part < parts; part++)
         if (trials->arrives[part] >= 0 && (!sight || sight[part] > 0))
             add_trials(b, out, trials->trial[part], part < SKY_CELLS ? rays : WINDOW_RAYS, &by_map, &by_guide);
+    mean = by_map.light + by_map.scattered;
     *before = variance_of(&by_map);
-    *after = variance_of(&by_guide);
+    *after = *before > NOISE_MIN * mean * mean ? variance_of(&by_guide) : *before;
     return STATUS_OK;
 }
 
