@@ -228,7 +228,7 @@ int main(int argc, char **argv)
     int remove_store = 0, check = 0, repair = 0, no_web = 0, version = 0, help = 0;
     const struct option table[] = {
         {"listen", 'l', OPTION_STRING, &listen, "HOST:PORT",
-         "address to listen on (127.0.0.1:7420); port 0 takes any free one", 0, 0, NULL},
+         "address to listen on, or a name for all of its addresses (127.0.0.1:7420); port 0 takes any free one", 0, 0, NULL},
         {"key", 'k', OPTION_STRING, &key_path, "FILE", "the farm's key file (AZULEJO_KEY)", 0, 0,
          NULL},
         {"store", 's', OPTION_STRING, &folder, "DIR",

@@ -1,6 +1,7 @@
 #include "protocol/address.h"
 
 #include <arpa/inet.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -53,4 +54,17 @@ int address_is_number(const char *host)
     unsigned char bytes[16];
 
     return inet_pton(AF_INET, host, bytes) == 1 || inet_pton(AF_INET6, host, bytes) == 1;
+}
+
+uint16_t address_print(const struct sockaddr_storage *address, char out[ADDRESS_TEXT_SIZE])
+{
+    const struct sockaddr_in6 *six = (const struct sockaddr_in6 *)address;
+    const struct sockaddr_in *four = (const struct sockaddr_in *)address;
+    const int is_six = address->ss_family == AF_INET6;
+    const uint16_t port = ntohs(is_six ? six->sin6_port : four->sin_port);
+    char host[INET6_ADDRSTRLEN] = "?";
+
+    (void)inet_ntop(address->ss_family, is_six ? (const void *)&six->sin6_addr : &four->sin_addr, host, sizeof host);
+    snprintf(out, ADDRESS_TEXT_SIZE, is_six ? "[%s]:%u" : "%s:%u", host, port);
+    return port;
 }

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "protocol/address.h"
 #include "protocol/channel_parts.h"
 
 enum { TLS_RECORD_HEADER_BYTES = 5, TLS_RECORD_HANDSHAKE = 22, TLS_MAJOR = 3 };
@@ -78,21 +79,11 @@ static int peer_address(const struct channel *c, struct sockaddr_storage *addres
 static void name_peer(struct channel *c)
 {
     struct sockaddr_storage address;
-    char host[64] = "unknown";
-    unsigned port = 0;
 
-    if (peer_address(c, &address)) {
-        if (address.ss_family == AF_INET6) {
-            const struct sockaddr_in6 *in6 = (const struct sockaddr_in6 *)&address;
-            uv_ip6_name(in6, host, sizeof host);
-            port = ntohs(in6->sin6_port);
-        } else if (address.ss_family == AF_INET) {
-            const struct sockaddr_in *in = (const struct sockaddr_in *)&address;
-            uv_ip4_name(in, host, sizeof host);
-            port = ntohs(in->sin_port);
-        }
-    }
-    snprintf(c->peer, sizeof c->peer, strchr(host, ':') ? "[%s]:%u" : "%s:%u", host, port);
+    if (peer_address(c, &address))
+        address_print(&address, c->peer);
+    else
+        snprintf(c->peer, sizeof c->peer, "unknown:0");
 }
 
 void channel_address(const struct channel *c, uint8_t out[CHANNEL_ADDRESS_BYTES])

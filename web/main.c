@@ -12,6 +12,7 @@
 #include "common/cli/options.h"
 #include "protocol/address.h"
 #include "protocol/channel.h"
+#include "protocol/listen.h"
 #include "web/uploads/child.h"
 #include "web/base/confine.h"
 #include "web/http/http.h"
@@ -75,7 +76,7 @@ static status run(const struct web_options *options, const struct link_peers *fa
         const struct confinement confinement = {.uploads = imports_folder(web->imports),
                                                 .client = imports_program(web->imports),
                                                 .connections = options->connections_max,
-                                                .resolves = !address_is_number(farm->host)};
+                                                .resolves = !address_is_number(farm->host) || listen_looks_up(options->host)};
         loop.data = web;
         for (int i = 0; i < 2; i++) {
             uv_signal_init(&loop, &signals[i]);

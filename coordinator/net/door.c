@@ -53,12 +53,13 @@ static void complain(struct door *door, const char *peer, status code, const cha
 static void on_turn(uv_idle_t *turn)
 {
     struct door *door = turn->data;
-    uv_stream_t *listener = door->waiting;
+    const unsigned waiting = door->waiting_count;
 
     door->accepted = 0;
-    door->waiting = NULL;
-    if (listener && !uv_is_closing((uv_handle_t *)listener))
-        door_connection(door, listener, 0);
+    door->waiting_count = 0;
+    for (unsigned i = 0; i < waiting; i++)
+        if (!uv_is_closing((uv_handle_t *)door->waiting[i]))
+            door_connection(door, door->waiting[i], 0);
     for (int i = 0; i < DOOR_HANDSHAKES_PER_TURN; i++) {
         struct admission_place *place = admission_next(&door->admission);
         if (!place) {
@@ -231,7 +232,7 @@ void door_connection(struct door *door, uv_stream_t *listener, int uv_error)
         return;
     }
     if (door->accepted == DOOR_ACCEPTS_PER_TURN) {
-        door->waiting = listener; /* libuv accepts no other before this one is taken */
+        door->waiting[door->waiting_count++] = listener; /* libuv accepts no other of it before this one is taken */
         return;
     }
     door->accepted++;

@@ -1,4 +1,4 @@
-/* door: connections from the listener until a key is proved. Then they are sessions.
+/* door: connections from the listeners until a key is proved. Then they are sessions.
  *
  * Anyone who can reach the port can connect, so the cost of strangers is bounded here: places,
  * handshakes and log lines (admission.h, log_limit.h). Ownership: the door owns its channels until
@@ -10,6 +10,7 @@
 
 #include "common/system/log_limit.h"
 #include "coordinator/net/admission.h"
+#include "protocol/listen.h"
 
 /* Per iteration of the loop, so that sessions are served in between (9 ms of handshakes). There are at least as many
  * handshakes as connections, so that a flood of bad ones does not fill the queue. */
@@ -23,9 +24,10 @@ struct door {
     struct admission admission;
     struct log_limit complaints;
     struct visitor *visitors;
-    uv_idle_t turn;       /* active while the next iteration may have work */
-    uint32_t accepted;    /* in this turn */
-    uv_stream_t *waiting; /* the listener, when it has a connection for the next turn */
+    uv_idle_t turn;                             /* active while the next iteration may have work */
+    uint32_t accepted;                          /* in this turn */
+    uv_stream_t *waiting[LISTEN_ADDRESSES_MAX]; /* listeners that have a connection for the next turn */
+    unsigned waiting_count;
 };
 
 void door_init(struct door *door, struct server *server);

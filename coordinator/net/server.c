@@ -113,6 +113,12 @@ static void close_handles(struct server *server)
     uv_close((uv_handle_t *)&server->interrupt, NULL);
 }
 
+static void close_listeners(struct server *server)
+{
+    for (unsigned i = 0; i < server->sockets.count; i++)
+        uv_close((uv_handle_t *)&server->listeners[i], NULL);
+}
+
 static void on_signal(uv_signal_t *handle, int number)
 {
     struct server *server = handle->data;
@@ -122,7 +128,7 @@ static void on_signal(uv_signal_t *handle, int number)
     log_info("ending on %s: writing received results to disk first", number == SIGTERM ? "SIGTERM" : "SIGINT");
     server->state = SERVER_DRAINING;
     server->drain_since_ns = clock_monotonic_ns();
-    uv_close((uv_handle_t *)&server->listener, NULL);
+    close_listeners(server);
     for (struct session *s = server->sessions; s; s = s->next)
         if (s->state == SESSION_OPEN)
             session_notice(s, LOG_LEVEL_INFO, "the coordinator is ending");
@@ -247,48 +253,20 @@ static void on_connection(uv_stream_t *listener, int code)
     door_connection(&server->door, listener, code);
 }
 
-static status resolve(struct server *server, const char *host, uint16_t port, struct sockaddr_storage *out,
-                      struct error *err)
-{
-    struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM,
-                             .ai_flags = AI_PASSIVE};
-    uv_getaddrinfo_t request;
-    char service[8];
-    int code;
-
-    snprintf(service, sizeof service, "%u", port);
-    code = uv_getaddrinfo(&server->loop, &request, NULL, host[0] ? host : NULL, service, &hints);
-    if (code != 0)
-        return error_set(err, STATUS_ERR_IO, "--listen %s: %s", host, uv_strerror(code));
-    memcpy(out, request.addrinfo->ai_addr, request.addrinfo->ai_addrlen);
-    uv_freeaddrinfo(request.addrinfo);
-    return STATUS_OK;
-}
-
 /* The farm runs already, and goes on while its guest starts. The ready file is written after that: who waits for it finds
  * both. */
 static status announce(struct server *server, const struct server_options *options, struct error *err)
 {
     const char *ready_file = options->ready_file;
-    struct sockaddr_storage address;
-    int length = sizeof address;
-    char host[64] = "", line[16];
-    int port, six;
+    const struct listen_sockets *sockets = &server->sockets;
+    char where[LISTEN_ADDRESSES_MAX * (ADDRESS_TEXT_SIZE + 5)] = "", line[16];
     status s = STATUS_OK;
 
-    if (uv_tcp_getsockname(&server->listener, (struct sockaddr *)&address, &length) != 0)
-        return error_set(err, STATUS_ERR_INTERNAL, "the listening address is not known");
-    six = address.ss_family == AF_INET6;
-    if (six)
-        uv_ip6_name((struct sockaddr_in6 *)&address, host, sizeof host);
-    else
-        uv_ip4_name((struct sockaddr_in *)&address, host, sizeof host);
-    port = ntohs(six ? ((struct sockaddr_in6 *)&address)->sin6_port : ((struct sockaddr_in *)&address)->sin_port);
-    log_info("listening on %s%s%s:%d, store %s", six ? "[" : "", host, six ? "]" : "", port,
-             store_folder(server->store));
-    printf("listening on %s%s%s:%d\n", six ? "[" : "", host, six ? "]" : "", port);
+    for (unsigned i = 0, at = 0; i < sockets->count; i++)
+        at += (unsigned)snprintf(where + at, sizeof where - at, "%s%s", i > 0 ? " and " : "", sockets->names[i]);
+    log_info("listening on %s, store %s", where, store_folder(server->store));
+    printf("listening on %s\n", where);
     fflush(stdout);
-    server->port = (uint16_t)port;
     if (options->guest.start) {
         server->guest = options->guest;
         s = server->guest.start(server->guest.user, server, err);
@@ -304,27 +282,33 @@ static status announce(struct server *server, const struct server_options *optio
     }
     if (s != STATUS_OK || !ready_file)
         return s;
-    snprintf(line, sizeof line, "%d\n", port);
+    snprintf(line, sizeof line, "%u\n", sockets->port);
     return file_write_atomic(ready_file, line, strlen(line), err);
 }
 
 static status listen_on(struct server *server, const struct server_options *options, struct error *err)
 {
-    struct sockaddr_storage address = {0};
-    int code;
+    const struct listen_request request = {
+        .host = options->host,
+        .port = options->port,
+        .backlog = SERVER_BACKLOG,
+        .option = "--listen",
+        .if_busy = "another coordinator may run there; choose another port with --listen",
+        .busy = STATUS_ERR_IO,
+    };
+    struct listen_sockets *sockets = &server->sockets;
+    int code = 0;
 
-    TRY(resolve(server, options->host, options->port, &address, err));
-    code = uv_tcp_bind(&server->listener, (const struct sockaddr *)&address, 0);
-    if (code == 0)
-        code = uv_listen((uv_stream_t *)&server->listener, SERVER_BACKLOG, on_connection);
-    if (code == UV_EADDRINUSE)
-        return error_set(err, STATUS_ERR_IO,
-                         "%s:%u is in use: another coordinator may run there; choose another port "
-                         "with --listen",
-                         options->host, options->port);
+    TRY(listen_open(sockets, &request, err));
+    for (unsigned i = 0; i < sockets->count; i++) {
+        uv_tcp_t *listener = &server->listeners[i];
+        uv_tcp_init(&server->loop, listener);
+        listener->data = server;
+        code = code ? code : uv_tcp_open(listener, sockets->fds[i]);
+        code = code ? code : uv_listen((uv_stream_t *)listener, SERVER_BACKLOG, on_connection);
+    }
     if (code != 0)
-        return error_set(err, STATUS_ERR_IO, "cannot listen on %s:%u: %s", options->host, options->port,
-                         uv_strerror(code));
+        return error_set(err, STATUS_ERR_IO, "cannot listen on %s: %s", sockets->names[0], uv_strerror(code));
     return STATUS_OK;
 }
 
@@ -343,14 +327,13 @@ static void begin(struct server *server)
 
 static void init_handles(struct server *server)
 {
-    uv_tcp_init(&server->loop, &server->listener);
     uv_timer_init(&server->loop, &server->tick);
     uv_timer_init(&server->loop, &server->commit_timer);
     uv_prepare_init(&server->loop, &server->prepare);
     uv_async_init(&server->loop, &server->saved, on_saved);
     uv_signal_init(&server->loop, &server->terminate);
     uv_signal_init(&server->loop, &server->interrupt);
-    server->listener.data = server->tick.data = server->commit_timer.data = server;
+    server->tick.data = server->commit_timer.data = server;
     server->saved.data = server;
     store_on_saved(server->store, wake_for_saved, server);
     server->prepare.data = server->terminate.data = server->interrupt.data = server;
@@ -398,7 +381,7 @@ status server_run(const struct server_options *options, struct error *err)
             s = announce(server, options, err);
         }
         if (s != STATUS_OK && server->state == SERVER_LISTENING) {
-            uv_close((uv_handle_t *)&server->listener, NULL);
+            close_listeners(server);
             close_handles(server);
         }
         uv_run(&server->loop, UV_RUN_DEFAULT);
@@ -416,7 +399,6 @@ status server_run(const struct server_options *options, struct error *err)
         holders_release(&server->holders);
         farm_release(&server->farm, clock_monotonic_ns());
     } else {
-        uv_close((uv_handle_t *)&server->listener, NULL);
         close_handles(server);
         uv_run(&server->loop, UV_RUN_DEFAULT);
     }

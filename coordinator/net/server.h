@@ -27,6 +27,7 @@
 #include "coordinator/steering/distrust.h"
 #include "coordinator/net/session/session.h"
 #include "protocol/key.h"
+#include "protocol/listen.h"
 
 enum {
     SESSION_BUCKETS = 1 << 14,
@@ -64,12 +65,12 @@ enum server_state { SERVER_LISTENING, SERVER_DRAINING, SERVER_CLOSING };
 
 struct server {
     uv_loop_t loop;
-    uv_tcp_t listener;
+    uv_tcp_t listeners[LISTEN_ADDRESSES_MAX];
+    struct listen_sockets sockets; /* of the listeners, which own them */
     uv_timer_t tick, commit_timer;
     uv_prepare_t prepare;
     uv_async_t saved; /* the store wrote what somebody waits for */
     uv_signal_t terminate, interrupt;
-    uint16_t port;             /* on which it listens */
     struct server_guest guest; /* zero: none */
     int guest_runs;            /* it was started and is to be stopped */
     enum server_state state;
@@ -112,5 +113,5 @@ struct server {
     struct session *watching; /* sessions with watches, a list */
 };
 
-/* Run until a signal ends it. Prints "listening on HOST:PORT" to standard output. */
+/* Run until a signal ends it. Prints "listening on HOST:PORT" to standard output, each further address after " and ". */
 status server_run(const struct server_options *options, struct error *err) MUST_CHECK;

@@ -75,29 +75,23 @@ static int make_secret(const struct farm_key *farm, struct error *err)
 }
 
 /* Where this machine's programs reach the coordinator. */
-static void own_address(struct server *server, char out[ADDRESS_SIZE])
+static void own_address(const struct server *server, char out[ADDRESS_TEXT_SIZE])
 {
-    struct sockaddr_storage where = {0};
-    int size = sizeof where;
-    char host[INET6_ADDRSTRLEN] = "";
+    const char *name = server->sockets.names[0];
 
-    (void)uv_tcp_getsockname(&server->listener, (struct sockaddr *)&where, &size);
-    if (where.ss_family == AF_INET6) {
-        const struct sockaddr_in6 *six = (const struct sockaddr_in6 *)&where;
-        (void)uv_ip6_name(six, host, sizeof host);
-        snprintf(out, ADDRESS_SIZE, "[%s]:%u", strcmp(host, "::") == 0 ? "::1" : host, ntohs(six->sin6_port));
-    } else {
-        const struct sockaddr_in *four = (const struct sockaddr_in *)&where;
-        (void)uv_ip4_name(four, host, sizeof host);
-        snprintf(out, ADDRESS_SIZE, "%s:%u", strcmp(host, "0.0.0.0") == 0 ? "127.0.0.1" : host, ntohs(four->sin_port));
-    }
+    if (strncmp(name, "[::]:", 5) == 0)
+        snprintf(out, ADDRESS_TEXT_SIZE, "[::1]:%s", name + 5);
+    else if (strncmp(name, "0.0.0.0:", 8) == 0)
+        snprintf(out, ADDRESS_TEXT_SIZE, "127.0.0.1:%s", name + 8);
+    else
+        snprintf(out, ADDRESS_TEXT_SIZE, "%s", name);
 }
 
 /* The texts of the command line. */
 struct words {
     const char *all[WORDS_MAX];
     size_t count;
-    char coordinator[ADDRESS_SIZE], listen[ADDRESS_SIZE], parent[NUMBER_SIZE], connections[NUMBER_SIZE], each[NUMBER_SIZE];
+    char coordinator[ADDRESS_TEXT_SIZE], listen[ADDRESS_SIZE], parent[NUMBER_SIZE], connections[NUMBER_SIZE], each[NUMBER_SIZE];
 };
 
 static void add(struct words *words, const char *option, const char *value)

@@ -191,7 +191,7 @@ static void begin(struct page *page, struct session *session, const Azulejo__Wir
     page->port = (uint16_t)message->port;
     message_text(page->server->wall, sizeof page->server->wall, message->wall);
     message_text(page->server->wall_lacks, sizeof page->server->wall_lacks, message->wall_lacks);
-    webhooks_set_own_ports(page->webhooks, page->port, page->server->port);
+    webhooks_set_own_ports(page->webhooks, page->port, page->server->sockets.port);
     page->follower = session->id;
     page->is_published = 0;
     feed_listen(page->feed, 0);

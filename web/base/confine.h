@@ -22,7 +22,7 @@ struct confinement {
     const char *uploads;  /* the folder that may be written */
     const char *client;   /* a program that is run; NULL: none */
     uint32_t connections; /* at most */
-    int resolves;         /* the coordinator is given by name */
+    int resolves;         /* the coordinator or the page is given by name */
 };
 
 /* All of them; and when memory runs out, the kernel ends this program and its children first. ERR_IO. */

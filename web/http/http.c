@@ -116,7 +116,6 @@ status http_start(struct http **out, struct web *web, struct error *err)
     *out = NULL;
     NEED(http, err, "the page's server");
     http->web = web;
-    http->listener = -1;
     http->connections_max = options->connections_max;
     http->address_max = options->address_max;
     s = http_listen(http, options->host, options->port, &web->guard.port, err);

@@ -1,7 +1,5 @@
-/* The page's listener. The sockets are accepted here and handed to the library, so that they are counted
+/* The page's listeners. The sockets are accepted here and handed to the library, so that they are counted
  * before it spends anything on them. */
-#include <errno.h>
-#include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <stdio.h>
@@ -14,15 +12,6 @@
 #include "web/http/http_parts.h"
 
 enum { BACKLOG = 128 };
-
-static void name_peer(char *out, size_t size, const struct sockaddr_storage *address, socklen_t length)
-{
-    char host[48] = "?", port[8] = "?";
-
-    getnameinfo((const struct sockaddr *)address, length, host, sizeof host, port, sizeof port,
-                NI_NUMERICHOST | NI_NUMERICSERV);
-    snprintf(out, size, address->ss_family == AF_INET6 ? "[%s]:%s" : "%s:%s", host, port);
-}
 
 static void get_address(uint8_t out[16], const struct sockaddr_storage *address)
 {
@@ -107,7 +96,8 @@ static void adopt(struct http *http, int fd, const char *peer, const uint8_t add
 
 static void on_listener(uv_poll_t *poll, int code, int events UNUSED)
 {
-    struct http *http = poll->data;
+    struct http_listener *l = poll->data;
+    struct http *http = l->http;
 
     if (code < 0)
         return;
@@ -116,12 +106,12 @@ static void on_listener(uv_poll_t *poll, int code, int events UNUSED)
         socklen_t length = sizeof address;
         uint8_t bytes[16];
         int of_address;
-        char peer[64];
-        int fd = accept4(http->listener, (struct sockaddr *)&address, &length, SOCK_NONBLOCK | SOCK_CLOEXEC);
+        char peer[ADDRESS_TEXT_SIZE];
+        int fd = accept4(l->fd, (struct sockaddr *)&address, &length, SOCK_NONBLOCK | SOCK_CLOEXEC);
 
         if (fd < 0)
             return;
-        name_peer(peer, sizeof peer, &address, length);
+        address_print(&address, peer);
         get_address(bytes, &address);
         of_address = count_of(http, bytes) >= http->address_max && !make_room(http, bytes);
         if (of_address || (http->connection_count - http->ending_count >= http->connections_max && !make_room(http, NULL)))
@@ -131,61 +121,41 @@ static void on_listener(uv_poll_t *poll, int code, int events UNUSED)
     }
 }
 
-static status bound_port(int fd, uint16_t *out, struct error *err)
-{
-    struct sockaddr_storage address = {0};
-    socklen_t length = sizeof address;
-
-    if (getsockname(fd, (struct sockaddr *)&address, &length) != 0)
-        return error_set(err, STATUS_ERR_INTERNAL, "the page's port is not known: %s", strerror(errno));
-    *out = ntohs(address.ss_family == AF_INET6 ? ((struct sockaddr_in6 *)&address)->sin6_port
-                                               : ((struct sockaddr_in *)&address)->sin_port);
-    return STATUS_OK;
-}
-
 status http_listen(struct http *http, const char *host, uint16_t port, uint16_t *bound, struct error *err)
 {
-    struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM, .ai_flags = AI_PASSIVE}, *found;
-    char service[8];
-    const int on = 1;
-    int code, fd;
+    const struct listen_request request = {
+        .host = host,
+        .port = port,
+        .backlog = BACKLOG,
+        .option = "--web",
+        .if_busy = "choose another address for the page with --web",
+        .busy = STATUS_ERR_UNREACHABLE,
+    };
+    struct listen_sockets sockets;
+    int is_good = 1;
 
-    snprintf(service, sizeof service, "%u", port);
-    code = getaddrinfo(host[0] ? host : NULL, service, &hints, &found);
-    if (code != 0)
-        return error_set(err, STATUS_ERR_IO, "--web %s: %s", host, gai_strerror(code));
-    fd = socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    if (fd >= 0)
-        setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-    code = fd < 0 || bind(fd, found->ai_addr, found->ai_addrlen) != 0 || listen(fd, BACKLOG) != 0 ? errno : 0;
-    freeaddrinfo(found);
-    if (code == 0 && uv_poll_init(http->web->loop, &http->poll, fd) == 0) {
-        http->listener = fd;
-        http->polls = 1;
-        http->poll.data = http;
-        uv_poll_start(&http->poll, UV_READABLE, on_listener);
-        return bound_port(fd, bound, err);
+    TRY(listen_open(&sockets, &request, err));
+    *bound = sockets.port;
+    for (unsigned i = 0; i < sockets.count; i++) {
+        struct http_listener *l = &http->listeners[http->listener_count];
+        *l = (struct http_listener){.http = http, .fd = sockets.fds[i]};
+        is_good = is_good && uv_poll_init(http->web->loop, &l->poll, l->fd) == 0;
+        if (!is_good) {
+            close(l->fd);
+            continue;
+        }
+        l->poll.data = l;
+        http->listener_count++;
+        uv_poll_start(&l->poll, UV_READABLE, on_listener);
     }
-    if (fd >= 0)
-        close(fd);
-    if (code == EADDRINUSE)
-        return error_set(err, STATUS_ERR_UNREACHABLE, "%s:%u is in use: choose another address for the page with --web",
-                         host, port);
-    return error_set(err, STATUS_ERR_IO, "the page cannot listen on %s:%u: %s", host, port,
-                     code ? strerror(code) : "no event loop");
+    return is_good ? STATUS_OK
+                   : error_set(err, STATUS_ERR_IO, "the page cannot listen on %s:%u: no event loop", host, port);
 }
 
-static void on_poll_closed(uv_handle_t *handle)
-{
-    struct http *http = handle->data;
-
-    close(http->listener);
-    http->listener = -1;
-}
+static void on_poll_closed(uv_handle_t *handle) { close(((struct http_listener *)handle->data)->fd); }
 
 void http_listen_stop(struct http *http)
 {
-    if (http->polls)
-        uv_close((uv_handle_t *)&http->poll, on_poll_closed);
-    http->polls = 0;
+    while (http->listener_count > 0)
+        uv_close((uv_handle_t *)&http->listeners[--http->listener_count].poll, on_poll_closed);
 }

@@ -6,6 +6,7 @@
 
 #include "common/base/buffer.h"
 #include "common/system/log_limit.h"
+#include "protocol/listen.h"
 #include "web/http/http.h"
 #include "web/http/http_queue.h"
 #include "web/api/routes.h"
@@ -68,9 +69,12 @@ struct http {
     struct web *web;
     struct lws_context *context;
     struct lws_vhost *vhost;
-    int listener; /* -1: none */
-    uv_poll_t poll;
-    int polls;                                                /* the handle is open */
+    struct http_listener {
+        struct http *http;
+        uv_poll_t poll;
+        int fd;
+    } listeners[LISTEN_ADDRESSES_MAX]; /* an address each */
+    unsigned listener_count;
     struct http_connection *first;                            /* newest first */
     uint32_t connection_count, connections_max, ending_count; /* those that are ending are in both */
     uint32_t address_max;                                     /* of one address */

@@ -6,28 +6,6 @@
 #include "coordinator/net/server.h"
 #include "protocol/message.h"
 
-/* Where the farm's programs connect to: "127.0.0.1:7420". */
-static void farm_address(const struct server *server, char *out, size_t size)
-{
-    struct sockaddr_storage address;
-    int length = sizeof address;
-    char host[64] = "";
-
-    out[0] = 0;
-    if (uv_is_closing((const uv_handle_t *)&server->listener) ||
-        uv_tcp_getsockname(&server->listener, (struct sockaddr *)&address, &length) != 0)
-        return;
-    if (address.ss_family == AF_INET6) {
-        const struct sockaddr_in6 *six = (const struct sockaddr_in6 *)&address;
-        uv_ip6_name(six, host, sizeof host);
-        snprintf(out, size, "[%s]:%u", host, ntohs(six->sin6_port));
-    } else {
-        const struct sockaddr_in *four = (const struct sockaddr_in *)&address;
-        uv_ip4_name(four, host, sizeof host);
-        snprintf(out, size, "%s:%u", host, ntohs(four->sin_port));
-    }
-}
-
 static void count_states(struct farm_info *out, const struct queue *queue)
 {
     for (int i = 0; i < JOB_STATE_COUNT; i++) {
@@ -60,7 +38,7 @@ void farm_info_make(struct farm_info *out, struct server *server, uint64_t now_n
 
     memset(out, 0, sizeof *out);
     azulejo__wire__farm_info__init(message);
-    farm_address(server, out->address, sizeof out->address);
+    snprintf(out->address, sizeof out->address, "%s", server->state == SERVER_LISTENING ? server->sockets.names[0] : "");
     message->software = (char *)"azulejo " AZULEJO_VERSION;
     message->address = out->address;
     message->protocol_version = PROTOCOL_VERSION;
