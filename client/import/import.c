@@ -64,8 +64,10 @@ void import_result_release(struct import_result *result)
     result_init(result);
 }
 
-status import_scene_memory(const void *data, size_t size_bytes, const char *name, const char *folder,
-                           const struct import_options *options, struct import_result *out, struct error *err)
+/* With `decodes_pictures` as in the builder; *has_damage as there. */
+static status import_once(const void *data, size_t size_bytes, const char *name, const char *folder,
+                          const struct import_options *options, int decodes_pictures, int *has_damage,
+                          struct import_result *out, struct error *err)
 {
     struct error inner = {0};
     struct builder builder;
@@ -74,6 +76,7 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
 
     result_init(out);
     builder_init(&builder, out, options, &inner);
+    builder.decodes_pictures = decodes_pictures;
     out->source = must(mem_strdup(name));
     result = input_files_init(&out->files, folder, options->only_below, &options->outside, &inner);
     THEN(result, input_files_add(&out->files, name, size_bytes, &inner));
@@ -86,6 +89,7 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
     else
         result = refuse_unknown(&inner);
     placed = builder.error_is_placed;
+    *has_damage = builder.has_damage;
     builder_release(&builder);
     input_files_sort(&out->files);
     for (size_t i = 0; i < out->files.count; i++)
@@ -98,6 +102,18 @@ status import_scene_memory(const void *data, size_t size_bytes, const char *name
         if (err)
             *err = inner;
     }
+    return result;
+}
+
+status import_scene_memory(const void *data, size_t size_bytes, const char *name, const char *folder,
+                           const struct import_options *options, struct import_result *out, struct error *err)
+{
+    int has_damage;
+    status result = import_once(data, size_bytes, name, folder, options, 0, &has_damage, out, err);
+
+    /* Pictures are decoded when all of a scene is known. One that cannot be is left out by its format, so the file is read once more. */
+    if (result != STATUS_OK && has_damage)
+        result = import_once(data, size_bytes, name, folder, options, 1, &has_damage, out, err);
     return result;
 }
 

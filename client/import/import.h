@@ -53,8 +53,8 @@ void import_result_release(struct import_result *result);
      "let the scene read files below this folder only, and learn of no others: for scenes of "  \
      "strangers", 0, 0, NULL},                                                                  \
     {"strict", 0, OPTION_FLAG, &(o).strict, NULL,                                               \
-     "refuse a scene that names a picture which is missing or in a form that is not read "      \
-     "(default: a warning, and the surface without it)", 0, 0, NULL},                           \
+     "refuse a scene that names a picture which is missing, damaged or in a form that is not "  \
+     "read (default: a warning, and the surface without it)", 0, 0, NULL},                      \
     {"max-image", 0, OPTION_INT, &(o).image_megapixels, "MEGAPIXELS",                           \
      "refuse larger images (default 270, which 16384x16384 fits)", 1,                           \
      IMPORT_IMAGE_MEGAPIXELS_MAX, NULL},                                                        \

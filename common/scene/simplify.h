@@ -23,6 +23,7 @@ struct scene_simplify_report {
     int uniform_environment;              /* the map was one colour */
     uint32_t materials, textures, images; /* removed */
     uint64_t image_bytes;                 /* of the removed images' files, and of the environment's */
+    int image_failed;                     /* the error is an image's that cannot be decoded */
 };
 
 /* `scene` is valid before and after. ERR_NO_MEMORY, ERR_INPUT, ERR_LIMIT, ERR_UNSUPPORTED or the

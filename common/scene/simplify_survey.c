@@ -127,8 +127,10 @@ status simplify_survey(struct simplifier *w, const struct scene_texture_slot *sl
 
     survey_image(w, index);
     *out = &w->images[index];
-    if ((*out)->fault.code != STATUS_OK)
+    if ((*out)->fault.code != STATUS_OK) {
         *w->err = (*out)->fault;
+        w->report->image_failed = 1;
+    }
     return (*out)->fault.code;
 }
 

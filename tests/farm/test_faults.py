@@ -655,14 +655,7 @@ def damaged_files():
                     if command[0] == "import" and env:
                         continue
                     result = farm.cli(*command, env={"TMPDIR": temporary})
-                    if victim.endswith(".png") and share:
-                        # Only the worker decodes textures: the job fails, or it is found before.
-                        if command[0] == "import":
-                            continue
-                        codes = (3, 6)
-                    else:
-                        codes = (3,)
-                    expect(result.code in codes and os.path.basename(victim) in result.err,
+                    expect(result.code == 3 and os.path.basename(victim) in result.err,
                            "%s: %s" % (what, result))
                 expect(not os.path.exists(farm.path("bad.exr")), "a picture: " + what)
                 expect(os.listdir(temporary) == [], "a folder was left: " + what)

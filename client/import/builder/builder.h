@@ -23,7 +23,9 @@ struct builder {
     struct input_files *files; /* of the result */
     const struct import_options *options;
     struct error *err;
-    int error_is_placed; /* the error names another file already */
+    int error_is_placed;  /* the error names another file already */
+    int decodes_pictures; /* builder_check_picture decodes: in the import before this one a picture was damaged */
+    int has_damage;       /* a picture that is in the scene already cannot be decoded */
 
     struct scene_mesh *meshes;
     struct scene_image *images;
@@ -91,6 +93,14 @@ status builder_add_blob(struct builder *b, uint8_t *data, size_t size_bytes, str
 status builder_check_pixels(struct builder *b, const char *name, uint64_t width, uint64_t height) MUST_CHECK;
 /* The same for a file, by its header. A damaged header passes: its decoder reports the fault. */
 status builder_check_image(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes) MUST_CHECK;
+/* The same, and where b->decodes_pictures, can it be decoded? For builder_leave_out. */
+status builder_check_picture(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes) MUST_CHECK;
+/* Returns `decoded`, of a picture's decoder; if the file is at fault, sets b->has_damage. */
+static inline status builder_damage(struct builder *b, status decoded)
+{
+    b->has_damage |= decoded == STATUS_ERR_INPUT || decoded == STATUS_ERR_UNSUPPORTED;
+    return decoded;
+}
 /* Add the row, or find the mesh that has the same blob and arrays. `mesh->blob` comes from
  * `data`, which is taken over. */
 status builder_add_mesh(struct builder *b, const struct scene_mesh *mesh, uint8_t *data, size_t size_bytes,

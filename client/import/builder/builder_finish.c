@@ -299,7 +299,9 @@ struct scene_blob_reader builder_reader(struct builder *b) { return (struct scen
 /* Remove what no picture can show; this also finds damaged images. */
 static status simplify(struct builder *b)
 {
-    return scene_simplify(&b->out->scene, builder_reader(b), &b->out->simplified, b->err);
+    status result = scene_simplify(&b->out->scene, builder_reader(b), &b->out->simplified, b->err);
+
+    return b->out->simplified.image_failed ? builder_damage(b, result) : result;
 }
 
 status builder_finish(struct builder *b, const char *title, const struct import_options *options)

@@ -64,6 +64,24 @@ static status decode_once(struct builder *b, const char *name, const uint8_t *da
     return STATUS_OK;
 }
 
+status builder_check_picture(struct builder *b, const char *name, const uint8_t *data, size_t size_bytes)
+{
+    struct image deep = {0};
+    struct image8 flat = {0};
+    status result;
+
+    TRY(builder_check_image(b, name, data, size_bytes));
+    if (!b->decodes_pictures)
+        return STATUS_OK;
+    if (image_format_is_float(image_format_of(data, size_bytes)))
+        result = image_decode_float(&deep, data, size_bytes, name, NULL, b->err);
+    else
+        result = image_decode_8(&flat, data, size_bytes, name, b->err);
+    image_release(&deep);
+    image8_release(&flat);
+    return result;
+}
+
 status builder_add_image(struct builder *b, const char *name, uint8_t *data, size_t size_bytes, uint32_t *row)
 {
     struct scene_image image = {.name = builder_name(b, name)};
@@ -72,7 +90,7 @@ status builder_add_image(struct builder *b, const char *name, uint8_t *data, siz
     status result = builder_check_image(b, image.name, data, size_bytes);
 
     if (result == STATUS_OK && image_format_of(data, size_bytes) == IMAGE_HDR)
-        result = decode_once(b, image.name, data, size_bytes, &pixels);
+        result = builder_damage(b, decode_once(b, image.name, data, size_bytes, &pixels));
     image_release(&pixels);
     if (result != STATUS_OK)
         mem_free(data);

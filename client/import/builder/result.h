@@ -27,7 +27,7 @@ struct import_options {
     const char *studio; /* "on": a file without lights gets a studio's, and without a camera its ground, too; "off" */
     struct option_list outside; /* folders beside the scene's own that it may read from */
     const char *only_below;     /* in place of the scene's own; other files are reported as missing; NULL: no */
-    int strict;                 /* refuse a scene whose pictures are missing */
+    int strict;                 /* refuse a scene of whose pictures one cannot be used */
     int64_t image_megapixels;   /* one image has at most this many 10^6 pixels */
     uint64_t images_bytes;      /* all images have at most this many bytes once decoded */
 };

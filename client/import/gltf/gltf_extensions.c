@@ -249,7 +249,7 @@ static status roughness_image(struct gltf *g, const struct scene_image *from, fl
     status result = STATUS_ERR_INTERNAL;
 
     if (blob)
-        result = image_decode_8(&in, blob->data, blob->size_bytes, from->name, g->err);
+        result = builder_damage(g->b, image_decode_8(&in, blob->data, blob->size_bytes, from->name, g->err));
     if (result == STATUS_OK)
         result = image8_init(&out, in.width, in.height, 1, 8, g->err);
     for (size_t i = 0; result == STATUS_OK && i < (size_t)in.width * in.height; i++) {

@@ -30,12 +30,13 @@ static const char *foreign_format(const uint8_t *data, size_t size)
 static status read_image(struct gltf *g, size_t index, int64_t *row)
 {
     const struct gltf_place at = gltf_at("images", index, "");
-    const char *uri = NULL, *name = NULL, *file;
+    const char *uri = NULL, *name = NULL, *file, *shown;
     struct buffer bytes = BUFFER_INIT;
     char numbered[32];
     int64_t view = -1;
     json_t *image;
     uint32_t added = 0;
+    int can_lack;
     status result;
 
     TRY(gltf_row(g, g->images, &at, &image));
@@ -44,6 +45,7 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
     TRY(gltf_index(g, image, &at, "bufferView", g->views, &view));
     file = uri && !uri_is_data(uri) ? uri : NULL;
     snprintf(numbered, sizeof numbered, "images[%zu]", index); /* reports of damage use the name */
+    shown = name ? name : file ? file_basename(file) : numbered;
     if (uri) {
         result = gltf_read_uri(g, uri, &at, &bytes);
     } else if (view >= 0) {
@@ -63,12 +65,13 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
                            "textures, for example with gltf-transform)",
                            file ? file : name ? name : "it",
                            foreign_format(bytes.data, bytes.size));
+    can_lack = file || result == STATUS_ERR_UNSUPPORTED || result == STATUS_OK;
+    THEN(result, builder_check_picture(g->b, shown, bytes.data, bytes.size));
     if (result == STATUS_OK) {
-        result = builder_add_image(g->b, name ? name : file ? file_basename(file) : numbered,
-                                   bytes.data, bytes.size, &added);
+        result = builder_add_image(g->b, shown, bytes.data, bytes.size, &added);
         bytes = (struct buffer)BUFFER_INIT; /* taken over */
         *row = added;
-    } else if (file || result == STATUS_ERR_UNSUPPORTED) {
+    } else if (can_lack) {
         result = builder_leave_out(g->b, g->name, 0, file ? file : name ? name : numbered, result);
     }
     buffer_release(&bytes);
@@ -106,7 +109,7 @@ static status read_sampler(struct gltf *g, size_t index, struct scene_texture *o
     return STATUS_OK;
 }
 
-/* *row stays BUILDER_NO_ROW for a texture that is missing or in a form that is not read. */
+/* *row stays BUILDER_NO_ROW for a texture that cannot be used. */
 static status read_texture(struct gltf *g, size_t index, int64_t *row)
 {
     const struct gltf_place at = gltf_at("textures", index, "");

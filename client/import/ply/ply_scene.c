@@ -63,7 +63,7 @@ static status read_texture(struct builder *b, const char *folder, const char *te
     mem_free(path);
     if (result == STATUS_OK && image_format_of(out->data, out->size) == IMAGE_UNKNOWN)
         result = error_set(b->err, STATUS_ERR_UNSUPPORTED, "is no picture that is read");
-    return result;
+    return result == STATUS_OK ? builder_check_picture(b, file_basename(texture), out->data, out->size) : result;
 }
 
 /* A texture takes the place of colours, which photogrammetry makes of the same photographs. */

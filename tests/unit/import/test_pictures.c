@@ -115,6 +115,119 @@ static void missing_pictures_are_left_out(void **state)
     }
 }
 
+#define PLY(comment)                                                                                                  \
+    "ply\nformat ascii 1.0\ncomment VCGLIB generated\ncomment " comment "\nelement vertex 3\nproperty float x\n"           \
+    "property float y\nproperty float z\nproperty float s\nproperty float t\nproperty uchar red\n"                      \
+    "property uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"  \
+    "0 0 0 0 0 9 9 9\n1 0 0 1 0 9 9 9\n0 1 0 0 1 9 9 9\n3 0 1 2\n"
+
+/* Files of which the beginning is there. */
+static const struct {
+    const char *name, *reason;
+    size_t size;
+    const char *bytes;
+} damaged[] = {
+    {"bad.png", "bad.png: ", 33, "\211PNG\r\n\032\n\0\0\0\rIHDR\0\0\0\001\0\0\0\001\010\002\0\0\0\220wS\336"},
+    {"bad.jpg", "bad.jpg: ", 12, "\377\330\377\340\0\020JFIF\0\001"},
+    {"bad.exr", "bad.exr: ", 12, "v/1\001\002\0\0\0chan"},
+    {"bad.hdr", "bad.hdr: ", 49, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 9 +X 8\n\200\200"},
+};
+
+enum { FILLED = 1500 };
+
+/* `text` with `name` where it has an @. */
+static void fill(char out[FILLED], const char *text, const char *name)
+{
+    const char *at = strchr(text, '@');
+
+    snprintf(out, FILLED, "%.*s%s%s", (int)(at - text), text, name, at + 1);
+}
+
+/* As a picture that is missing: the same scene, and a warning that says what is wrong with it. */
+static void damaged_pictures_are_left_out(void **state)
+{
+    static const struct {
+        const char *name, *text, *place;
+    } cases[] = {
+        {"a.gltf", GLTF("{\"uri\":\"@\"}", COLORED), "a.gltf"},
+        {"a.gltf", GLTF("{\"uri\":\"@\"}", "\"emissiveFactor\":[1,1,1],\"emissiveTexture\":{\"index\":0}"), "a.gltf"},
+        {"a.gltf",
+         GLTF("{\"uri\":\"@\"}", "\"extensions\":{\"KHR_materials_pbrSpecularGlossiness\":{"
+                                 "\"specularGlossinessTexture\":{\"index\":0}}}"),
+         "a.gltf"},
+        {"a.obj", "mtllib @.mtl\n" TRIANGLE "usemtl m\nf 1/1 2/1 3/1\n", ".mtl:3"},
+        {"a.ply", PLY("TextureFile @"), "a.ply"},
+        {"a.pbrt",
+         "WorldBegin\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"@\"\n"
+         "Material \"diffuse\" \"texture reflectance\" \"t\"\nShape \"sphere\"\n",
+         "a.pbrt:2"},
+        {"a.pbrt",
+         "WorldBegin\nTexture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"@\"\n"
+         "Texture \"s\" \"spectrum\" \"checkerboard\" \"texture tex1\" \"t\"\n"
+         "Material \"diffuse\" \"texture reflectance\" \"s\"\nShape \"sphere\"\n",
+         "a.pbrt:2"},
+        {"a.pbrt", "WorldBegin\nLightSource \"goniometric\" \"string filename\" \"@\"\nShape \"sphere\"\n", "a.pbrt:2"},
+        {"a.pbrt", "WorldBegin\nLightSource \"infinite\" \"string filename\" \"@\"\nShape \"sphere\"\n", "a.pbrt:2"},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof damaged / sizeof *damaged; k++) {
+        char mtl[2][40], library[100];
+        struct error err = {0};
+
+        assert_int_equal(file_write_atomic(path_of(damaged[k].name), damaged[k].bytes, damaged[k].size, &err), STATUS_OK);
+        for (int gone = 0; gone < 2; gone++) {
+            const char *picture = gone ? "gone.png" : damaged[k].name;
+            snprintf(mtl[gone], sizeof mtl[gone], "%s.mtl", picture);
+            snprintf(library, sizeof library, "newmtl m\nKd 0.5 0.25 1\nmap_Kd %s\n", picture);
+            write_text(mtl[gone], library);
+        }
+        for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+            struct import_options strict = defaults;
+            struct import_result result, missing;
+            char text[2][FILLED], words[200];
+
+            fill(text[0], cases[i].text, damaged[k].name);
+            fill(text[1], cases[i].text, "gone.png");
+            snprintf(words, sizeof words, "%s: the texture \"%s\" cannot be used (%s", cases[i].place, damaged[k].name,
+                     damaged[k].reason);
+            import(text[0], cases[i].name, NULL, &result);
+            import(text[1], cases[i].name, NULL, &missing);
+            assert_warned(&result, words);
+            assert_int_equal(result.warning_count, missing.warning_count);
+            assert_memory_equal(&result.scene_digest, &missing.scene_digest, sizeof result.scene_digest);
+            import_result_release(&missing);
+            import_result_release(&result);
+            strict.strict = 1;
+            assert_int_not_equal(import_scene_memory(text[0], strlen(text[0]), cases[i].name, folder, &strict, &result, &err),
+                                 STATUS_OK);
+            assert_says(&err, damaged[k].reason);
+        }
+    }
+}
+
+/* Those within the file as well; one without a name is named by its row. */
+static void damaged_pictures_within_the_file(void **state)
+{
+    static const char *const cases[][2] = {
+        {GLTF("{\"name\":\"w\",\"uri\":\"data:;base64,UklGRgAAAABXRUJQ\"}", COLORED), "\"w\" cannot be used (w: the WebP"},
+        {GLTF("{\"name\":\"w\",\"uri\":\"data:,%89PNG%0D%0A%1A%0Ax\"}", COLORED), "\"w\" cannot be used (w: the PNG"},
+        {GLTF("{\"name\":\"w\",\"uri\":\"data:;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mP8\"}", COLORED),
+         "\"w\" cannot be used (w: the PNG"},
+        {GLTF("{\"uri\":\"data:,%89PNG%0D%0A%1A%0Ax\"}", COLORED), "\"images[0]\" cannot be used (images[0]: the PNG"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct import_result result;
+
+        import(cases[i][0], "a.gltf", NULL, &result);
+        assert_warned(&result, cases[i][1]);
+        assert_int_equal(result.scene.image_count, 0);
+        import_result_release(&result);
+    }
+}
+
 /* A texture whose only form is not read, nor named: a warning as well. */
 static void strict_wants_every_form(void **state)
 {
@@ -158,12 +271,6 @@ static void missing_emission_is_dark(void **state)
 
 /* ---- the picture that a PLY file names -------------------------------------------------------- */
 
-#define PLY(comment)                                                                                                  \
-    "ply\nformat ascii 1.0\ncomment VCGLIB generated\ncomment " comment "\nelement vertex 3\nproperty float x\n"           \
-    "property float y\nproperty float z\nproperty float s\nproperty float t\nproperty uchar red\n"                      \
-    "property uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"  \
-    "0 0 0 0 0 9 9 9\n1 0 0 1 0 9 9 9\n0 1 0 0 1 9 9 9\n3 0 1 2\n"
-
 static void ply_files_have_textures(void **state)
 {
     static const char *const names[] = {"TextureFile skin 0.hdr", "TextureFile C:\\scan\\skin 0.hdr", "TextureFile ./skin 0.hdr"};
@@ -195,6 +302,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exposure_of_zero_is_said),
         cmocka_unit_test(missing_pictures_are_left_out),
+        cmocka_unit_test(damaged_pictures_are_left_out),
+        cmocka_unit_test(damaged_pictures_within_the_file),
         cmocka_unit_test(strict_wants_every_form),
         cmocka_unit_test(missing_emission_is_dark),
         cmocka_unit_test(ply_files_have_textures),

@@ -25,7 +25,7 @@ static status read_image(struct pbrt *p, const char *name, struct pbrt_image *im
     if (format == IMAGE_UNKNOWN)
         return error_set(p->err, STATUS_ERR_UNSUPPORTED,
                          "it has a form that is not read: PNG, JPEG, WebP, EXR, HDR, TGA and PFM are");
-    return builder_check_image(p->b, name, image->bytes.data, image->bytes.size);
+    return builder_check_picture(p->b, name, image->bytes.data, image->bytes.size);
 }
 
 status pbrt_image(struct pbrt *p, const char *name, const struct pbrt_place *at, struct pbrt_image **out)
@@ -91,7 +91,7 @@ status pbrt_image_decode(struct pbrt *p, struct pbrt_image *image)
                                  : decode_8(p, image, &image->pixels);
         image->bytes = own;
     }
-    if (result != STATUS_OK)
+    if (builder_damage(p->b, result) != STATUS_OK)
         return result;
     if (image_repairs_say(&repairs, said))
         pbrt_warn(p, &image->at, "picture repairs", "%s: %s", image->name, said);
