@@ -102,13 +102,15 @@ static status refuse_extension(struct gltf *g, const char *name, int known)
                      clean);
 }
 
-/* Each name once. */
-static void warn_of_extension(struct gltf *g, const char *name)
+int gltf_knows_extension(struct gltf *g, const char *name)
 {
     char kind[128];
 
+    if (extension_find(name) >= 0 || gltf_reads_material_extension(name))
+        return 1;
     snprintf(kind, sizeof kind, "extension %.80s", name);
     builder_warn_at(g->b, g->name, 0, kind, "the extension \"%.80s\" is not known: ignored", name);
+    return 0;
 }
 
 static status check_extensions(struct gltf *g)
@@ -130,8 +132,8 @@ static status check_extensions(struct gltf *g)
     }
     for (size_t i = 0; i < json_array_size(used); i++) {
         const char *name = json_string_value(json_array_get(used, i));
-        if (name && extension_find(name) < 0 && !gltf_reads_material_extension(name))
-            warn_of_extension(g, name);
+        if (name)
+            (void)gltf_knows_extension(g, name);
     }
     if (gltf_extension(g->root, "EXT_lights_image_based"))
         builder_warn(g->b, "image based light",
@@ -365,6 +367,8 @@ static status gltf_import(const void *data, size_t size_bytes, const char *name,
     THEN(result, parse_json(&g, json, json_bytes));
     THEN(result, check_asset(&g));
     THEN(result, check_extensions(&g));
+    if (result == STATUS_OK)
+        gltf_check_keys(&g);
     THEN(result, open_tables(&g));
     if (result == STATUS_OK)
         gltf_light_units(&g, options->light_units);

@@ -199,6 +199,10 @@ status gltf_color(struct gltf *g, json_t *in, const struct gltf_place *at, const
 /* normalTexture and its like: the texture and its scale. */
 status gltf_normal_slot(struct gltf *g, json_t *in, const struct gltf_place *at, const char *key,
                         struct scene_texture_slot *slot, float *scale) MUST_CHECK;
+/* Warn of keys that are not read, of every object in the file (gltf_keys.c). */
+void gltf_check_keys(struct gltf *g);
+/* Is something known of this extension, if only that no picture shows it? If not, warn. */
+int gltf_knows_extension(struct gltf *g, const char *name);
 /* Does gltf_material_extensions read this extension? */
 int gltf_reads_material_extension(const char *name);
 /* All extensions that change a lit surface. */

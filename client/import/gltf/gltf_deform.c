@@ -33,11 +33,6 @@ static status read_target(struct gltf *g, json_t *target, const struct gltf_plac
 {
     if (!json_is_object(target))
         return gltf_fail(g, STATUS_ERR_INPUT, at, "must be an object");
-    if (json_object_get(target, "TEXCOORD_0") || json_object_get(target, "COLOR_0"))
-        builder_warn(g->b, "morphed attributes",
-                     "%s[%zu]%s: morphs texture coordinates or colors: only positions and normals "
-                     "are morphed",
-                     at->table, at->row, at->part);
     TRY(read_offsets(g, target, at, "POSITION", mesh->vertex_count, &out->positions));
     if (mesh->normals)
         TRY(read_offsets(g, target, at, "NORMAL", mesh->vertex_count, &out->normals));

@@ -181,17 +181,6 @@ static status choose_material(struct gltf *g, json_t *primitive, const struct gl
 
 /* ---- primitives ---------------------------------------------------------------------------- */
 
-static void warn_of_leftovers(struct gltf *g, json_t *attributes, const struct gltf_place *at)
-{
-    if (json_object_get(attributes, "COLOR_1"))
-        builder_warn(g->b, "second vertex color",
-                     "%s[%zu]%s: has more than one set of vertex colors: the first is used", at->table, at->row,
-                     at->part);
-    if (json_object_get(attributes, "JOINTS_2"))
-        builder_warn(g->b, "third set of joints", "%s[%zu]%s: has more than two sets of joints: the first two are read",
-                     at->table, at->row, at->part);
-}
-
 static status read_source(struct gltf *g, json_t *primitive, json_t *attributes, const struct gltf_place *at,
                           const char *name, uint64_t mode, const struct scene_material *material,
                           const struct mesh_tangents *tangents, struct mesh_source *mesh)
@@ -261,7 +250,6 @@ static status read_primitive(struct gltf *g, json_t *primitive, const struct glt
     }
     if (!attributes)
         return gltf_fail(g, STATUS_ERR_INPUT, at, "has no attributes");
-    warn_of_leftovers(g, attributes, at);
     TRY(gltf_material(g, material, &material_row));
     tangents = tangents_of(&g->b->materials[material_row]);
     warn_of_axes(g, &g->b->materials[material_row]);

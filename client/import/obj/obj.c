@@ -198,15 +198,18 @@ static int is_one_of(struct obj_word word, const char *const *list, size_t count
 }
 #define IS_ONE_OF(word, list) is_one_of(word, list, sizeof(list) / sizeof *(list))
 
-static void warn_of_statement(struct obj *o, struct obj_word word, uint32_t line)
+static void warn_of_statement(struct obj *o, struct obj_word word, struct obj_line *rest)
 {
     static const char *const free_form[] = {"vp",    "cstype", "deg",  "bmat",  "step", "curv",
                                             "curv2", "surf",   "parm", "trim",  "hole", "scrv",
                                             "sp",    "end",    "con",  "ctech", "stech"};
-    static const char *const display[] = {"bevel",  "c_interp",   "d_interp",  "lod", "maplib",
-                                          "usemap", "shadow_obj", "trace_obj", "mg"};
+    static const char *const unread[] = {"bevel", "c_interp", "d_interp", "maplib", "usemap", "shadow_obj", "trace_obj"};
+    static const char *const display[] = {"lod", "mg"};
+    const uint32_t line = rest->number;
     char kind[64];
 
+    if (IS_ONE_OF(word, unread) && obj_word_is(obj_next_word(rest), "off"))
+        return;
     if (IS_ONE_OF(word, free_form)) {
         builder_warn_at(o->b, o->name, line, "free-form",
                         "free-form curves and surfaces are not read: left out (tessellate them "
@@ -217,8 +220,8 @@ static void warn_of_statement(struct obj *o, struct obj_word word, uint32_t line
         builder_warn_at(o->b, o->name, line, "call", "call and csh are not carried out");
     } else if (!IS_ONE_OF(word, display)) {
         snprintf(kind, sizeof kind, "statement %.*s", (int)(word.length < 24 ? word.length : 24), word.text);
-        builder_warn_at(o->b, o->name, line, kind, "the statement \"%.*s\" is unknown",
-                        (int)(word.length < 24 ? word.length : 24), word.text);
+        builder_warn_at(o->b, o->name, line, kind, "the statement \"%.*s\" is %s",
+                        (int)(word.length < 24 ? word.length : 24), word.text, IS_ONE_OF(word, unread) ? "not read" : "unknown");
     }
 }
 
@@ -246,7 +249,7 @@ static status read_statement(struct state *s, struct obj_line *line)
     else if (obj_word_is(word, "s"))
         read_smooth(s, line);
     else
-        warn_of_statement(o, word, line->number);
+        warn_of_statement(o, word, line);
     return STATUS_OK;
 }
 

@@ -91,6 +91,15 @@ static void read_number(const struct mtl_place *at, struct obj_line *line, struc
         warn_number(at, word);
 }
 
+/* An option of a map that is not applied; `why` goes on from its name. */
+static void warn_option(const struct mtl_place *at, struct obj_word option, const char *why)
+{
+    char kind[32];
+
+    snprintf(kind, sizeof kind, "MTL option %.*s", (int)option.length, option.text);
+    builder_warn_at(at->o->b, at->file, at->line, kind, "%.*s %s", (int)option.length, option.text, why);
+}
+
 /* Options of a map, then its file, whose name may hold spaces. */
 static void read_map(const struct mtl_place *at, struct obj_line *line, struct obj_word word, struct obj_texture *map)
 {
@@ -109,19 +118,23 @@ static void read_map(const struct mtl_place *at, struct obj_line *line, struct o
         if (obj_word_is(option, "-s") || obj_word_is(option, "-o") || obj_word_is(option, "-t")) {
             float *to = obj_word_is(option, "-s") ? map->scale : map->offset;
             size_t count = obj_numbers(line, 3, x);
+            if (obj_word_is(option, "-t") && count > 0)
+                warn_option(at, option, "is not applied: the map is not distorted");
             for (size_t c = 0; c < 2 && c < count && !obj_word_is(option, "-t"); c++)
                 to[c] = fabs(x[c]) <= 1e6 ? (float)x[c] : to[c];
         } else if (obj_word_is(option, "-bm")) {
             map->bump = obj_numbers(line, 1, x) && fabs(x[0]) <= 1e6 ? (float)x[0] : 1.0f;
         } else if (obj_word_is(option, "-mm")) {
             obj_numbers(line, 2, x);
-            builder_warn_at(at->o->b, at->file, at->line, "MTL option", "-mm is not applied: the map is used as it is");
+            warn_option(at, option, "is not applied: the map is used as it is");
         } else if (obj_word_is(option, "-boost") || obj_word_is(option, "-texres")) {
             obj_numbers(line, 1, x);
         } else if (obj_word_is(option, "-clamp")) {
             map->clamp = obj_word_is(obj_next_word(line), "on");
-        } else if (obj_word_is(option, "-blendu") || obj_word_is(option, "-blendv") || obj_word_is(option, "-cc") ||
-                   obj_word_is(option, "-type")) {
+        } else if (obj_word_is(option, "-cc")) {
+            if (obj_word_is(obj_next_word(line), "on"))
+                warn_option(at, option, "is not applied: the map's colours are not corrected");
+        } else if (obj_word_is(option, "-blendu") || obj_word_is(option, "-blendv") || obj_word_is(option, "-type")) {
             obj_next_word(line);
         } else if (obj_word_is(option, "-imfchan")) {
             option = obj_next_word(line);
@@ -162,7 +175,7 @@ static void read_statement(const struct mtl_place *at, struct obj_line *line, st
                 {"map_d", OBJ_MAP_D},     {"map_Bump", OBJ_MAP_BUMP}, {"bump", OBJ_MAP_BUMP},
                 {"norm", OBJ_MAP_NORMAL}, {"map_Kn", OBJ_MAP_NORMAL}, {"map_norm", OBJ_MAP_NORMAL},
                 {"map_Pr", OBJ_MAP_PR},   {"map_Pm", OBJ_MAP_PM}};
-    static const char *const silent[] = {"Ka", "map_Ka", "sharpness", "map_aat", "Km"};
+    static const char *const silent[] = {"Ka", "map_Ka", "sharpness", "map_aat"};
     char kind[64];
     float value;
 
