@@ -413,6 +413,9 @@ static json_t *hints_json(const struct import_hints *hints)
         json_object_set_new(out, "spp", json_integer(hints->spp));
     if (hints->has_max_depth)
         json_object_set_new(out, "max_depth", json_integer(hints->max_depth));
+    if (hints->crop_width)
+        json_object_set_new(out, "region", json_pack("[i, i, i, i]", (int)hints->crop_x, (int)hints->crop_y,
+                                                     (int)hints->crop_width, (int)hints->crop_height));
     return out;
 }
 

@@ -7,6 +7,7 @@ import base64
 import copy
 import json
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import tempfile
 import zlib
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BIN, Failure, PATIENCE, Tests
+from farm import BIN, Failure, PATIENCE, ROOT, Tests
 
 tests = Tests()
 
@@ -420,6 +421,316 @@ def gltf():
                 found = []
                 judge(key, before, after, {key} if "%s %s" % (name, key) in GLTF_QUIET else (), found)
                 faults += ["%s: %s" % (name, line) for line in found]
+    settle(faults)
+
+
+def gltf_table():
+    """The importer's table of keys, as docs/FORMATS.md has it."""
+    with open(os.path.join(ROOT, "client/import/gltf/gltf_keys.c")) as source:
+        text = source.read().split("} objects[] = {")[1].split("\n};")[0]
+    rows = re.findall(r'\{"(\w+)",((?:\s*"[^"]*")+)\}', text)
+    lines = ["| object | keys |", "|---|---|"]
+    for name, keys in rows:
+        keys = "".join(re.findall('"([^"]*)"', keys)).split()
+        names = ["`%s`" % re.sub(r"\*?>.*", "", key).replace("#", "...") for key in keys]
+        lines.append("| %s | %s |" % ("the file" if name == "file" else "`%s`" % name, " ".join(names) or "-"))
+    return "\n".join(lines) + "\n"
+
+
+@tests.add
+def gltf_document():
+    """docs/FORMATS.md has the importer's table of glTF's keys"""
+    with open(os.path.join(ROOT, "docs/FORMATS.md")) as source:
+        if gltf_table() not in source.read():
+            raise Failure("docs/FORMATS.md should have this table:\n" + gltf_table())
+
+
+# ---- pbrt ---------------------------------------------------------------------------------------
+
+WORLD = """%(film)s
+%(before)s
+Camera %(camera)s
+WorldBegin
+Texture "t" "spectrum" "imagemap" "string filename" "a.png"
+Texture "f" "float" "imagemap" "string filename" "a.png"
+MakeNamedMaterial "m1" "string type" "%(diffuse)s"
+MakeNamedMaterial "m2" "string type" "%(diffuse)s" "rgb %(color)s" [1 0 0]
+LightSource "point" "point3 from" [0 3 0]
+%(world)s
+Shape "trianglemesh" "integer indices" [0 1 2] "point3 P" [5 0 0 6 0 0 5 1 0] "point2 uv" [0 0 1 0 0 1]
+"""
+V4 = {"film": 'Film "rgb" "integer xresolution" 32 "integer yresolution" 16', "before": "", "camera": '"perspective" "float fov" 50',
+      "world": "", "diffuse": "diffuse", "color": "reflectance"}
+V3 = dict(V4, film='Film "image" "integer xresolution" 32 "integer yresolution" 16', diffuse="matte", color="Kd")
+ROUGH = {"float roughness": .3, "float uroughness": .2, "float vroughness": .4}
+MATERIAL = 'Material "%s" %%s'
+TEXTURE = 'Texture "x" "spectrum" "%s" %%s\nMaterial "diffuse" "texture reflectance" "x"'
+NUMBERS = 'Texture "x" "float" "%s" %%s\nMaterial "diffuse" "texture reflectance" "x"'
+LIGHT = 'LightSource "%s" %%s'
+SHAPE = 'Shape "%s" %%s'
+MEDIUM = 'MakeNamedMedium "fog" "string type" "%s" %%s\nMediumInterface "fog" ""\nMaterial "interface"\nShape "sphere"'
+P4 = '"point3 P" [0 0 0 1 0 0 0 1 0 1 1 2]'
+V4_PARAMETERS = [  # the place in the scene, the line, what it has beside, and the parameters
+    ("world", MATERIAL % "diffuse", "", {"rgb reflectance": "[.1 .2 .3]", "string normalmap": "b.png", "texture displacement": "f", "bool xyzzy": "true"}),
+    ("world", MATERIAL % "coateddiffuse", '"float roughness" .1',
+     dict(ROUGH, **{"rgb reflectance": "[.1 .2 .3]", "float eta": 1.8, "float thickness": .1, "bool remaproughness": "false", "integer maxdepth": 3,
+                    "integer nsamples": 4, "rgb albedo": "[.5 .5 .5]", "float g": .5, "string normalmap": "b.png", "texture displacement": "f", "float xyzzy": 1})),
+    ("world", MATERIAL % "coatedconductor", '"float interface.roughness" .1 "float conductor.roughness" .1',
+     {"float interface.roughness": .3, "float interface.uroughness": .2, "float interface.vroughness": .4, "float interface.thickness": .1,
+      "float interface.eta": 1.8, "spectrum conductor.eta": "metal-Ag-eta", "spectrum conductor.k": "metal-Ag-k", "rgb reflectance": "[.1 .2 .3]",
+      "float conductor.roughness": .3, "float conductor.uroughness": .2, "float conductor.vroughness": .4, "bool remaproughness": "false",
+      "integer maxdepth": 3, "integer nsamples": 4, "rgb albedo": "[.5 .5 .5]", "float g": .5, "string normalmap": "b.png", "texture displacement": "f",
+      "float xyzzy": 1}),
+    ("world", MATERIAL % "conductor", '"float roughness" .1',
+     dict(ROUGH, **{"spectrum eta": "metal-Ag-eta", "spectrum k": "metal-Ag-k", "rgb reflectance": "[.1 .2 .3]", "bool remaproughness": "false",
+                    "string normalmap": "b.png", "texture displacement": "f", "float xyzzy": 1})),
+    ("world", MATERIAL % "dielectric", '"float roughness" .1',
+     dict(ROUGH, **{"float eta": 1.8, "bool remaproughness": "false", "string normalmap": "b.png", "texture displacement": "f", "float xyzzy": 1})),
+    ("world", MATERIAL % "thindielectric", "", {"float eta": 1.8, "string normalmap": "b.png", "texture displacement": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "diffusetransmission", "", {"rgb reflectance": "[.1 .2 .3]", "rgb transmittance": "[.1 .2 .3]", "float scale": .5,
+                                                     "string normalmap": "b.png", "texture displacement": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "mix", '"string materials" ["m1" "m2"]', {"string materials": '["m2" "m1"]', "float amount": .2, "float xyzzy": 1}),
+    ("world", TEXTURE % "imagemap", '"string filename" "a.png"',
+     {"string filename": "b.png", "string wrap": "clamp", "string filter": "point", "float maxanisotropy": 4, "float scale": .5, "bool invert": "true",
+      "string encoding": "linear", "string mapping": "spherical", "float uscale": 2, "float vscale": 2, "float udelta": .3, "float vdelta": .3, "float xyzzy": 1}),
+    ("world", TEXTURE % "imagemap", '"string filename" "a.png" "string mapping" "planar"', {"vector3 v1": "[2 0 0]", "vector3 v2": "[0 2 0]"}),
+    ("world", TEXTURE % "constant", "", {"rgb value": "[.1 .2 .3]", "float xyzzy": 1}),
+    ("world", TEXTURE % "scale", '"rgb tex" [.5 .5 .5]', {"rgb tex": "[.1 .2 .3]", "float scale": .5, "float xyzzy": 1}),
+    ("world", TEXTURE % "mix", "", {"rgb tex1": "[.1 .2 .3]", "rgb tex2": "[.1 .2 .3]", "float amount": .2, "float xyzzy": 1}),
+    ("world", TEXTURE % "bilerp", "", {"rgb v00": "[.1 .2 .3]", "rgb v01": "[.1 .2 .3]", "rgb v10": "[.1 .2 .3]", "rgb v11": "[.1 .2 .3]", "float xyzzy": 1}),
+    ("world", TEXTURE % "checkerboard", "", {"integer dimension": 3, "rgb tex1": "[.1 .2 .3]", "rgb tex2": "[.1 .2 .3]", "float uscale": 3, "float xyzzy": 1}),
+    ("world", TEXTURE % "dots", "", {"rgb inside": "[.1 .2 .3]", "rgb outside": "[.1 .2 .3]", "float uscale": 3, "float xyzzy": 1}),
+    ("world", LIGHT % "point", "", {"rgb I": "[1 2 3]", "float scale": 2, "float power": 5, "point3 from": "[1 2 3]", "float xyzzy": 1}),
+    ("world", LIGHT % "spot", "", {"rgb I": "[1 2 3]", "float scale": 2, "float power": 5, "point3 from": "[1 2 3]", "point3 to": "[1 2 3]",
+                                   "float coneangle": 20, "float conedeltaangle": 2, "float xyzzy": 1}),
+    ("world", LIGHT % "distant", "", {"rgb L": "[1 2 3]", "float scale": 2, "float illuminance": 5, "point3 from": "[1 2 3]", "point3 to": "[1 2 3]",
+                                      "float xyzzy": 1}),
+    ("world", LIGHT % "goniometric", '"string filename" "a.png"', {"string filename": "b.png", "rgb I": "[1 2 3]", "float scale": 2, "float power": 5,
+                                                                   "float xyzzy": 1}),
+    ("world", LIGHT % "projection", '"string filename" "a.png"', {"string filename": "b.png", "rgb I": "[1 2 3]", "float scale": 2, "float power": 5,
+                                                                  "float fov": 30, "float xyzzy": 1}),
+    ("world", LIGHT % "infinite", "", {"rgb L": "[1 2 3]", "string filename": "a.png", "float scale": 2, "float illuminance": 5, "float xyzzy": 1}),
+    ("world", LIGHT % "infinite", '"string filename" "a.png"', {"point3 portal": "[0 0 0 1 0 0 1 1 0 0 1 0]"}),
+    ("world", 'AreaLightSource "diffuse" %s\nShape "sphere"', "", {"rgb L": "[1 2 3]", "float scale": 2, "bool twosided": "true", "float power": 5,
+                                                                   "string filename": "a.png", "float xyzzy": 1}),
+    ("world", SHAPE % "sphere", "", {"float radius": 2, "float zmin": -.5, "float zmax": .5, "float phimax": 90, "float alpha": .5, "float xyzzy": 1}),
+    ("world", SHAPE % "cylinder", "", {"float radius": 2, "float zmin": -.5, "float zmax": .5, "float phimax": 90, "float alpha": .5, "float xyzzy": 1}),
+    ("world", SHAPE % "disk", "", {"float radius": 2, "float innerradius": .5, "float height": .5, "float phimax": 90, "float alpha": .5, "float xyzzy": 1}),
+    ("world", SHAPE % "trianglemesh", '"integer indices" [0 1 2 1 3 2] ' + P4,
+     {"integer indices": "[0 1 2]", "point3 P": "[0 0 0 2 0 0 0 2 0 1 1 2]", "normal N": "[1 0 0 1 0 0 1 0 0 1 0 0]",
+      "vector3 S": "[1 0 0 1 0 0 1 0 0 1 0 0]", "point2 uv": "[0 0 0 1 1 0 1 1]", "integer faceIndices": "[1 2]", "float alpha": .5, "float xyzzy": 1}),
+    ("world", SHAPE % "bilinearmesh", '"integer indices" [0 1 2 3] ' + P4,
+     {"integer indices": "[1 0 3 2]", "normal N": "[1 0 0 1 0 0 1 0 0 1 0 0]", "point2 uv": "[0 0 0 1 1 0 1 .5]", "integer faceIndices": "[1]",
+      "string emissionfilename": "a.png", "float alpha": .5, "float xyzzy": 1}),
+    ("world", SHAPE % "plymesh", '"string filename" "m.ply"', {"texture displacement": "f", "float edgelength": .5, "bool displacement.uvscale": "true",
+                                                              "float alpha": .5, "float xyzzy": 1}),
+    ("world", SHAPE % "curve", '"point3 P" [0 0 0 1 0 1 0 1 0 1 1 2 2 0 0 2 1 0 3 0 0]',
+     {"string type": "cylinder", "string basis": "bspline", "integer degree": 2, "float width": 2, "float width0": 2, "float width1": .5,
+      "integer splitdepth": 1, "float alpha": .5, "float xyzzy": 1}),
+    ("world", SHAPE % "curve", '"string type" "ribbon" "normal N" [0 0 1 0 0 1] "point3 P" [0 0 0 1 0 1 0 1 0 1 1 2]', {"normal N": "[0 1 0 0 0 1]"}),
+    ("world", SHAPE % "loopsubdiv", '"integer indices" [0 1 2 1 3 2] ' + P4, {"integer levels": 1, "string scheme": "loop", "float alpha": .5, "float xyzzy": 1}),
+    ("world", MEDIUM % "homogeneous", "", {"rgb sigma_a": "[.1 .2 .3]", "rgb sigma_s": "[.1 .2 .3]", "float scale": 2, "rgb Le": "[1 2 3]", "float g": .5,
+                                           "string preset": "Apple", "float xyzzy": 1}),
+    ("world", MEDIUM % "homogeneous", '"rgb Le" [1 1 1]', {"float Lescale": 3}),
+    ("world", MEDIUM % "uniformgrid", '"integer nx" 2 "integer ny" 1 "integer nz" 1 "float density" [.5 1]',
+     {"rgb sigma_a": "[.1 .2 .3]", "rgb sigma_s": "[.1 .2 .3]", "float scale": 2, "rgb Le": "[1 2 3]", "float g": .5, "float density": "[1 .5]",
+      "point3 p0": "[-1 0 0]", "point3 p1": "[2 2 2]", "float temperature": "[300 400]", "string preset": "Apple", "float xyzzy": 1}),
+    ("world", MEDIUM % "uniformgrid", '"integer nx" 2 "integer ny" 1 "integer nz" 1 "float density" [.5 1] "float temperature" [300 400]',
+     {"float temperatureoffset": 2, "float temperaturescale": 3, "float temperaturecutoff": 3}),
+    ("camera", '"perspective" %s', "", {"float fov": 30, "float frameaspectratio": 3, "float screenwindow": "[-.5 .5 -.5 .5]", "float lensradius": .1,
+                                        "float shutteropen": .5, "float shutterclose": 3, "float xyzzy": 1}),
+    ("camera", '"perspective" %s', '"float lensradius" .1', {"float focaldistance": 3}),
+    ("camera", '"orthographic" %s', "", {"float frameaspectratio": 3, "float screenwindow": "[-.5 .5 -.5 .5]", "float lensradius": .1, "float xyzzy": 1}),
+    ("camera", '"spherical" %s', '"string mapping" "equirectangular"', {"string mapping": "equalarea", "float xyzzy": 1}),
+    ("film", 'Film "rgb" %s', "", {"integer xresolution": 64, "integer yresolution": 32, "float cropwindow": "[0 .5 0 .5]", "integer pixelbounds": "[0 9 0 9]",
+                                   "float diagonal": 70, "string filename": "x.exr", "bool savefp16": "false", "string sensor": "nikon_d850", "float iso": 400,
+                                   "float whitebalance": 3000, "float imagingratio": 2, "float maxcomponentvalue": 2, "float xyzzy": 1}),
+    ("before", 'Sampler "zsobol" %s', "", {"integer pixelsamples": 77, "integer seed": 3, "string randomization": "none", "float xyzzy": 1}),
+    ("before", 'Sampler "stratified" %s', "", {"bool jitter": "false", "integer xsamples": 7, "integer ysamples": 7, "float xyzzy": 1}),
+    ("before", 'Integrator "volpath" %s', "", {"integer maxdepth": 17, "bool regularize": "true", "string lightsampler": "uniform", "float xyzzy": 1}),
+    ("before", 'Integrator "simplepath" %s', "", {"bool samplelights": "false", "bool samplebsdf": "false", "float xyzzy": 1}),
+    ("before", 'Integrator "bdpt" %s', "", {"bool visualizestrategies": "true", "bool visualizeweights": "true", "float xyzzy": 1}),
+    ("before", 'Integrator "mlt" %s', "", {"integer bootstrapsamples": 9, "integer chains": 9, "integer mutationsperpixel": 9,
+                                           "float largestepprobability": .9, "float sigma": .1, "float xyzzy": 1}),
+    ("before", 'Integrator "sppm" %s', "", {"integer photonsperiteration": 9, "float radius": .1, "integer seed": 9, "float xyzzy": 1}),
+    ("before", 'Accelerator "bvh" %s', "", {"integer maxnodeprims": 9, "string splitmethod": "middle", "float xyzzy": 1}),
+    ("before", 'Option %s', "", {"bool disablepixeljitter": "true", "bool disabletexturefiltering": "true", "bool disablewavelengthjitter": "true",
+                                 "float displacementedgescale": 2, "bool forcediffuse": "true", "string msereferenceimage": "a.exr",
+                                 "string msereferenceout": "a.txt", "bool pixelstats": "true", "string rendercoordsys": "world", "integer seed": 9,
+                                 "bool quiet": "true", "bool xyzzy": "true"}),
+]
+QUADRIC = {"float phimax": 90, "float alpha": .5, "float shadowalpha": .5, "float xyzzy": 1}
+V3_PARAMETERS = [
+    ("world", MATERIAL % "matte", "", {"rgb Kd": "[.1 .2 .3]", "float sigma": 20, "texture bumpmap": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "plastic", "", {"rgb Kd": "[.1 .2 .3]", "rgb Ks": "[.1 .2 .3]", "float roughness": .3, "bool remaproughness": "false",
+                                         "texture bumpmap": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "metal", "", dict(ROUGH, **{"rgb eta": "[1 1 1]", "rgb k": "[1 2 3]", "bool remaproughness": "false", "texture bumpmap": "f",
+                                                     "float xyzzy": 1})),
+    ("world", MATERIAL % "mirror", "", {"rgb Kr": "[.1 .2 .3]", "texture bumpmap": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "glass", '"float uroughness" .1 "float vroughness" .1',
+     {"rgb Kr": "[.1 .2 .3]", "rgb Kt": "[.1 .2 .3]", "float uroughness": .3, "float vroughness": .3, "float eta": 1.8, "float index": 1.8,
+      "bool remaproughness": "false", "texture bumpmap": "f", "float roughness": .5, "float xyzzy": 1}),
+    ("world", MATERIAL % "translucent", "", {"rgb Kd": "[.1 .2 .3]", "rgb Ks": "[.1 .2 .3]", "rgb reflect": "[.1 .2 .3]", "rgb transmit": "[.1 .2 .3]",
+                                             "float roughness": .3, "bool remaproughness": "false", "texture bumpmap": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "uber", "", dict(ROUGH, **{"rgb Kd": "[.1 .2 .3]", "rgb Ks": "[.1 .2 .3]", "rgb Kr": "[.1 .2 .3]", "rgb Kt": "[.1 .2 .3]",
+                                                    "float eta": 1.8, "float index": 1.8, "rgb opacity": "[.5 .5 .5]", "bool remaproughness": "false",
+                                                    "texture bumpmap": "f", "float xyzzy": 1})),
+    ("world", MATERIAL % "substrate", "", {"rgb Kd": "[.1 .2 .3]", "rgb Ks": "[.1 .2 .3]", "float uroughness": .3, "float vroughness": .3,
+                                           "bool remaproughness": "false", "texture bumpmap": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "disney", '"float clearcoat" .5 "float sheen" .5',
+     {"rgb color": "[.1 .2 .3]", "float metallic": .5, "float eta": 1.8, "float roughness": .3, "float speculartint": .5, "float anisotropic": .5,
+      "float sheen": .8, "float sheentint": .9, "float clearcoat": .8, "float clearcoatgloss": .5, "float spectrans": .5,
+      "rgb scatterdistance": "[1 1 1]", "bool thin": "true", "float difftrans": .5, "float flatness": .5, "texture bumpmap": "f", "float xyzzy": 1}),
+    ("world", MATERIAL % "mix", '"string namedmaterial1" "m1" "string namedmaterial2" "m2"', {"rgb amount": "[.2 .2 .2]", "string namedmaterial1": "m2",
+                                                                                             "string namedmaterial2": "m1", "float xyzzy": 1}),
+    ("world", TEXTURE.replace("diffuse", "matte").replace("reflectance", "Kd") % "imagemap", '"string filename" "a.png"',
+     {"string wrap": "clamp", "bool gamma": "false", "bool trilinear": "true", "float maxanisotropy": 4, "float scale": .5, "string mapping": "spherical",
+      "float uscale": 2, "float xyzzy": 1}),
+    ("world", TEXTURE.replace("diffuse", "matte").replace("reflectance", "Kd") % "checkerboard", "",
+     {"string aamode": "none", "integer dimension": 3, "rgb tex1": "[.1 .2 .3]", "float xyzzy": 1}),
+    ("world", LIGHT % "point", "", {"rgb I": "[1 2 3]", "rgb scale": "[1 2 3]", "point from": "[1 2 3]", "float xyzzy": 1}),
+    ("world", LIGHT % "spot", "", {"float coneangle": 20, "float conedeltaangle": 2, "float xyzzy": 1}),
+    ("world", LIGHT % "goniometric", '"string mapname" "a.png"', {"string mapname": "b.png", "rgb I": "[1 2 3]", "float xyzzy": 1}),
+    ("world", LIGHT % "projection", '"string mapname" "a.png"', {"string mapname": "b.png", "float fov": 30, "rgb I": "[1 2 3]", "float xyzzy": 1}),
+    ("world", LIGHT % "infinite", "", {"string mapname": "a.png", "rgb L": "[1 2 3]", "integer samples": 9, "integer nsamples": 9, "float xyzzy": 1}),
+    ("world", 'AreaLightSource "diffuse" %s\nShape "sphere"', "", {"rgb L": "[1 2 3]", "bool twosided": "true", "integer samples": 9, "integer nsamples": 9,
+                                                                   "float xyzzy": 1}),
+    ("world", SHAPE % "cone", "", dict(QUADRIC, **{"float radius": 2, "float height": 2})),
+    ("world", SHAPE % "paraboloid", "", dict(QUADRIC, **{"float radius": 2, "float zmin": .2, "float zmax": 2})),
+    ("world", SHAPE % "hyperboloid", "", dict(QUADRIC, **{"point p1": "[1 2 3]", "point p2": "[3 2 1]"})),
+    ("world", SHAPE % "trianglemesh", '"integer indices" [0 1 2 1 3 2] ' + P4.replace("point3", "point"),
+     {"float st": "[0 0 0 1 1 0 1 1]", "float uv": "[0 0 0 1 1 0 1 1]", "vector S": "[1 0 0 1 0 0 1 0 0 1 0 0]", "texture alpha": "f",
+      "texture shadowalpha": "f", "integer faceIndices": "[1 2]", "float xyzzy": 1}),
+    ("world", SHAPE % "loopsubdiv", '"integer indices" [0 1 2 1 3 2] ' + P4.replace("point3", "point"), {"integer levels": 1, "integer nlevels": 1,
+                                                                                                        "string scheme": "loop", "float xyzzy": 1}),
+    ("film", 'Film "image" %s', "", {"float scale": 2, "float diagonal": 70, "float maxsampleluminance": 2, "string filename": "x.exr",
+                                     "float cropwindow": "[0 .5 0 .5]", "float xyzzy": 1}),
+    ("before", 'Integrator "directlighting" %s', "", {"string strategy": "one", "float xyzzy": 1}),
+    ("before", 'Integrator "path" %s', "", {"integer maxdepth": 17, "float rrthreshold": .5, "string lightsamplestrategy": "uniform",
+                                           "integer pixelbounds": "[0 9 0 9]", "float xyzzy": 1}),
+    ("before", 'Sampler "halton" %s', "", {"integer pixelsamples": 77, "bool samplepixelcenter": "true", "integer dimensions": 9, "float xyzzy": 1}),
+    ("camera", '"environment" %s', "", {"float shutteropen": .5, "float shutterclose": 3, "float lensradius": .1, "float xyzzy": 1}),
+]
+PBRT_KINDS = {  # those that are not read as they are meant: the kind is named
+    "world": [MATERIAL % kind for kind in ("hair", "measured", "subsurface", "kdsubsurface", "fourier", "xyzzy")] +
+             [TEXTURE % kind for kind in ("ptex", "directionmix", "marble", "xyzzy")] + [NUMBERS % kind for kind in ("fbm", "wrinkled", "windy")] +
+             [SHAPE % kind for kind in ("heightfield", "nurbs", "xyzzy")] + [LIGHT % "xyzzy"] + ['AreaLightSource "xyzzy" %s\nShape "sphere"'] +
+             [MEDIUM % kind for kind in ("rgbgrid", "cloud", "nanovdb", "xyzzy")],
+    "before": ['Integrator "%s" %%s' % kind for kind in ("ambientocclusion", "function", "whitted", "xyzzy")] +
+              ['PixelFilter "%s" %%s' % kind for kind in ("box", "mitchell", "sinc", "triangle", "xyzzy")],
+    "film": ['Film "gbuffer" %s', 'Film "spectral" %s'],
+}
+PBRT_QUIET = {
+    # how it is worked out, not what
+    "nsamples", "samples", "splitdepth", "maxanisotropy", "trilinear", "lightsampler", "lightsamplestrategy", "rrthreshold", "dimensions", "jitter", "randomization",
+    "seed of zsobol", "seed of Option", "maxnodeprims", "splitmethod", "xyzzy of Accelerator", "visualizestrategies", "visualizeweights", "aamode",
+    "maxdepth of coateddiffuse", "maxdepth of coatedconductor",  # ours is the limit of many
+    "thickness", "interface.thickness", "g of coateddiffuse", "g of coatedconductor",  # of an "albedo", which has a warning
+    "v1", "v2",  # of a "mapping", which has a warning
+    "edgelength", "displacement.uvscale", "displacementedgescale",  # of a "displacement", which has a warning
+    "Ks of translucent", "roughness of translucent", "remaproughness of translucent",  # its gloss, which has a warning
+    "type of curve",  # flat ones and cylinders are tubes
+    "scheme",  # there is one
+    "shutteropen of environment", "shutterclose of environment",  # no exposure in pbrt-v3; nothing moves here
+    # what the program says and writes
+    "filename of Film", "savefp16", "pixelstats", "msereferenceimage", "msereferenceout", "rendercoordsys",
+    "diagonal",  # of the film, for lenses of the realistic camera
+    "faceIndices",  # for other textures
+}
+
+
+def pbrt_value(declaration, value):
+    text = str(value)
+    return '"%s" %s' % (declaration, text if text.startswith("[") or not declaration.startswith(("string", "texture", "spectrum")) else '"%s"' % text)
+
+
+def pbrt_check(version, parameters, faults):
+    with Folder() as folder:
+        def read(place, line):
+            return folder.read("a.pbrt", WORLD % dict(version, **{place: line}))
+        for place, line, beside, values in parameters:
+            plug = [word for word in re.findall('"([^"]+)"', line) + [line.split()[0]] if word not in ("x", "spectrum", "fog", "string type")][0]
+            word = line.split()[0]
+            without = read(place, line % beside)
+            for declaration, value in values.items():
+                name = declaration.split()[1]
+                kept = " ".join(p for p in re.findall(r'"[^"]*" (?:\[[^]]*\]|"[^"]*"|\S+)', beside) if p.split('"')[1] != declaration)
+                quiet = {q.split(" of ")[0] for q in PBRT_QUIET if " of " not in q or q.split(" of ")[1] in (plug, word)}
+                found = []
+                try:
+                    judge(name, without, read(place, line % (kept + " " + pbrt_value(declaration, value))), quiet, found)
+                except Failure as failure:
+                    found = [str(failure).splitlines()[0]]
+                faults += ["%s \"%s\": %s" % (word, plug, text) for text in found]
+
+
+@tests.add
+def pbrt_v4():
+    """each parameter of pbrt-v4's plug-ins changes the scene or is named"""
+    faults = []
+    pbrt_check(V4, V4_PARAMETERS, faults)
+    settle(faults)
+
+
+@tests.add
+def pbrt_v3():
+    """each parameter of pbrt-v3's plug-ins changes the scene or is named"""
+    faults = []
+    pbrt_check(V3, V3_PARAMETERS, faults)
+    settle(faults)
+
+
+PBRT_DIRECTIVES = {  # each before a sphere
+    "Identity": ("Translate 1 2 3", "Identity"), "Translate": "Translate 1 2 3", "Scale": "Scale 1 2 3", "Rotate": "Rotate 30 1 0 0",
+    "LookAt": "LookAt 1 2 3 0 0 0 0 1 0", "Transform": "Transform [1 0 0 0 0 1 0 0 0 0 1 0 1 2 3 1]",
+    "ConcatTransform": "ConcatTransform [1 0 0 0 0 1 0 0 0 0 1 0 1 2 3 1]",
+    "CoordinateSystem": ('CoordinateSystem "a"\nTranslate 1 2 3\nCoordSysTransform "a"', 'CoordinateSystem "a"'),
+    "CoordSysTransform": ("Translate 1 2 3", 'CoordSysTransform "camera"'), "ReverseOrientation": "ReverseOrientation",
+    "ActiveTransform": "ActiveTransform EndTime\nTranslate 1 2 3", "ColorSpace": 'ColorSpace "rec2020"', "Attribute": 'Attribute "shape" "float radius" 2',
+    "AttributeBegin": ("Translate 1 2 3", "AttributeBegin\nTranslate 1 2 3\nAttributeEnd"),
+    "TransformBegin": ("Translate 1 2 3", "TransformBegin\nTranslate 1 2 3\nTransformEnd"),
+    "ObjectBegin": 'ObjectBegin "o"\nShape "disk"\nObjectEnd\nObjectInstance "o"', "Include": 'Include "part.pbrt"', "Import": 'Import "part.pbrt"',
+    "NamedMaterial": 'NamedMaterial "m2"', "MediumInterface": 'MakeNamedMedium "x" "string type" "homogeneous"\nMediumInterface "x" ""\nMaterial "dielectric"',
+    "xyzzy": "xyzzy",
+}
+
+
+@tests.add
+def pbrt_directives():
+    """each directive of pbrt changes the scene, or is refused by name"""
+    faults = []
+    with Folder() as folder:
+        folder.write("part.pbrt", 'Shape "disk"\n')
+        for word, line in PBRT_DIRECTIVES.items():
+            beside, line = line if isinstance(line, tuple) else ("", line)
+            both = beside + "\n" + line if word in ("Identity", "CoordSysTransform") else line
+            scenes = []
+            for text in (beside, both):
+                world = text + ('\nMaterial "diffuse" "rgb reflectance" [.1 .5 .3]' if word == "ColorSpace" else "") + '\nShape "sphere"'
+                try:
+                    scenes.append(folder.read("a.pbrt", WORLD % dict(V4, world=world)))
+                except Failure as failure:
+                    if word not in str(failure).splitlines()[0]:
+                        faults.append("%s: %s" % (word, str(failure).splitlines()[0]))
+            if len(scenes) == 2 and word != "CoordinateSystem":
+                judge(word, *scenes, (), faults)
+    settle(faults)
+
+
+@tests.add
+def pbrt_kinds():
+    """a kind that is not read as it is meant is named, or refused by name"""
+    faults = []
+    with Folder() as folder:
+        for place, lines in PBRT_KINDS.items():
+            for line in lines:
+                kind = [word for word in re.findall('"([^"]+)"', line) if word not in ("x", "spectrum", "float", "fog", "string type")][0]
+                try:
+                    told = folder.read("a.pbrt", WORLD % dict(V4, **{place: line % ""}))[1]
+                except Failure as failure:
+                    told = str(failure).splitlines()[:1]
+                if not any(kind in text for text in told):
+                    faults.append("%s: %s" % (line.split()[0], kind))
     settle(faults)
 
 

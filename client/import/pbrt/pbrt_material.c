@@ -47,12 +47,13 @@ static void refuse_kind(struct pbrt *p, struct pbrt_material *m)
 
 static status read_relief(struct pbrt *p, struct pbrt_material *m)
 {
+    static const char *const bumps[] = {"displacement", "bumpmap"}; /* pbrt-v4's and pbrt-v3's */
     const char *name = pbrt_string(m->params, "normalmap", NULL);
     struct pbrt_image *image;
 
-    if (pbrt_param(m->params, "displacement", ~0u) || pbrt_param(m->params, "bumpmap", ~0u))
-        pbrt_warn(p, &m->at, "displacement", "material \"%.60s\": displacement (bump mapping) is not supported: smooth",
-                  m->name);
+    for (int i = 0; i < 2; i++)
+        if (pbrt_param(m->params, bumps[i], ~0u))
+            pbrt_warn(p, &m->at, bumps[i], "material \"%.60s\": bump mapping (\"%s\") is not supported: smooth", m->name, bumps[i]);
     if (!name || !*name)
         return STATUS_OK;
     TRY(pbrt_image(p, name, &m->at, &image));

@@ -12,7 +12,7 @@ static status read_diffuse(struct pbrt *p, struct pbrt_material *m)
 /* The medium between coat and base of pbrt's layered materials. */
 static status read_layers(struct pbrt *p, struct pbrt_material *m)
 {
-    static const char *const walk[] = {"maxdepth", "nsamples", "g", "thickness", NULL};
+    static const char *const walk[] = {"maxdepth", "nsamples", "g", "thickness", "interface.thickness", NULL};
     const struct pbrt_texture *albedo;
 
     pbrt_ignore(m->params, walk);

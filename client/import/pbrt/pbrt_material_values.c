@@ -96,8 +96,7 @@ status pbrt_own_roughness(struct pbrt *p, struct pbrt_material *m, double otherw
 status pbrt_put_coat_roughness(struct pbrt *p, struct pbrt_material *m, const struct pbrt_roughness *r)
 {
     if (!pbrt_same_constant(r->u, r->v))
-        pbrt_warn(p, &m->at, "anisotropic coat", "material \"%.60s\": a coat has one roughness: that along u counts",
-                  m->name);
+        pbrt_warn(p, &m->at, "anisotropic coat", "material \"%.60s\": a coat has one roughness: that along u counts, not \"interface.vroughness\"", m->name);
     return pbrt_scalar_slot(p, r->u, perceptual, (double)r->remap, &m->base.clearcoat_roughness,
                             &m->base.clearcoat_roughness_texture);
 }

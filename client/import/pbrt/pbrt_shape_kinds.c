@@ -169,11 +169,13 @@ static double phi_max(const struct pbrt_directive *d)
 
 static status make_triangles(struct pbrt *p, const struct pbrt_directive *d, struct mesh_source *out)
 {
-    static const char *const unneeded[] = {"S", "faceIndices", NULL};
+    static const char *const unneeded[] = {"faceIndices", NULL};
     struct vertex_arrays a = {0};
     status result = read_arrays(p, d, 3, &a);
 
     pbrt_ignore(d->params, unneeded);
+    if (pbrt_param(d->params, "S", ~0u))
+        pbrt_warn(p, &d->at, "tangents", "a mesh's tangents (\"S\") are not read: the direction of its u is taken");
     if (result != STATUS_OK) {
         arrays_release(&a);
         return result;

@@ -11,8 +11,7 @@ void pbrt_option(struct pbrt *p, const struct pbrt_directive *d)
     /* These control pbrt's implementation or its tests. */
     static const char *const silent[] = {"rendercoordsys", "seed", "pixelstats", "wavefront",
                                          "msereferenceimage", "msereferenceout",
-                                         "displacementedgescale", "disabletexturefiltering",
-                                         "disablepixeljitter", "disablewavelengthjitter", NULL};
+                                         "displacementedgescale", NULL};
 
     pbrt_ignore(d->params, silent);
     pbrt_params_report(d->params, p->b, "Option");
@@ -28,7 +27,11 @@ void pbrt_sampler(struct pbrt *p, const struct pbrt_directive *d)
     p->samples_at = d->at;
     x = pbrt_integer(d->params, "xsamples", 0);
     y = pbrt_integer(d->params, "ysamples", 0);
-    if (x > 0 && y > 0 && x <= 1 << 12 && y <= 1 << 12)
+    if (x > 0 || y > 0) { /* each is 4 where it is not given */
+        x = x > 0 ? x : 4;
+        y = y > 0 ? y : 4;
+    }
+    if (x > 0 && x <= 1 << 12 && y <= 1 << 12)
         p->samples = x * y;
     pbrt_ignore(d->params, how);
     pbrt_params_report(d->params, p->b, "sampler");
