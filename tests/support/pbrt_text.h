@@ -5,7 +5,8 @@
 #include "client/import/import.h"
 
 /* A camera at (0, 0, 5) of a right-handed world (Scale -1 1 1 turns pbrt's into one). */
-#define RIGHT_HANDED "Scale -1 1 1 LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\"\n"
+#define EYE "Scale -1 1 1 LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\"\n"
+#define RIGHT_HANDED "Film \"rgb\" " EYE
 #define TRIANGLE                                                                \
     "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 2]\n"
 /* A light that changes nothing else: a scene without any is given one. */

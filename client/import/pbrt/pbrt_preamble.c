@@ -84,6 +84,8 @@ static status do_world(struct pbrt *p, const struct pbrt_place *at)
 {
     if (p->in_world)
         return pbrt_fail(p, STATUS_ERR_INPUT, at, "WorldBegin occurs twice");
+    if (!p->film.params)
+        pbrt_warn(p, at, "no film", "there is no Film before WorldBegin: the file is taken as pbrt-v4's (a Film \"image\" makes it pbrt-v3's)");
     TRY(pbrt_camera(p));
     p->in_world = 1;
     p->now.active = 3;

@@ -285,7 +285,7 @@ static void test_other_cameras(void **state)
     assert_float_equal(r.scene.cameras[0].focus_distance, 8, 1e-6f);
     import_result_release(&r);
     /* The middle of pbrt's panorama is -x, the right of that -z, in a right-handed world. */
-    pbrt_whole("Camera \"spherical\" \"string mapping\" \"equirectangular\" WorldBegin " LAMP TRIANGLE, NULL, &r);
+    pbrt_whole("Film \"rgb\" Camera \"spherical\" \"string mapping\" \"equirectangular\" WorldBegin " LAMP TRIANGLE, NULL, &r);
     assert_int_equal(r.scene.cameras[0].kind, CAMERA_PANORAMA);
     assert_camera(&r, (const float[]){0, 0, -1}, (const float[]){0, 1, 0}, (const float[]){1, 0, 0},
                   (const float[]){0, 0, 0});
@@ -306,7 +306,7 @@ static void test_hints(void **state)
                "\"string filename\" \"a.exr\" \"float iso\" 400 \"float exposuretime\" .5 "
                "Sampler \"zsobol\" \"integer pixelsamples\" 64 Integrator \"volpath\" "
                "\"integer maxdepth\" 17 Option \"integer seed\" 3 Option \"bool forcediffuse\" true "
-               "PixelFilter \"gaussian\" \"float xradius\" 2 " RIGHT_HANDED "WorldBegin " LAMP TRIANGLE,
+               "PixelFilter \"gaussian\" \"float xradius\" 2 " EYE "WorldBegin " LAMP TRIANGLE,
                NULL, &r);
     assert_int_equal(r.hints.width, 640);
     assert_int_equal(r.hints.height, 480);
@@ -328,9 +328,9 @@ static void test_exposure(void **state)
     } cases[] = {
         {RIGHT_HANDED, 0},
         {RIGHT_HANDED "\"float shutteropen\" 1 \"float shutterclose\" 5 ", 2},
-        {"Film \"rgb\" \"float iso\" 50 " RIGHT_HANDED "\"float shutterclose\" .5 ", -2},
-        {"Film \"rgb\" \"float exposuretime\" 2 " RIGHT_HANDED "\"float shutterclose\" .5 ", 1},
-        {"Film \"image\" \"float scale\" 8 " RIGHT_HANDED "\"float shutterclose\" .5 ", 3},
+        {"Film \"rgb\" \"float iso\" 50 " EYE "\"float shutterclose\" .5 ", -2},
+        {"Film \"rgb\" \"float exposuretime\" 2 " EYE "\"float shutterclose\" .5 ", 1},
+        {"Film \"image\" \"float scale\" 8 " EYE "\"float shutterclose\" .5 ", 3},
     };
 
     (void)state;
@@ -371,20 +371,25 @@ static void test_hints_not_taken(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char text[512], words[128];
-        snprintf(text, sizeof text, "\n%s\n" RIGHT_HANDED "WorldBegin " LAMP TRIANGLE, cases[i].text);
+        snprintf(text, sizeof text, "\n%s\n" EYE "WorldBegin " LAMP TRIANGLE, cases[i].text);
         snprintf(words, sizeof words, "a.pbrt:2: |%s", cases[i].words);
         pbrt_whole(text, NULL, &r);
         pbrt_warned(&r, words);
         import_result_release(&r);
     }
     pbrt_whole("Film \"rgb\" \"float maxcomponentvalue\" 1e38 \"float whitebalance\" 0 "
-               "\"string sensor\" \"cie1931\" Integrator \"volpath\" \"bool regularize\" false " RIGHT_HANDED
+               "\"string sensor\" \"cie1931\" Integrator \"volpath\" \"bool regularize\" false " EYE
                "WorldBegin " LAMP TRIANGLE,
                NULL, &r);
     assert_int_equal(r.warning_count, 0);
     assert_int_equal(r.hints.max_depth, 5); /* pbrt's default */
     import_result_release(&r);
+    pbrt_whole(EYE "WorldBegin " LAMP TRIANGLE, NULL, &r);
+    pbrt_warned(&r, "a.pbrt:2: |no Film|pbrt-v4");
+    assert_int_equal(r.warning_count, 1);
+    import_result_release(&r);
     pbrt_world(LAMP TRIANGLE, &r);
+    assert_int_equal(r.warning_count, 0);
     assert_true(r.hints.has_max_depth && r.hints.max_depth == 5); /* without an Integrator, too */
     import_result_release(&r);
 }
