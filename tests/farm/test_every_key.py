@@ -693,6 +693,8 @@ PBRT_DIRECTIVES = {  # each before a sphere
     "NamedMaterial": 'NamedMaterial "m2"', "MediumInterface": 'MakeNamedMedium "x" "string type" "homogeneous"\nMediumInterface "x" ""\nMaterial "dielectric"',
     "xyzzy": "xyzzy",
 }
+PBRT_DIRECTIVES.update({'"float %s_xyzzy"' % target: 'Attribute "%s" "float %s_xyzzy" 1' % (target, target)
+                        for target in ("shape", "light", "material", "medium", "texture")})
 
 
 @tests.add

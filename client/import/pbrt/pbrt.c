@@ -57,6 +57,7 @@ static void finish(struct pbrt *p)
     mem_free(p->stack);
     mem_free(p->renamed);
     mem_free(p->late);
+    mem_free(p->attributes);
     mem_free(p->stack_kinds);
     arena_release(&p->arena);
 }
@@ -103,6 +104,8 @@ static status run(struct pbrt *p)
     result = pbrt_late_finish(p, &t.at);
     if (result != STATUS_OK)
         return placed(p, result, &t.at);
+    for (size_t i = 0; i < p->attribute_count; i++)
+        pbrt_params_untaken(p->attributes[i], p->b);
     if (!p->in_world)
         return placed(p, pbrt_camera(p), &t.at);
     for (size_t i = 0; i < p->b->camera_count && !p->is_animated; i++)

@@ -262,6 +262,8 @@ static status do_attribute(struct pbrt *p, const struct pbrt_place *at)
                          "\"texture\"");
     TRY(pbrt_next_params(p, *slot));
     *slot = pbrt_params_copy(&p->params, &p->arena);
+    MUST_GROW(p->attributes, p->attribute_capacity, p->attribute_count + 1);
+    p->attributes[p->attribute_count++] = *slot;
     return STATUS_OK;
 }
 

@@ -192,10 +192,12 @@ struct pbrt {
     struct pbrt_table float_textures, color_textures, materials, media, objects, systems, images, texture_rows, spectra;
     struct pbrt_renamed *renamed; /* pbrt-v3: textures and materials are names of their attribute block */
     size_t renamed_count, renamed_capacity;
-    struct pbrt_table masks;   /* pbrt-v3: by the texture that they are made of */
-    struct pbrt_table derived; /* pbrt-v3: materials with a shape's own parameters */
-    struct pbrt_table defined; /* pbrt-v4: the place of each definition, by kind and name */
-    struct pbrt_late *late;    /* pbrt-v4: what uses names that are defined later */
+    struct pbrt_table masks;         /* pbrt-v3: by the texture that they are made of */
+    struct pbrt_table derived;       /* pbrt-v3: materials with a shape's own parameters */
+    struct pbrt_table defined;       /* pbrt-v4: the place of each definition, by kind and name */
+    struct pbrt_params **attributes; /* of all Attribute directives */
+    size_t attribute_count, attribute_capacity;
+    struct pbrt_late *late; /* pbrt-v4: what uses names that are defined later */
     size_t late_count, late_capacity;
     struct pbrt_material *default_material;
     struct pbrt_texture *white;

@@ -296,3 +296,16 @@ void pbrt_params_report(struct pbrt_params *p, struct builder *b, const char *wh
                         what, type_words[param->type], param->name);
     }
 }
+
+void pbrt_params_untaken(const struct pbrt_params *p, struct builder *b)
+{
+    for (size_t i = 0; i < p->count; i++) {
+        const struct pbrt_param *param = &p->items[i];
+        char kind[PBRT_STRING_BYTES_MAX];
+        if (param->used)
+            continue;
+        snprintf(kind, sizeof kind, "attribute %.100s %s", param->name, type_words[param->type]);
+        builder_warn_at(b, param->at.file, param->at.line, kind, "Attribute: nothing that follows takes the parameter \"%s %.100s\": ignored",
+                        type_words[param->type], param->name);
+    }
+}

@@ -85,3 +85,5 @@ int pbrt_triple(struct pbrt_params *p, const char *name, double out[3]);
 
 /* Warn about each parameter that was not requested. `what`: shape "sphere". */
 void pbrt_params_report(struct pbrt_params *p, struct builder *b, const char *what);
+/* The same, of an Attribute's, once all that follows has been read. */
+void pbrt_params_untaken(const struct pbrt_params *p, struct builder *b);
