@@ -43,8 +43,9 @@ for source in "$@"; do
     name=${target#fuzz_}
     corpus=build/fuzz/corpus/$name
     mkdir -p "$corpus"
+    # clang links the sanitizer's part for C++, which draco.cc needs, only if asked to.
     # shellcheck disable=SC2086
-    "$FUZZ_CC" -fsanitize=fuzzer,address,undefined -pthread -o "build/fuzz/$target" \
+    "$FUZZ_CC" -fsanitize=fuzzer,address,undefined -fsanitize-link-c++-runtime -pthread -o "build/fuzz/$target" \
         "$tree/obj/${source%.c}.o" "${libraries[@]}" $others $embree -lstdc++ -lm
     echo "== $target for $FUZZ_SECONDS s"
     seeds=()
