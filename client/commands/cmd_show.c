@@ -20,6 +20,7 @@ static void print_settings(const Azulejo__Wire__RenderSettings *s)
 {
     char region[64] = "";
     struct render_settings defaults;
+    int usual;
 
     render_settings_default(&defaults);
     if (s->whole_width)
@@ -27,11 +28,11 @@ static void print_settings(const Azulejo__Wire__RenderSettings *s)
                  s->whole_height);
     field_printf(stdout, "picture", "%u x %u pixels%s, depth %u, seed %" PRIu64 ", camera %u", s->width, s->height,
                  region, s->max_depth, s->seed, s->camera);
-    if (s->env_sampling != defaults.env_sampling || s->env_rotate_deg != defaults.env_rotate_deg ||
-        s->env_strength != defaults.env_strength)
-        field_printf(stdout, "light map", "sampled by %s, turned %g degrees, strength %g",
-                     env_sampling_name((enum env_sampling)s->env_sampling), (double)s->env_rotate_deg,
-                     (double)s->env_strength);
+    usual = s->env_sampling == defaults.env_sampling;
+    if (!usual || s->env_rotate_deg != defaults.env_rotate_deg || s->env_strength != defaults.env_strength)
+        field_printf(stdout, "light map", "%s%s%sturned %g degrees, strength %g", usual ? "" : "sampled by ",
+                     usual ? "" : env_sampling_name((enum env_sampling)s->env_sampling), usual ? "" : ", ",
+                     (double)s->env_rotate_deg, (double)s->env_strength);
     field_print(stdout, "isa", isa_name((enum isa)s->isa));
 }
 

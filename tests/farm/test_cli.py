@@ -457,7 +457,7 @@ def settings_of_a_job():
         expect((settings["fps"], settings["shutter"]) == (24, 0), settings)
         expect(settings["lens_radius"] == settings["focus_distance"] == 0 and not settings["pinhole"], settings)
         expect(settings["without"] == [] and settings["aovs"] == [], settings)
-        choices = {"env_sampling": "importance", "sampler": "sobol", "light_choice": "tree",
+        choices = {"env_sampling": "learned", "sampler": "sobol", "light_choice": "tree",
                    "no_roulette": False, "texture_filter": "cone", "bvh_quality": "medium",
                    "not_robust": False, "clamp": 0, "exr_names": "plain"}
         expect({name: settings[name] for name in choices} == choices, settings)
@@ -1108,7 +1108,8 @@ def lines_fit_the_terminal():
     with Farm() as farm:
         command = ["render", glass, "--size", "80x60", "--target-error", "30/255", "-o", "g.exr"]  # always the same figures
         words = set(re.findall("[A-Za-z]{2,}", " ".join(lines_on_terminal(farm, 300, *command))))
-        words |= set("queued waits no worker is connected samples now left sending the scene of KiB too early to say when at".split())
+        words |= set("queued waits no worker is connected samples now left sending the scene of KiB too early to say when at its last pictures "
+                     "are being made".split())
         for columns, error in ((80, "in 95 % of the pixels"), (40, "/255 (")):
             lines = lines_on_terminal(farm, columns, *command)
             wide = [line for line in lines if len(line) > columns]
@@ -1133,7 +1134,7 @@ def show_fits_the_terminal():
         expect("  until       4 samples a pixel\n" in shown and "light map" not in shown, shown)
         shown = farm.cli("show", number, expect=0).out
         expect("  until       2/255, at most 4096 samples a pixel, 4s of core time a frame, 2000 million rays a frame\n" in shown and
-               "  light map   sampled by importance, turned 30 degrees, strength 0.5\n" in shown, shown)
+               "  light map   turned 30 degrees, strength 0.5\n" in shown, shown)
         for command in (["show", number], ["show", "--farm"]):
             argv = farm.cli_argv(*command)[1:]
             whole = " ".join(lines_on_terminal(farm, 1000, *argv)).split()

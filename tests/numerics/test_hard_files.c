@@ -52,7 +52,7 @@ static void pbrt_figure(const char *world, double expected, double tolerance, co
     char text[1024];
 
     snprintf(text, sizeof text,
-             "Scale -1 1 1 LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 0.01 WorldBegin "
+             "Scale -1 1 1 LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 0.01 Film \"rgb\" WorldBegin "
              "Material \"diffuse\" \"rgb reflectance\" [0.8 0.8 0.8] %s",
              world);
     imported_text(text, "a.pbrt", NULL, &import);

@@ -73,7 +73,7 @@ static void pbrt_text(char *text, const double shift[3], int in_matrix)
 
     text += sprintf(text, "Scale -1 1 1 LookAt ");
     print_points(&text, view, 2, shift);
-    text += sprintf(text, "0 1 0 Camera \"perspective\" WorldBegin ");
+    text += sprintf(text, "0 1 0 Camera \"perspective\" Film \"rgb\" WorldBegin ");
     if (in_matrix)
         text += sprintf(text, "Translate %.17g %.17g %.17g ", shift[0], shift[1], shift[2]);
     text += sprintf(text, "LightSource \"point\" \"rgb I\" [20 18 15] \"point3 from\" [");

@@ -97,7 +97,7 @@ static void begin(struct buffer *text, enum lighting lighting, const double at[3
 {
     buffer_printf(text,
                   "Scale -1 1 1 LookAt %.17g %.17g %.17g %.17g %.17g %.17g 0 1 0 Camera \"perspective\" "
-                  "\"float fov\" 40 WorldBegin ",
+                  "\"float fov\" 40 Film \"rgb\" WorldBegin ",
                   at[0] + eye_from[0], at[1] + eye_from[1], at[2] + eye_from[2], at[0], at[1], at[2]);
     if (lighting == SUN)
         buffer_puts(text, "LightSource \"distant\" \"rgb L\" [3 3 3] \"point3 from\" [1 1 .3] "
@@ -425,7 +425,7 @@ static void look(struct buffer *text, const double at[3], double away, const cha
 {
     const double way[3] = {0.4 / 0.9, 0.45 / 0.9, 0.7 / 0.9};
 
-    buffer_printf(text, "Scale -1 1 1 LookAt %.17g %.17g %.17g %.17g %.17g %.17g 0 1 0 Camera %s WorldBegin "
+    buffer_printf(text, "Scale -1 1 1 LookAt %.17g %.17g %.17g %.17g %.17g %.17g 0 1 0 Camera %s Film \"rgb\" WorldBegin "
                   "LightSource \"distant\" \"rgb L\" [3 3 3] \"point3 from\" [1 1 .3] \"point3 to\" [0 0 0]\n"
                   "Material \"diffuse\" \"rgb reflectance\" [.7 .7 .7]\n",
                   at[0] + away * way[0], at[1] + away * way[1], at[2] + away * way[2], at[0], at[1], at[2], camera);
@@ -578,7 +578,7 @@ static void box_on_floor(struct buffer *text, const double at[3])
 static void far_box(struct buffer *text, const double at[3])
 {
     buffer_printf(text, "Scale -1 1 1 LookAt %.17g %.17g %.17g %.17g %.17g %.17g 0 1 0 Camera \"perspective\" "
-                  "\"float fov\" 50 WorldBegin LightSource \"distant\" \"rgb L\" [3 3 3] \"point3 from\" [1 1 .3] "
+                  "\"float fov\" 50 Film \"rgb\" WorldBegin LightSource \"distant\" \"rgb L\" [3 3 3] \"point3 from\" [1 1 .3] "
                   "\"point3 to\" [0 0 0] LightSource \"infinite\" \"rgb L\" [.3 .3 .3]\n"
                   "Material \"diffuse\" \"rgb reflectance\" [.7 .7 .7]\n",
                   at[0] + 2, at[1] + 2.5, at[2] + 3, at[0], at[1], at[2]);

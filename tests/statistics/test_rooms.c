@@ -107,7 +107,7 @@ static void room_text(char *text, const struct where *where, enum walls walls, e
     put_place(&text, where, eye);
     put_place(&text, where, target);
     put_place(&text, &axis, (double[3]){0, 1, 0});
-    text += sprintf(text, "Camera \"perspective\" \"float fov\" 80 WorldBegin\n");
+    text += sprintf(text, "Camera \"perspective\" \"float fov\" 80 Film \"rgb\" WorldBegin\n");
     put_light(&text, where, light);
     text += sprintf(text, "Material \"diffuse\" \"rgb reflectance\" [0.8 0.8 0.8]\n");
     if (walls == SHELL)

@@ -139,7 +139,7 @@ static struct running_stats picture_means(const char *text, uint32_t spp)
 }
 
 /* The camera looks straight down at the middle of a large square through a tiny angle. */
-#define LOOK_DOWN "LookAt 0 -3 0.5  0 0 0  0 0 1 Camera \"perspective\" \"float fov\" 0.02\nWorldBegin\n"
+#define LOOK_DOWN "LookAt 0 -3 0.5  0 0 0  0 0 1 Camera \"perspective\" \"float fov\" 0.02\nFilm \"rgb\" WorldBegin\n"
 #define SQUARE "Shape \"trianglemesh\" \"point3 P\" [-9 -9 0 9 -9 0 9 9 0 -9 9 0] " \
                "\"integer indices\" [0 1 2 0 2 3]\n"
 #define GREY "Material \"diffuse\" \"rgb reflectance\" [.5 .5 .5] "

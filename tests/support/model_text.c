@@ -200,7 +200,7 @@ void model_write_pbrt(const struct model *varied, const struct model_way *way, s
     if (m->lens_radius > 0)
         buffer_printf(out, " \"float lensradius\" %.17g \"float focaldistance\" %.17g", m->lens_radius,
                       m->focus_distance);
-    buffer_puts(out, " Integrator \"volpath\" \"integer maxdepth\" 12 WorldBegin\n");
+    buffer_puts(out, " Integrator \"volpath\" \"integer maxdepth\" 12 Film \"rgb\" WorldBegin\n");
     put_media(m, way, m->fog == 0, m->medium_count, out);
     put_absorption(m, out);
     put_sky(m, way, out);

@@ -106,7 +106,7 @@ static void test_plane(void **state)
 static const char squares[] =
     "LookAt 0 0 -5  0 0 0  0 1 0\n"
     "Camera \"perspective\" \"float fov\" 20 \"float shutteropen\" 0 \"float shutterclose\" 1\n"
-    "WorldBegin\n"
+    "Film \"rgb\" WorldBegin\n"
     "LightSource \"infinite\" \"rgb L\" [1 1 1]\n"
     "AttributeBegin\n"
     "Material \"diffuse\" \"rgb reflectance\" [0.8 0.4 0.2]\n"
@@ -200,7 +200,7 @@ static struct guides look_for_guides(const char *text, uint32_t spp)
 }
 
 #define GUIDES_CAMERA \
-    "LookAt 0 0 0  0 0 5  0 1 0\nCamera \"perspective\" \"float fov\" 20\nWorldBegin\n" \
+    "LookAt 0 0 0  0 0 5  0 1 0\nCamera \"perspective\" \"float fov\" 20\nFilm \"rgb\" WorldBegin\n" \
     "LightSource \"point\" \"rgb I\" [1 1 1]\n"
 #define GUIDES_SQUARE(z, turned) \
     "Shape \"trianglemesh\" \"point3 P\" [-9 -9 " z "  9 -9 " z "  9 9 " z "  -9 9 " z "]\n" \

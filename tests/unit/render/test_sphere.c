@@ -37,7 +37,7 @@ static void fixture_init(struct fixture *f, const char *world)
 {
     struct buffer text = BUFFER_INIT;
 
-    buffer_printf(&text, RIGHT_HANDED "WorldBegin\n%s", world);
+    buffer_printf(&text, RIGHT_HANDED "Film \"rgb\" WorldBegin\n%s", world);
     fixture_whole(f, buffer_text(&text));
     buffer_release(&text);
 }
@@ -205,7 +205,7 @@ static void shoot_beside(uint32_t others, double radius, double x, double far, u
     int hits = 0, misses = 0;
 
     /* The camera is the farthest of all places from which rays start. */
-    buffer_printf(&text, "LookAt 0 0 %g 0 0 0 0 1 0 Camera \"perspective\" WorldBegin " LAMP
+    buffer_printf(&text, "LookAt 0 0 %g 0 0 0 0 1 0 Camera \"perspective\" Film \"rgb\" WorldBegin " LAMP
                          "Translate %.17g %.17g %.17g Shape \"sphere\" \"float radius\" %.17g",
                   2 * far, x, 2 * x, -x, radius);
     for (uint32_t k = 0; k < others; k++)
