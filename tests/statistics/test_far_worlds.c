@@ -210,7 +210,7 @@ static void import_with_square(const char *camera, double x, double z, double ha
     pbrt_text(whole, nowhere, 0);
     if (camera)
         snprintf(text, sizeof text, "Scale -1 1 1 LookAt .25 .5 4 0 .5 0 0 1 0 Camera %s %s", camera,
-                 strstr(whole, "WorldBegin"));
+                 strstr(whole, "Film"));
     else
         strcpy(text, whole);
     at = text + strlen(text);
