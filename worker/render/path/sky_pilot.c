@@ -12,6 +12,8 @@
 enum { PIXELS_A_PATH = 32, PATHS_MIN = 256, PATHS_MAX = 8192, VERTICES_A_PATH = 6 };
 /* Paths end at this depth: those of glass and clouds are long, and deep vertices matter little. */
 enum { PILOT_DEPTH = 8 };
+/* Where more of the paths' own shadow rays to the environment arrive, nothing is to be learned. */
+#define ARRIVED_MAX 0.4
 #define PILOT_SEED 0x736b795f70696c6full
 
 /* A vertex that light was asked for at. */
@@ -21,6 +23,7 @@ struct pilot_vertex {
 };
 
 struct pilot_path {
+    uint32_t traced, arrived; /* of all its vertices */
     uint32_t count;
     struct pilot_vertex vertices[VERTICES_A_PATH];
 };
@@ -49,6 +52,10 @@ void sky_pilot_vertex_ends(const struct path_vertex *v, const struct path_notes 
 {
     struct pilot_path *to = pilot_now.path;
 
+    if (to && notes->traced && v->light.kind == LIGHT_ENVIRONMENT) {
+        to->traced++;
+        to->arrived += !vec3_is_black(notes->visible);
+    }
     if (!to || to->count == VERTICES_A_PATH || v->met != PATH_MET_SURFACE || !notes->asked ||
         v->s.material->flags & MATERIAL_TWO_WAY)
         return;
@@ -81,6 +88,17 @@ static real arrives(void *user, uint32_t point, struct vec3 direction)
     const struct pilot_vertex *v = pilot->vertices[point];
 
     return kernel_recording.arrives(pilot->scene, &v->s, &v->in, direction);
+}
+
+static int is_open(const struct pilot *pilot)
+{
+    double traced = 0, arrived = 0;
+
+    for (uint32_t i = 0; i < pilot->path_count; i++) {
+        traced += pilot->paths[i].traced;
+        arrived += pilot->paths[i].arrived;
+    }
+    return !(arrived <= ARRIVED_MAX * traced);
 }
 
 static status learn(struct pilot *pilot, struct render_scene *scene, struct error *err)
@@ -145,7 +163,9 @@ status sky_pilot_run(struct render_scene *scene, struct error *err)
         trace_picture(&pilot, scene);
     else
         atomic_store(&pilot.failed, 1);
-    s = atomic_load(&pilot.failed) ? error_no_memory(err, "the environment's guide") : learn(&pilot, scene, err);
+    s = atomic_load(&pilot.failed) ? error_no_memory(err, "the environment's guide")
+        : is_open(&pilot)          ? STATUS_OK
+                                   : learn(&pilot, scene, err);
     mem_free(pilot.paths);
     mem_free(pilot.points);
     mem_free(pilot.vertices);
