@@ -54,7 +54,7 @@
             "multiply the environment's radiance (default 1)")                                                         \
     SETTING(o, CHOICE, enum env_sampling, env_sampling, ENV_SAMPLING_LEARNED, 0, 0, ALWAYS,                            \
             "azulejo:envSampling", "env-sampling", "HOW",                                                              \
-            "how light directions are chosen from the environment (default learned)",                               \
+            "how light directions are chosen from the environment (default learned)",                                  \
             CHOICE_OF(ENV_SAMPLING, ENV_SAMPLINGS))                                                                    \
     SETTING(o, CHOICE, enum isa, isa, ISA_AVX2, 0, 0, ALWAYS, "azulejo:isa", "isa", "NAME",                            \
             "instruction set for the ray tracing of every worker (default avx2)", CHOICE_OF(ISA, ISAS))                \

@@ -45,17 +45,17 @@ class Folder:
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=60 * PATIENCE)
         if done.returncode:
             raise Failure("%s\n%s" % (done.stderr.decode(), data if isinstance(data, str) else ""))
-        told = json.loads(done.stdout)
-        scene = {key: told[key] for key in told if key not in ("inputs", "warnings", "bytes", "file", "simplified")}
-        return scene, told["warnings"]
+        report = json.loads(done.stdout)
+        scene = {key: report[key] for key in report if key not in ("inputs", "warnings", "bytes", "file", "simplified")}
+        return scene, report["warnings"]
 
 
 def judge(key, without, with_it, quiet, faults):
     """One line into `faults` if `key` had neither an effect nor a warning."""
-    (scene, warned), (other, told) = without, with_it
+    (scene, before), (other, warnings) = without, with_it
     if scene != other:
         heard = "read"
-    elif any(key in line for line in told if line not in warned):
+    elif any(key in line for line in warnings if line not in before):
         heard = "named"
     else:
         heard = None
@@ -728,10 +728,10 @@ def pbrt_kinds():
             for line in lines:
                 kind = [word for word in re.findall('"([^"]+)"', line) if word not in ("x", "spectrum", "float", "fog", "string type")][0]
                 try:
-                    told = folder.read("a.pbrt", WORLD % dict(V4, **{place: line % ""}))[1]
+                    warnings = folder.read("a.pbrt", WORLD % dict(V4, **{place: line % ""}))[1]
                 except Failure as failure:
-                    told = str(failure).splitlines()[:1]
-                if not any(kind in text for text in told):
+                    warnings = str(failure).splitlines()[:1]
+                if not any(kind in text for text in warnings):
                     faults.append("%s: %s" % (line.split()[0], kind))
     settle(faults)
 

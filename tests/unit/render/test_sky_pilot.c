@@ -140,6 +140,34 @@ static void test_less_noise(void **state)
     builder_release(&b);
 }
 
+/* A sheet before the window that lets some rays pass, at random: each of the pilot's rays must draw for itself, or all are
+ * blocked by it, or none. */
+static void test_curtain(void **state)
+{
+    const float corners[9] = {-2.1f, -9, -9, -2.1f, -9, 9, -2.1f, 9, 0};
+    const uint32_t triangle[3] = {0, 1, 2};
+    struct render_settings settings = settings_of();
+
+    (void)state;
+    for (int i = 0; i < 4; i++) { /* each place has numbers of its own */
+        struct render_scene *scene;
+        struct scene_material *m;
+        struct scene_builder b;
+
+        lit_room(&b);
+        m = builder_lambert(&b, 0);
+        m->alpha_mode = ALPHA_BLEND;
+        m->base_color[3] = 0.8f;
+        builder_place(&b, builder_mesh(&b, corners, NULL, 3, triangle, 1, 0), builder_last_material(&b), vec3_splat(1),
+                      vec3_make(-0.1f * (float)i, 0, 0));
+        scene = build(&b, &settings);
+        print_message("# regions behind curtain %d: %u\n", i, guide_of(scene)->region_count);
+        assert_true(guide_of(scene)->region_count > 10);
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
 static void expect_none(struct scene_builder *b, const struct render_settings *settings)
 {
     struct render_scene *scene = build(b, settings);
@@ -172,6 +200,7 @@ int main(void)
         cmocka_unit_test(test_alike),
         cmocka_unit_test(test_a_region),
         cmocka_unit_test(test_less_noise),
+        cmocka_unit_test(test_curtain),
         cmocka_unit_test(test_only_where_it_helps),
     };
 

@@ -262,18 +262,16 @@ static int sees_subject(const struct path *path)
            (path->sight == SIGHT_SURFACE && !(path->shone > 0 && vec3_luminance(path->radiance) < 2 * path->shone));
 }
 
-real path_arrives(const struct render_scene *scene, const struct surface *s, const struct interior *in,
-                  struct vec3 direction)
+real path_arrives(const struct render_scene *scene, const struct sampler *sampler, const struct surface *s,
+                  const struct interior *in, struct vec3 direction)
 {
     struct render_stats stats = {0};
-    struct sampler sampler = {0};
     struct vec3 visible;
     struct path path;
     struct ray ray;
 
     surface_leave(s, direction, &ray);
-    sampler_start(&sampler, 0, 0, 0, 0, 0, 0);
-    path_start(&path, scene, &sampler, &ray, (struct camera_cone){0}, &stats);
+    path_start(&path, scene, sampler, &ray, (struct camera_cone){0}, &stats);
     path.interior = *in;
     visible = path_visibility(&path, &ray);
     PROFILE_IDLE();

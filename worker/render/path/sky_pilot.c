@@ -86,8 +86,11 @@ static real arrives(void *user, uint32_t point, struct vec3 direction)
 {
     const struct pilot *pilot = user;
     const struct pilot_vertex *v = pilot->vertices[point];
+    struct sampler sampler = {0};
 
-    return kernel_recording.arrives(pilot->scene, &v->s, &v->in, direction);
+    /* Each ray draws for itself what is left to chance: the direction is its number. */
+    sampler_start(&sampler, PILOT_SEED, 0, point, float_bits((float32)direction.x), 0, float_bits((float32)direction.z));
+    return kernel_recording.arrives(pilot->scene, &sampler, &v->s, &v->in, direction);
 }
 
 static int is_open(const struct pilot *pilot)

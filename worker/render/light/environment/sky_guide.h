@@ -4,12 +4,13 @@
  * side that a surface faces, and by place) and the map into cells, and has a distribution over the cells for each
  * region: their light, times the cosine, times what of it arrives at points of the region that a pilot found. Within a
  * cell directions follow the map's luminance. Every density is known, so whatever the guide believes, pictures stay
- * unbiased; light that it does not expect keeps a tenth of the choices.
+ * unbiased; light that it does not expect keeps a tenth of its choices, a sun half.
  *
  * A region whose distribution would not lower the second moment of the direct light clearly has none: there the map
  * alone is sampled. So open scenes cost a look-up, and a scene without any such region has no guide.
  *
- * It depends on the scene, the camera and the size of the whole picture alone: every worker makes the same one.
+ * It depends on the scene, the camera, the size of the whole picture and the settings of light, and not on seed, samples
+ * or region: every worker makes the same one.
  * After learned light choice (Vevoda et al. 2018) and adaptive dome lights.
  */
 #pragma once
