@@ -231,7 +231,7 @@ endif
 # of KERNEL_MAP, and one that records paths (worker/render/path/record_path.h). The same files, compiled each on
 # its own, are what the rest of the renderer and the tests call.
 KERNEL_SRC := $(addprefix worker/render/,bsdf/bsdf.c camera/camera.c surface/surface.c surface/surface_shade.c \
-  surface/surface_texture.c light/emitters_sample.c light/triangle_light.c path/path.c path/path_alpha.c path/path_light.c \
+  surface/surface_texture.c light/emitters_sample.c light/triangle_light.c path/path.c path/path_alpha.c path/path_caustic.c path/path_light.c path/path_on.c \
   path/path_trace.c path/path_volumes.c path/tile.c)
 KERNEL_ROWS := $(subst $(comma),=,$(shell sed -nE 's/^    X\(([a-z]+), ([A-Z_]+)\).*/\1,\2/p' common/scene/kernel_sets.h)) recording=KERNEL_SET_GENERAL
 KERNEL_OBJ := $(foreach row,$(KERNEL_ROWS),$(BUILD)/obj/worker/render/kernel/$(firstword $(subst =, ,$(row))).o)

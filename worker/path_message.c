@@ -114,6 +114,7 @@ static void fill_vertex(struct vertex_parts *p, const struct record_vertex *v, c
     out->added_medium = add_vector(p, v->added[FROM_MEDIUM]);
     out->added_path = add_vector(p, v->added[FROM_PATH]);
     out->added_light = add_vector(p, v->added[FROM_LIGHT]);
+    out->added_caster = add_vector(p, v->added[FROM_CASTER]);
     out->met_pdf = v->met_pdf;
     out->met_weight = v->met_weight;
     if (v->light.asked)

@@ -226,6 +226,18 @@ static void print_light(FILE *out, const Azulejo__Wire__PathVertex *v)
     line_end(&line);
 }
 
+static void print_caster(FILE *out, const Azulejo__Wire__PathVertex *v)
+{
+    char a[TEXT_SIZE];
+    struct line line;
+
+    if (!v->added_caster || is_zero(v->added_caster))
+        return;
+    line_begin(&line, out, "caustic");
+    line_add(&line, "a lamp without size adds %s by way of a smooth surface", vector_text(a, v->added_caster));
+    line_end(&line);
+}
+
 static void print_next(FILE *out, const Azulejo__Wire__PathVertex *v)
 {
     char a[TEXT_SIZE];
@@ -279,6 +291,7 @@ void debug_path_print(FILE *out, const struct debug_sample *sample, const Azulej
         print_place(out, i, path->vertices[i]);
         print_met(out, path->vertices[i]);
         print_light(out, path->vertices[i]);
+        print_caster(out, path->vertices[i]);
         print_next(out, path->vertices[i]);
     }
     if (path->truncated)

@@ -317,7 +317,7 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
     scatters = EFFECT_DIFFUSE | EFFECT_GLOSSY | EFFECT_ROUGH_DIELECTRIC | EFFECT_SHEEN | EFFECT_DIFFUSE_TRANSMISSION |
                EFFECT_MEDIUM;
     mirrors = EFFECT_MIRROR | EFFECT_DIELECTRIC | EFFECT_THIN_TRANSMISSION;
-    shines = EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT;
+    shines = EFFECT_EMISSIVE_MESH | EFFECT_ENVIRONMENT | EFFECT_PUNCTUAL_LIGHT;
     if ((f.found & scatters) && (f.found & mirrors) && (f.found & shines))
         add(&f, EFFECT_CAUSTICS, "scene", scene->name, 0);
     mem_free(f.named_material);

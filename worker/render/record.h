@@ -56,6 +56,7 @@ enum path_source {
     FROM_MEDIUM, /* that lies before the vertex, and glows */
     FROM_PATH,   /* what the path's own ray met: a surface that shines, the environment */
     FROM_LIGHT,  /* next-event estimation */
+    FROM_CASTER, /* lamps without size, by way of a smooth surface (caustic/casters.h) */
     PATH_SOURCES
 };
 

@@ -117,6 +117,7 @@ struct render_boxes {
 enum render_near { RENDER_NEAR_NONE = 0, RENDER_NEAR_EDGES = 1, RENDER_NEAR_ALL = 3, RENDER_NEAR_PLACES = 4 };
 enum { ROULETTE_DEPTH = 3 };
 
+struct casters;
 struct kernel;
 
 struct render_scene {
@@ -141,6 +142,8 @@ struct render_scene {
     uint32_t medium_count;
     int32_t fog; /* its medium fills the bounding sphere, -1: none */
     struct emitters emitters;
+    struct casters *casters; /* NULL: none (caustic/casters.h) */
+    real caster_share;       /* of the vertices ask them (path/caustic_pilot.h) */
     struct accel *accel;
     /* Around everything that refracts or holds a medium, with a margin: there each face is crossed,
      * however close to another. If `near_known`, those faces have another close to them that render_instance.near

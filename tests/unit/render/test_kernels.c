@@ -138,6 +138,23 @@ static void dress_culled(struct scene_builder *b, struct scene_material *ball)
     b->scene.materials[0].double_sided = 0;
 }
 
+/* A lamp without size, whose light the ball reflects and refracts. */
+static void dress_lamp(struct scene_builder *b, struct scene_material *ball)
+{
+    struct scene_light *lamp = builder_light(b, LIGHT_POINT);
+
+    dress_mirror(b, ball);
+    lamp->position[1] = 3;
+    lamp->intensity[0] = lamp->intensity[1] = 9;
+}
+
+static void dress_lit_glass(struct scene_builder *b, struct scene_material *ball)
+{
+    dress_lamp(b, ball);
+    ball->metallic = 0;
+    dress_glass(b, ball);
+}
+
 static const struct {
     const char *name, *kernel;
     void (*dress)(struct scene_builder *b, struct scene_material *ball);
@@ -151,6 +168,8 @@ static const struct {
     {"orthographic", "opaque", dress_orthographic},
     {"alpha", "opaque", dress_alpha},
     {"glass", "glass", dress_glass},
+    {"mirror under a lamp", "opaque", dress_lamp},
+    {"glass under a lamp", "glass", dress_lit_glass},
     {"frosted", "glass", dress_frosted},
     {"coat", "layered", dress_coat},
     {"sheen", "layered", dress_sheen},

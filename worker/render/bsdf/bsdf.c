@@ -251,3 +251,42 @@ int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real 
         return 0;
     return sample_mixture(b, wo, u_lobe, u, v, out);
 }
+
+/* ---- delta lobes in a given direction -------------------------------------------------------------- */
+
+static int delta_reflection(const struct bsdf *b, struct vec3 wo, struct vec3 *wi, struct vec3 *weight)
+{
+    const struct bsdf_coat *coat = &b->coat;
+    real chosen;
+
+    *wi = (struct vec3){-wo.x, -wo.y, wo.z};
+    *weight = LOBE_BLACK;
+    if (b->base.smooth && b->lobes & (LOBE_BIT(REFLECTION) | LOBE_BIT(INTERFACE)))
+        *weight = vec3_scale(reflection_color(b, b->cos_o, &chosen), cover_between(b, *wi).lobe);
+    if (calls_for(EFFECTS_ALL, EFFECT_CLEARCOAT) && lobe_is_present(b, BSDF_LOBE_COAT) && coat->micro.smooth &&
+        coat->normal.z == 1.0f)
+        *weight = vec3_add(*weight, vec3_splat(coat->weight * coat_fresnel(coat, coat->cos_o)));
+    return !vec3_is_black(*weight);
+}
+
+static int delta_refraction(const struct bsdf *b, struct vec3 wo, struct vec3 *wi, struct vec3 *weight)
+{
+    struct vec3 f;
+
+    if (!calls_for(EFFECTS_ALL, EFFECT_DIELECTRIC | EFFECT_ROUGH_DIELECTRIC) ||
+        !lobe_is_present(b, BSDF_LOBE_INTERFACE) || !b->base.smooth)
+        return 0;
+    f = interface_fresnel(b, b->cos_o);
+    if (!refract_about(wo, (struct vec3){0, 0, 1}, b->cos_o, b->eta, wi) || !(wi->z < 0.0f))
+        return 0;
+    *weight = vec3_scale(b->interface.tint, (1.0f - vec3_max(f)) / (b->eta * b->eta) * cover_between(b, *wi).lobe);
+    return !vec3_is_black(*weight);
+}
+
+int bsdf_delta(const struct bsdf *b, struct vec3 wo, int transmits, struct vec3 *wi, struct vec3 *weight)
+{
+    PROFILE_STAGE(SCATTER);
+    if (!HAS_LOBES || b->kind != BSDF_KIND_LOBES)
+        return 0;
+    return transmits ? delta_refraction(b, wo, wi, weight) : delta_reflection(b, wo, wi, weight);
+}

@@ -63,6 +63,10 @@ static inline uint32_t emitters_local_punctual(const struct emitters *e)
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, real u, real v,
                     struct light_sample *out);
 
+/* Sample this light of the scene's list; the sample's pdf is `odds`. As emitters_sample. */
+int emitters_sample_one(const struct render_scene *scene, const struct punctual *light,
+                        const struct light_context *context, real odds, struct light_sample *out);
+
 /* The environment's radiance, and the solid-angle density (odds included) with which
  * emitters_sample picks `direction` on it: the two share work. */
 struct vec3 emitters_environment(const struct render_scene *scene, const struct light_context *context,

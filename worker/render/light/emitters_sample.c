@@ -118,6 +118,17 @@ int emitters_sample(const struct render_scene *scene, const struct light_context
     return found;
 }
 
+int emitters_sample_one(const struct render_scene *scene, const struct punctual *light,
+                        const struct light_context *context, real odds, struct light_sample *out)
+{
+    PROFILE_STAGE(LIGHT);
+    out->light = NULL;
+    out->unread = NULL;
+    out->on_face = 0;
+    out->pdf = odds;
+    return emitters_sample_punctual(scene, light, context, out);
+}
+
 /* ---- densities of what scattered rays meet ------------------------------------------------- */
 
 struct vec3 emitters_environment(const struct render_scene *scene, const struct light_context *context,

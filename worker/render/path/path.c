@@ -7,13 +7,6 @@
 #include "worker/render/path/path_parts.h"
 #include "worker/render/path/path_sink.h"
 
-/* Russian roulette ends a path with a probability of at most 95 %. */
-#define ROULETTE_SURVIVAL_MIN REAL(0.05)
-/* After a scattering event the beam widens by this share of the spacing of such samples, and by at
- * most this much per metre. */
-#define CONE_SHARE 0.25f
-#define CONE_SPREAD_MAX 0.25f
-
 static void path_start(struct path *path, const struct render_scene *scene, const struct sampler *sampler,
                        const struct ray *ray, struct camera_cone cone, struct render_stats *stats)
 {
@@ -34,6 +27,7 @@ static void path_start(struct path *path, const struct render_scene *scene, cons
     path->context = (struct light_context){{0, 0, 0}, {0, 0, 0}, ray->time};
     path->pdf = 0;
     path->specular = 1;
+    path->chain = CHAIN_NONE;
     path->any_diffuse = 0;
     path->eta_scale = 1;
     path->cone = cone;
@@ -48,25 +42,9 @@ static void path_start(struct path *path, const struct render_scene *scene, cons
     path->at_next = 0;
 }
 
-__attribute__((noinline)) void path_mark(struct path *path)
-{
-    const uint32_t max = path->scene->settings.max_depth;
-    const uint32_t marks[] = {max / 4, max / 2, max, UINT32_MAX};            /* of DEPTH_QUARTER, _HALF, _ENDED */
-    const real carried = vec3_luminance(path->throughput) * path->eta_scale; /* as if it were outside of glass */
-
-    for (; path->depth >= marks[path->marks]; path->marks++) {
-        if (carried >= 0 && carried < INFINITY)
-            path->stats->work.depth.sum[DEPTH_QUARTER + path->marks] += (double)carried;
-        if (DEPTH_QUARTER + path->marks == DEPTH_HALF)
-            path->at_half = vec3_luminance(path->radiance);
-    }
-    path->mark = marks[path->marks];
-}
-
 /* ---- the steps of a path --------------------------------------------------------------------- */
 
-/* Trace the path's ray; 0: it escapes. */
-static int path_intersect(struct path *path, struct path_vertex *v)
+static inline __attribute__((always_inline)) int intersect(struct path *path, struct path_vertex *v)
 {
     v->dimension = DIMENSION_VERTEX + path->depth * DIMENSIONS_PER_VERTEX;
     path->query.ray_number++;
@@ -78,16 +56,16 @@ static int path_intersect(struct path *path, struct path_vertex *v)
     return 1;
 }
 
-/* The crossing of a vertex that crosses no boundary. */
-static void crossing_none(struct crossing *crossing)
+__attribute__((noinline)) int path_intersect(struct path *path, struct path_vertex *v) { return intersect(path, v); }
+
+void path_crossing_none(struct crossing *crossing)
 {
     crossing->beyond.count = 0;
     crossing->beyond.medium = -1;
     crossing->together = crossing->next_side = 0;
 }
 
-/* The BSDF of the vertex. 0: seen from behind the shading normal, where it scatters nothing. */
-static int path_bsdf(struct path *path, struct path_vertex *v)
+static inline __attribute__((always_inline)) int find_bsdf(struct path *path, struct path_vertex *v)
 {
     const struct vec3 back = vec3_neg(path->ray.direction);
 
@@ -99,6 +77,8 @@ static int path_bsdf(struct path *path, struct path_vertex *v)
     bsdf_init(&v->bsdf, &v->params, v->wo);
     return 1;
 }
+
+__attribute__((noinline)) int path_bsdf(struct path *path, struct path_vertex *v) { return find_bsdf(path, v); }
 
 /* Sample the path's next direction from the BSDF. PATH_GOES_ON: it has one. */
 static inline __attribute__((always_inline)) enum path_end path_scatter(struct path *path, struct path_vertex *v,
@@ -121,48 +101,12 @@ static inline __attribute__((always_inline)) enum path_end path_scatter(struct p
     if (calls_for(path->scene->effects, VOLUME_EFFECTS) && sample->wi.z < 0)
         path->interior = v->crossing.beyond;
     path->eta_scale *= sample->eta_scale;
+    if (calls_for(path->scene->effects, EFFECT_CAUSTICS) && path->scene->casters)
+        path->chain = path_chain_at(path, v);
     path->specular = (sample->flags & BSDF_DELTA) != 0;
     path->any_diffuse |= !path->specular;
     path->pdf = sample->pdf;
     return PATH_GOES_ON;
-}
-
-/* What is left of the light. Radiance shrinks by eta^2 where it enters a denser medium, and grows
- * again where it leaves: that is no reason to end a path. */
-static real path_left(const struct path *path)
-{
-    return vec3_max(path->throughput) * (SAFEGUARD(ROULETTE_ETA) ? path->eta_scale : 1);
-}
-
-/* This bounds the weight of what survives. */
-static real at_least_survival(real survival)
-{
-    return SAFEGUARD(ROULETTE_FLOOR) ? real_max(survival, ROULETTE_SURVIVAL_MIN) : survival;
-}
-
-int russian_roulette(struct path *path, struct path_notes *notes, real u)
-{
-    real survival = path_left(path);
-
-    if (survival < 1) {
-        survival = at_least_survival(survival);
-        notes->survival = survival;
-        if (!(u < survival))
-            return 0;
-        path->throughput = vec3_scale(path->throughput, 1 / survival);
-    }
-    return 1;
-}
-
-void path_widen(struct path *path, real t)
-{
-    real spread;
-
-    path->cone.width += t * path->cone.spread;
-    if (path->specular || !(path->pdf > 0))
-        return;
-    spread = real_min(CONE_SHARE / real_sqrt(path->pdf), CONE_SPREAD_MAX);
-    path->cone.spread = real_max(path->cone.spread, spread);
 }
 
 /* Leave the vertex towards wi and prepare the next ray. */
@@ -193,7 +137,7 @@ static inline __attribute__((always_inline)) enum path_end path_visit(struct pat
                                                                       struct path_notes *notes)
 {
     const struct render_scene *scene = path->scene;
-    const int met = path_intersect(path, v);
+    const int met = intersect(path, v);
     struct sample2 u = {0, 0};
     enum path_end end;
 
@@ -215,7 +159,7 @@ static inline __attribute__((always_inline)) enum path_end path_visit(struct pat
         path_absorb(path, &v->s);
     notes->throughput = path->throughput;
     if (calls_for(EFFECTS_ALL, COINCIDENT_EFFECTS))
-        crossing_none(&v->crossing);
+        path_crossing_none(&v->crossing);
     if ((calls_for(scene->effects, VOLUME_EFFECTS) ||
          (calls_for(EFFECTS_ALL, COINCIDENT_EFFECTS) && crossing_touches(&v->s))) &&
         !path_boundary(path, v))
@@ -238,10 +182,13 @@ static inline __attribute__((always_inline)) enum path_end path_visit(struct pat
         return PATH_DEPTH;
 
     /* Scattering: next-event estimation, and a direction for the next ray. */
-    if (!path_bsdf(path, v))
+    if (!find_bsdf(path, v))
         return PATH_BEHIND;
     if (v->bsdf.has_smooth && scene->emitters.count > 0)
         path_add(path, notes, FROM_LIGHT, path_direct_surface(path, v, notes));
+    if (calls_for(scene->effects, EFFECT_CAUSTICS) && scene->casters && v->bsdf.has_smooth &&
+        path->depth + 1 < scene->settings.max_depth)
+        path_add(path, notes, FROM_CASTER, path_caustic(path, v));
     if (v->bsdf.kind != BSDF_KIND_LAMBERT || roulette_has_begun(path)) /* a single lobe takes no number */
         u = sampler_get(path->sampler, v->dimension + VERTEX_LOBE);
     end = path_scatter(path, v, u.u);

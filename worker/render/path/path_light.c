@@ -29,9 +29,7 @@ struct vec3 path_visibility(struct path *path, const struct ray *ray)
     return vec3_splat(path_occluded(path, ray) ? 0 : 1);
 }
 
-/* Where the ray to a sampled light ends. An area light must not occlude itself. A light without
- * area may lie on a surface. */
-static void end_at_light(const struct light_sample *light, struct ray *ray)
+void path_end_at_light(const struct light_sample *light, struct ray *ray)
 {
     ray->t_max = light->on_face ? light->distance : light->distance * (1 - 0x1p-20f);
     ray->reaches = light->on_face;
@@ -114,7 +112,7 @@ struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct
     if (vec3_is_black(value))
         return black;
     surface_leave(s, light->direction, &ray);
-    end_at_light(light, &ray);
+    path_end_at_light(light, &ray);
     notes->traced = 1;
     notes->visible = visibility_from(path, v, wi, &ray);
     if (vec3_is_black(notes->visible))
@@ -136,7 +134,7 @@ struct vec3 path_direct_medium(struct path *path, struct path_vertex *v, struct 
     if (!sample_light(path, v, notes, &context))
         return vec3_splat(0);
     ray.direction = light->direction;
-    end_at_light(light, &ray);
+    path_end_at_light(light, &ray);
     notes->scatter_pdf = medium_phase(v->medium, vec3_dot(direction, light->direction));
     notes->scatter = vec3_splat(notes->scatter_pdf);
     notes->traced = 1;
@@ -169,6 +167,8 @@ struct vec3 path_escaped(const struct path *path, struct path_notes *notes)
     real pdf;
 
     if (!calls_for(scene->effects, EFFECT_ENVIRONMENT) || !scene->environment || is_unwanted_caustic(path))
+        return vec3_splat(0);
+    if (calls_for(scene->effects, EFFECT_CAUSTICS) && path_is_cast(path))
         return vec3_splat(0);
     PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(ENVIRONMENT));
     if (path->specular || !scene->emitters.has_environment)

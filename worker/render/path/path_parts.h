@@ -2,9 +2,11 @@
  * compiles as one (Makefile: KERNEL_SRC).
  *
  *   path.c          the loop: one path, vertex by vertex
+ *   path_on.c       Russian roulette, marks of the depth, the beam's width
  *   path_trace.c    rays, and the safeguard against rays that slip out of a closed mesh
  *   path_volumes.c  media, absorption, boundaries of volumes, indices of refraction
  *   path_light.c    next-event estimation and its weights, emission, the environment
+ *   path_caustic.c  light of lamps without size by way of one smooth surface
  *   path_alpha.c    does a hit count? (culling, alpha)
  *   path_sink.h     what else is wanted of a vertex: output variables, records, counters
  */
@@ -12,6 +14,7 @@
 
 #include "common/base/safeguard.h"
 #include "worker/render/bsdf/bsdf.h"
+#include "worker/render/caustic/casters.h"
 #include "worker/render/path/crossing.h"
 #include "worker/render/base/fault.h"
 #include "worker/render/base/gate.h"
@@ -38,6 +41,9 @@
  * merely shine. */
 enum path_sight { SIGHT_NOTHING, SIGHT_SURFACE, SIGHT_MEDIUM };
 
+/* A vertex that asked casters for light, and after it one at a caster: what a sun sends there has been asked for. */
+enum path_chain { CHAIN_NONE, CHAIN_ASKED, CHAIN_CAST };
+
 struct path {
     const struct render_scene *scene;
     const struct sampler *sampler;
@@ -55,6 +61,7 @@ struct path {
     real pdf;                     /* density of the ray's direction at that vertex, per sr */
     int specular;                 /* the direction came from a delta distribution or the camera:
                                    light sampling cannot find it */
+    enum path_chain chain;        /* what the last vertices are to casters */
     int any_diffuse;              /* a vertex before the last one scattered with a finite density */
     real eta_scale;               /* product of squared relative indices, for Russian roulette */
     struct camera_cone cone;
@@ -116,7 +123,7 @@ static inline int path_keeps_side(const struct surface *s, struct vec3 direction
     return (vec3_dot(direction, s->ng) > 0) == (wi.z > 0) || !SAFEGUARD(SHADING_SIDES);
 }
 
-/* ---- path.c ---------------------------------------------------------------------------------- */
+/* ---- path_on.c ------------------------------------------------------------------------------- */
 
 /* Russian roulette: end the path at random, more often the less it carries. `u` in [0,1). 0: it ends. Call it where it
  * has begun: until then it needs no number. */
@@ -156,6 +163,24 @@ static inline int path_disperses_at(const struct path *path, const struct surfac
     return path->wavelength_nm > 0 && !path->dispersed && s->material->m.dispersion > 0 && s->material->m.refractive;
 }
 
+/* ---- path.c, path_caustic.c ------------------------------------------------------------------ */
+
+/* Trace the path's ray to its next vertex; 0: it escapes. */
+int path_intersect(struct path *path, struct path_vertex *v);
+/* The vertex crosses no boundary. */
+void path_crossing_none(struct crossing *crossing);
+/* The BSDF of the vertex. 0: seen from behind the shading normal, where it scatters nothing. */
+int path_bsdf(struct path *path, struct path_vertex *v);
+/* The vertex scatters the path in the sampled direction: its place in the chain. */
+enum path_chain path_chain_at(const struct path *path, const struct path_vertex *v);
+/* Have casters been asked for what the path's ray, which escapes, brings of a sun? */
+static inline int path_is_cast(const struct path *path)
+{
+    return path->chain == CHAIN_CAST && environment_windows_pdf(path->scene->environment, path->ray.direction) > 0;
+}
+/* Light that the vertex scatters towards wo and that casters send there from a lamp without size (caustic/casters.h). The scene has casters. */
+struct vec3 path_caustic(struct path *path, struct path_vertex *v);
+
 /* ---- path_light.c ---------------------------------------------------------------------------- */
 
 /* Transmittance from the ray's origin to its end. */
@@ -165,6 +190,9 @@ struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct
 /* The same at a vertex in a medium, where path->ray starts. `direction`: the direction of flight. */
 struct vec3 path_direct_medium(struct path *path, struct path_vertex *v, struct path_notes *notes,
                                struct vec3 direction);
+/* Where the ray to a sampled light ends. An area light must not occlude itself. A light without
+ * area may lie on a surface. */
+void path_end_at_light(const struct light_sample *light, struct ray *ray);
 /* Radiance of the environment along an escaped ray, weighted against light sampling. */
 struct vec3 path_escaped(const struct path *path, struct path_notes *notes);
 /* Emission of the surface that the ray met, weighted against light sampling. An unlit surface emits its colour. */

@@ -94,6 +94,7 @@ static enum path_end scatter_in_medium(struct path *path, struct path_vertex *v,
     path->ray.direction = medium_phase_sample(v->medium, before, u.u, u.v);
     path->pdf = medium_phase(v->medium, vec3_dot(before, path->ray.direction));
     path->specular = 0;
+    path->chain = CHAIN_NONE;
     path->any_diffuse = 1;
     path_widen(path, v->medium_t);
     path->context.p = path->ray.origin;

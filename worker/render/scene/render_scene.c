@@ -13,7 +13,9 @@
 #include "common/scene/pose.h"
 #include "common/scene/sight.h"
 #include "worker/render/base/bounds.h"
+#include "worker/render/caustic/casters.h"
 #include "worker/render/scene/image_share.h"
+#include "worker/render/path/caustic_pilot.h"
 #include "worker/render/path/enclosure.h"
 #include "worker/render/path/interior.h"
 #include "worker/render/path/kernel.h"
@@ -524,7 +526,11 @@ status render_scene_new(struct render_scene **out, const struct scene *scene, co
     enclosure_find(w);
     if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
         interior_find_camera(w);
-    s = sky_pilot_run(w, err);
+    s = casters_new(&w->casters, w, err);
+    if (s == STATUS_OK)
+        s = caustic_pilot_run(w, err);
+    if (s == STATUS_OK)
+        s = sky_pilot_run(w, err);
     if (s != STATUS_OK) {
         render_scene_free(w);
         return s;
@@ -538,6 +544,7 @@ void render_scene_free(struct render_scene *w)
 {
     if (!w)
         return;
+    casters_free(w->casters);
     accel_free(w->accel);
     emitters_release(&w->emitters);
     environment_free(w->environment);

@@ -116,8 +116,7 @@ static inline struct vec3 surface_normal_to_world(const struct surface *s, struc
     }
 }
 
-/* The vertices' normal on the front side; the face's own where they have none, and of a shape. */
-static struct vec3 surface_vertex_normal(const struct surface *s)
+static inline struct vec3 vertex_normal(const struct surface *s)
 {
     struct vec3 front_ng = s->front ? s->ng : vec3_neg(s->ng), n;
     const float32 *normals = instance_normals(s->instance, s->mesh);
@@ -133,6 +132,8 @@ static struct vec3 surface_vertex_normal(const struct surface *s)
         return front_ng;
     return vec3_dot(n, front_ng) < 0 ? vec3_neg(n) : n; /* normals that disagree with the winding */
 }
+
+struct vec3 surface_vertex_normal(const struct surface *s) { return vertex_normal(s); }
 
 /* To the ray's side, and bent: first a normal that faces away from wo, then, where something reflects, one whose mirror
  * direction would dive under the geometric surface (the black rims of coarse smooth meshes). */
@@ -353,7 +354,7 @@ static __attribute__((noinline)) void surface_layers(const struct render_scene *
                                                      struct vec3 wo, struct bsdf_params *params)
 {
     const struct scene_material *m = &s->material->m;
-    const struct surface_view view = {scene, wo, surface_vertex_normal(s)};
+    const struct surface_view view = {scene, wo, vertex_normal(s)};
 
 #define SURFACE_FACTOR_READ(effect, name)       \
     if (calls_for(scene->effects, EFFECT_##effect) && m->name > 0) { \
@@ -406,7 +407,7 @@ static struct vec3 surface_normal(const struct render_scene *scene, const struct
     /* A Lambert reflector has no mirror direction: its normal is what the file says. */
     reflects =
         params->metallic > 0 || params->specular > 0 || params->transmission > 0 || material->flags & MATERIAL_LAYERED;
-    n = surface_vertex_normal(s);
+    n = vertex_normal(s);
     if (mapped)
         n = surface_mapped_normal(s, &material->normal, material->m.normal_scale, n);
     return surface_bent_normal(s, n, wo, reflects);

@@ -220,6 +220,50 @@ int environment_aim(const struct environment *env, real u, real v, struct vec3 *
     return *pdf > 0;
 }
 
+/* ---- windows -------------------------------------------------------------------------------- */
+
+int environment_has_windows(const struct environment *env)
+{
+    return env->mode == MODE_IMPORTANCE && environment_first_window(env) < env->part_count;
+}
+
+static real windows_pdf(const struct environment *env, const struct lat_long *at)
+{
+    const uint32_t first = environment_first_window(env);
+    const real v = at->south ? 1 - at->distance : at->distance;
+    real pdf = 0;
+
+    for (uint32_t i = first; i < env->part_count; i++)
+        pdf += density_at(&env->parts[i], at->u, v);
+    return pdf / (env->part_start[env->part_count] - env->part_start[first]);
+}
+
+void environment_aim_at_windows(const struct environment *env, real u, real v, struct vec3 *direction, real *pdf)
+{
+    uint32_t part = environment_first_window(env);
+    struct density_choice choice;
+    struct lat_long at;
+    struct vec3 d;
+
+    u = env->part_start[part] + u * (env->part_start[env->part_count] - env->part_start[part]);
+    while (part + 1 < env->part_count && u >= env->part_start[part + 1])
+        part++;
+    u = real_min((u - env->part_start[part]) / environment_part_share(env, part), REAL_BELOW_ONE);
+    density_choose(&env->parts[part], real_max(u, 0), v, &choice);
+    d = environment_chosen(&choice);
+    *direction = vec3_normalize(environment_from_map(env, d));
+    lat_long_of(d, &at);
+    *pdf = windows_pdf(env, &at);
+}
+
+real environment_windows_pdf(const struct environment *env, struct vec3 direction)
+{
+    struct lat_long at;
+
+    lat_long_of(environment_to_map(env, direction), &at);
+    return windows_pdf(env, &at);
+}
+
 int environment_sample(const struct environment *env, real u, real v, struct vec3 *direction, struct vec3 *radiance,
                        real *pdf)
 {

@@ -1,0 +1,93 @@
+/* casters_parts: what the files of the casters share. Private to worker/render/caustic. */
+#pragma once
+
+#include "worker/render/base/exact.h"
+#include "worker/render/caustic/casters.h"
+
+/* What lies in a part of a caster, or of a triangle. */
+struct caster_bounds {
+    double centre[3], radius; /* a sphere around its points */
+    double axis[3];           /* unit; the shading normals, or their opposites, are within a cone around it */
+    double cosine, sine;      /* of the cone's half angle; cosine below 0: not known */
+};
+
+/* A triangle in the scene's coordinates, its corners counter-clockwise as seen from the front. */
+struct caster_face {
+    double corner[3][3];
+    double normal[3][3];        /* shading normals at the corners, of any length; all on one side of the face where they can be */
+    double e1[3], e2[3], own[3]; /* edges; unit normal of the face */
+    double d1[3], d2[3];         /* changes of the shading normal along the edges */
+    double longest;              /* of the two edges, metres */
+    int flat;                    /* the normals are the face's */
+    struct caster_bounds bounds;
+};
+
+struct caster_ref {
+    uint32_t instance, triangle;
+    float32 middle[3]; /* times 3: for sorting */
+};
+
+struct caster_node {
+    struct caster_bounds bounds;
+    double front[3], front_cosine, front_sine; /* likewise of the faces' own normals, as the front has them */
+    uint32_t first, count; /* of the faces; count 0: an inner node, whose children are the next one and node `first` */
+    int sunlit;            /* a sun has been seen from one of its faces */
+};
+
+/* The faces of one material. */
+struct caster {
+    uint32_t material;
+    unsigned events; /* bits of enum caster_event */
+    double ior;      /* behind its front, relative to before it */
+    struct caster_node *nodes;
+    struct caster_ref *refs;   /* [face_count] */
+    struct caster_face *faces; /* [face_count], or NULL: there are many, and each is made when it is needed */
+    uint32_t node_count, face_count;
+};
+
+struct casters {
+    const struct render_scene *scene;
+    struct caster *list;
+    uint32_t count;
+    int suns;        /* a sun is seen from a caster */
+    uint64_t *base;  /* [instances] the number of its first triangle in `sunlit`; of casters' alone */
+    uint8_t *sunlit; /* bits: the triangle's node is sunlit */
+};
+
+/* A place and a lamp. Points on an edge belong to two triangles, and symmetric scenes have many: `met` are those, and
+ * each is reported once. */
+enum { CASTER_MET_MAX = 32 };
+struct caster_pair {
+    const double *place, *lamp;
+    int infinite;
+    uint32_t met_count;
+    double met[CASTER_MET_MAX][3];
+    enum caster_event met_event[CASTER_MET_MAX];
+};
+
+/* Make the face. 0: it has no area. */
+int caster_face_of(const struct render_scene *scene, const struct caster_ref *ref, struct caster_face *face);
+
+/* Fill in what follows from corners and normals. */
+void caster_face_finish(struct caster_face *face);
+
+/* Find out from which nodes the map's suns can be seen: from places on their faces, rays of fixed random numbers. Sets sunlit and suns. ERR_NO_MEMORY. */
+status casters_look_for_suns(struct casters *casters, struct error *err) MUST_CHECK;
+
+/* Bounds of a triangle with these corners and normals. */
+void caster_bounds_of(const double (*corner)[3], const double (*normal)[3], struct caster_bounds *out);
+
+/* A pair as the points of the bounds see it: unit vectors from their centre, and how far, in chords, other points' may be
+ * from these (2: they may be any). */
+struct caster_view {
+    double place[3], lamp[3], place_chord, lamp_chord;
+};
+void caster_view_of(const struct caster_bounds *bounds, const struct caster_pair *pair, struct caster_view *out);
+
+/* May a surface within the bounds send light from the lamp to the place, where the index is n_i on the place's side
+ * and n_o on the lamp's? */
+int caster_may(const struct caster_bounds *bounds, const struct caster_view *view, double n_i, double n_o);
+
+/* Every solution on a face. `ior`: behind its front. */
+void caster_solve(const struct caster *caster, const struct caster_face *face, struct caster_pair *pair,
+                  caster_visit *visit, void *user);
