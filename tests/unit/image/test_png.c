@@ -477,12 +477,59 @@ static void test_textures_survive(void **state)
         }
 }
 
+/* Every way to write a picture with alpha: its colours are those of the picture without, and its alpha is the nearest
+ * code, whatever the bits and whether colours are dithered; at 16 bits both bytes count. */
+static void test_alpha_beside_colours(void **state)
+{
+    enum { W = 257, H = 5, COUNT = W * H };
+    struct image with, without;
+
+    (void)state;
+    assert_int_equal(image_init(&with, W, H, 4, NULL), STATUS_OK);
+    assert_int_equal(image_init(&without, W, H, 3, NULL), STATUS_OK);
+    for (size_t i = 0; i < COUNT * 4; i++) {
+        with.pixels[i] = (float)(i * 7919 % 65521) / 65520;
+        if (i % 4 < 3)
+            without.pixels[i / 4 * 3 + i % 4] = with.pixels[i];
+    }
+    with.pixels[3] = 1;
+    with.pixels[7] = 0;
+    with.pixels[11] = 1.0f / 256;
+    with.pixels[15] = NAN;
+    for (unsigned way = 0; way < 8; way++) {
+        const struct picture_options how = {.bits = way & 1 ? 16 : 8, .plain = way >> 1 & 1, .fast = way >> 2 & 1};
+        const size_t bytes = way & 1 ? 2 : 1;
+        struct buffer files[2] = {BUFFER_INIT, BUFFER_INIT};
+        struct image8 a, b;
+        assert_int_equal(png_encode_as(&files[0], &with, &how, NULL), STATUS_OK);
+        assert_int_equal(png_encode_as(&files[1], &without, &how, NULL), STATUS_OK);
+        assert_int_equal(png_decode(&a, files[0].data, files[0].size, "x", NULL), STATUS_OK);
+        assert_int_equal(png_decode(&b, files[1].data, files[1].size, "x", NULL), STATUS_OK);
+        assert_true(a.channels == 4 && b.channels == 3 && a.bits == bytes * 8 && b.bits == bytes * 8);
+        for (size_t i = 0; i < COUNT; i++) {
+            float alpha = i == 3 ? 0 : with.pixels[4 * i + 3];
+            uint16_t code = a.pixels[4 * i + 3];
+            assert_memory_equal(a.pixels + 4 * i * bytes, b.pixels + 3 * i * bytes, 3 * bytes);
+            if (bytes == 2)
+                memcpy(&code, a.pixels + 8 * i + 6, 2);
+            assert_true(fabs(code - (double)alpha * (bytes == 2 ? 65535 : 255)) < 0.51);
+        }
+        image8_release(&a);
+        image8_release(&b);
+        buffer_release(&files[0]);
+        buffer_release(&files[1]);
+    }
+    image_release(&with);
+    image_release(&without);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_kind),
         cmocka_unit_test(test_codes_survive),
         cmocka_unit_test(test_textures_survive),
+        cmocka_unit_test(test_alpha_beside_colours),
         cmocka_unit_test(test_dither),
         cmocka_unit_test(test_sixteen_bits_and_rounding),
         cmocka_unit_test(test_fast_files_and_texts),
