@@ -126,6 +126,31 @@ static void test_standing_still(void **state)
     import_result_release(&r);
 }
 
+/* Nor is one whose keys are the same a place, if a tangent at them is not 0: it swings between them. */
+static void test_swinging_between_equal_keys(void **state)
+{
+    static const char rest[] = TWO_NODES ",\"animations\":[{\"samplers\":[" SAMPLER(
+        6, "CUBICSPLINE") "],\"channels\":[" CHANNEL(0, 0, "translation") "]}]," ONE_TRIANGLE;
+
+    (void)state;
+    for (int at = -1; at < 27; at++) {
+        float spline[27] = {0, 0, 0, 7, 8, 9, 0, 0, 0, 0, 0, 0, 7, 8, 9, 0, 0, 0, 0, 0, 0, 7, 8, 9, 0, 0, 0};
+        struct maker m = motion_maker();
+        struct import_result r;
+        if (at / 3 % 3 == 1)
+            continue; /* a key itself */
+        if (at >= 0)
+            spline[at] = 1;
+        put_floats(&m, "VEC3", spline, 27, 9);
+        maker_import(&m, rest, &r);
+        if (at < 0)
+            assert_int_equal(r.scene.channel_count, 0);
+        else if (at >= 3 && at < 24) /* the outer tangents move nothing */
+            assert_int_equal(r.scene.channel_count, 1);
+        import_result_release(&r);
+    }
+}
+
 static void test_choice(void **state)
 {
     static const char rest[] = TWO_NODES
@@ -425,6 +450,7 @@ int main(void)
         cmocka_unit_test(test_channels),
         cmocka_unit_test(test_only_what_moves),
         cmocka_unit_test(test_standing_still),
+        cmocka_unit_test(test_swinging_between_equal_keys),
         cmocka_unit_test(test_choice),
         cmocka_unit_test(test_pose),
         cmocka_unit_test(test_durations),

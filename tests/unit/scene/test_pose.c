@@ -580,6 +580,39 @@ static void test_what_is_animated(void **state)
     }
 }
 
+/* Keys that are all the same: each number of each tangent between them moves the thing, and where it is said not to move
+ * it is at one place at all times. */
+static void test_tangents_alone(void **state)
+{
+    enum { KEYS = 3, COMPONENTS = 3 };
+    float times[] = {0, 1, 2};
+
+    (void)state;
+    for (int at = -1; at < KEYS * 3 * COMPONENTS; at++) {
+        float values[KEYS * 3 * COMPONENTS] = {0};
+        int outer = at < COMPONENTS || at >= (KEYS * 3 - 1) * COMPONENTS, moves = 0;
+        struct stage s;
+        if (at / COMPONENTS % 3 == 1 && at >= 0)
+            continue; /* a key itself */
+        stage_set(&s);
+        s.instance.node = 0;
+        for (int k = 0; k < KEYS; k++)
+            values[(k * 3 + 1) * COMPONENTS] = 4;
+        if (at >= 0)
+            values[at] = 1;
+        add_channel(&s, 0, PATH_TRANSLATION, INTERPOLATE_CUBIC, KEYS, COMPONENTS, times, values);
+        for (double t = -0.5; t < 2.6; t += 0.25) {
+            struct scene_pose pose = pose_at(&s, t);
+            for (int c = 0; c < 3; c++)
+                moves |= pose.to_world[0].m[c][3] != (c == 0 ? 4 : 0);
+            scene_pose_release(&pose);
+        }
+        assert_int_equal(moves, !outer);
+        assert_true(scene_is_animated(&s.scene, &s.settings) >= moves);
+        assert_false(at < 0 && scene_is_animated(&s.scene, &s.settings));
+    }
+}
+
 static void assert_shutter(const struct stage *s, uint32_t frame, double open_s, double close_s)
 {
     double open, close;
@@ -623,6 +656,7 @@ int main(void)
         cmocka_unit_test(test_splines),         cmocka_unit_test(test_hierarchy),
         cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_skin),
         cmocka_unit_test(test_morphs),          cmocka_unit_test(test_what_is_animated),
+        cmocka_unit_test(test_tangents_alone),
         cmocka_unit_test(test_shutter),
     };
 
