@@ -10,6 +10,7 @@
 
 #include <complex.h>
 #include <math.h>
+#include <string.h>
 
 #include "common/math/elementary.h"
 #include "tests/support/bsdf_checks.h"
@@ -333,6 +334,73 @@ static void relative_indices_obey_snell(void **state)
                 assert_true((transmitted > 0) == (sine < 1));
                 assert_true(fabsf(reflected - fresnel_dielectric(c, eta)) < 2.0f / STEPS);
             }
+}
+
+/* All indices twice as large, a film half as thick: only ratios count, and doubling is exact, so the bits stay. A film
+ * fades below FILM_FADE_NM, a length of its own. */
+static void only_ratios_of_indices_count(void **state)
+{
+    struct test_random r = {12};
+    int films = 0, walls = 0;
+
+    (void)state;
+    for (int i = 0; i < 60000; i++) {
+        struct bsdf_params p = bsdf_maker_random(&r, 0), q;
+        struct vec3 wo = random_direction(&r, 0.01f), wi = random_direction(&r, -1), f, g;
+        struct bsdf_sample s = {0}, t = {0};
+        float w = test_random_float(&r), u = test_random_float(&r), v = test_random_float(&r);
+        struct bsdf a, b;
+        if (p.iridescence > 0)
+            p.iridescence_thickness_nm += 2 * FILM_FADE_NM;
+        p.eta = vec3_add(p.eta, vec3_splat(1e-3f)); /* away from its limit */
+        if (!(p.ior_outside > 1))
+            p.ior_outside = 1;
+        q = p;
+        q.ior *= 2;
+        q.ior_outside *= 2;
+        q.eta = vec3_scale(p.eta, 2);
+        q.k = vec3_scale(p.k, 2);
+        q.clearcoat_ior *= 2;
+        q.iridescence_ior *= 2;
+        q.iridescence_thickness_nm /= 2;
+        bsdf_init(&a, &p, wo);
+        bsdf_init(&b, &q, wo);
+        f = bsdf_eval(&a, wo, wi);
+        g = bsdf_eval(&b, wo, wi);
+        if (memcmp(&f, &g, sizeof f) != 0 || bsdf_sample(&a, wo, w, u, v, &s) != bsdf_sample(&b, wo, w, u, v, &t) ||
+            memcmp(&s.wi, &t.wi, sizeof s.wi) != 0 || memcmp(&s.weight, &t.weight, sizeof s.weight) != 0)
+            describe_and_fail(&p, wo, wi, "twice the indices");
+        films += p.iridescence > 0 && vec3_max(f) > 0;
+        walls += p.transmission > 0 && !p.refractive && vec3_max(f) > 0;
+    }
+    assert_true(films > 5000 && walls > 5000);
+}
+
+/* A wall without thickness of one index in another reflects and blurs as the other in the one. */
+static void a_wall_in_glass_is_a_wall_of_glass(void **state)
+{
+    struct test_random r = {13};
+    int through = 0;
+
+    (void)state;
+    for (int i = 0; i < 40000; i++) {
+        struct bsdf_params p = bsdf_maker_plain(0, 0.05f + 0.95f * test_random_float(&r)), q;
+        struct vec3 wo = random_direction(&r, 0.01f), wi = random_direction(&r, -1), f, g;
+        p.transmission = 1;
+        p.thin_slab = i & 1;
+        p.alpha_stretched = i & 2 ? p.alpha + (1 - p.alpha) * test_random_float(&r) : 0;
+        p.ior = 1 + test_random_float(&r);
+        p.ior_outside = 1 + test_random_float(&r);
+        q = p;
+        q.ior = p.ior_outside;
+        q.ior_outside = p.ior;
+        f = value(&p, wo, wi);
+        g = value(&q, wo, wi);
+        if (!is_near_vec(f, g, 2e-3f))
+            describe_and_fail(&p, wo, wi, "a wall and its surroundings exchanged");
+        through += wi.z < 0 && vec3_max(f) > 1e-3f;
+    }
+    assert_true(through > 10000);
 }
 
 static void a_slab_counts_all_its_reflections(void **state)
@@ -761,6 +829,8 @@ int main(void)
         cmocka_unit_test(absent_layers_change_nothing),
         cmocka_unit_test(index_of_the_surroundings_is_no_interface),
         cmocka_unit_test(relative_indices_obey_snell),
+        cmocka_unit_test(only_ratios_of_indices_count),
+        cmocka_unit_test(a_wall_in_glass_is_a_wall_of_glass),
         cmocka_unit_test(a_slab_counts_all_its_reflections),
         cmocka_unit_test(light_through_the_base_is_lambert),
         cmocka_unit_test(interreflection_darkens_the_base),
