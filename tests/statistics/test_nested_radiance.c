@@ -202,12 +202,79 @@ static void test_furnace(void **state)
     }
 }
 
+/* Everything just behind the lamp: a shadow ray that has lost count of its length behind an interface meets it. */
+static void lamp_before_a_card(struct scene_builder *b, int kind, int interfaces)
+{
+    const uint32_t quad = (builder_init(b), builder_quad(b));
+    struct scene_material *m;
+
+    builder_lambert(b, 0.5f);
+    builder_place(b, quad, 0, vec3_splat(9), vec3_splat(0));
+    builder_lambert(b, 0);
+    builder_place(b, quad, 1, vec3_splat(2), vec3_make(0, 2.01f, 0));
+    m = builder_lambert(b, 0);
+    m->kind = MATERIAL_INTERFACE;
+    for (int i = 0; i < interfaces; i++)
+        builder_place(b, quad, 2, vec3_splat(9), vec3_make(0, 0.8f + 0.4f * (float)i, 0));
+    if (kind < LIGHT_KIND_COUNT) {
+        struct scene_light *l = builder_light(b, (enum scene_light_kind)kind);
+        l->position[1] = 2;
+        l->outer_cone_rad = 1.2f;
+        l->projection_yfov_rad = l->projection_aspect = 1;
+        l->intensity[0] = l->intensity[1] = l->intensity[2] = 10;
+        l->to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 0, 1, 2}, {0, -1, 0, 0}}};
+    } else {
+        m = builder_lambert(b, 0);
+        m->emission[0] = m->emission[1] = m->emission[2] = 250;
+        builder_place(b, quad, 3, vec3_splat(0.1f), vec3_make(0, 2, 0));
+    }
+    builder_camera(b, vec3_make(0, 0.7f, 4), vec3_make(0, 0, 0), 0.3f);
+}
+
+static void render_picture(struct scene_builder *b, double *picture)
+{
+    struct render_settings settings = builder_settings(16, 16, 16);
+    struct render_scene *scene = builder_build(b, &settings);
+    struct render_stats stats = {0};
+
+    builder_render(scene, &settings, 0, picture, NULL, &stats);
+    render_scene_free(scene);
+}
+
+/* Light passes interfaces as if they were not there: pixel by pixel with the same random numbers, for every kind of lamp. */
+static void test_empty_interfaces(void **state)
+{
+    enum { FLOATS = 16 * 16 * 3 };
+    static double without[FLOATS], with[FLOATS];
+
+    (void)state;
+    for (int kind = 0; kind <= LIGHT_KIND_COUNT; kind++)
+        for (int rule = 0; rule < VOLUME_RULE_COUNT; rule++)
+            for (int interfaces = 0; interfaces <= 3; interfaces++) {
+                struct scene_builder b;
+                double most = 0, sum = 0;
+                if (kind == LIGHT_DIRECTIONAL)
+                    continue; /* nothing is behind it */
+                lamp_before_a_card(&b, kind, interfaces);
+                b.scene.volume_rule = (enum scene_volume_rule)rule;
+                render_picture(&b, interfaces ? with : without);
+                builder_release(&b);
+                for (int i = 0; i < FLOATS; i++) {
+                    sum += without[i];
+                    most = fmax(most, interfaces ? fabs(with[i] - without[i]) / without[i] : 0);
+                }
+                if (!(sum / FLOATS > 0.1) || most > 1e-4)
+                    fail_msg("light %d, %d interfaces, rule %d: off by %g of a mean of %g", kind, interfaces, rule, most, sum / FLOATS);
+            }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_priority),      cmocka_unit_test(test_inside),
         cmocka_unit_test(test_hidden),        cmocka_unit_test(test_camera_inside),
         cmocka_unit_test(test_no_interface),  cmocka_unit_test(test_furnace),
+        cmocka_unit_test(test_empty_interfaces),
     };
     return cmocka_run_group_tests_name("nested radiance", tests, NULL, NULL);
 }
