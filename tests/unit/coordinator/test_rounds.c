@@ -201,6 +201,46 @@ static void the_cap_ends_rounds(void **state)
     end(&f);
 }
 
+/* Does each tile of both have as many samples? */
+static int has_as_many(const struct film *a, const struct film *b)
+{
+    for (uint32_t t = 0; t < TILES; t++)
+        for (uint32_t g = 0; g < GROUPS; g++)
+            if (film_group_samples(a, t, g) != film_group_samples(b, t, g))
+                return 0;
+    return 1;
+}
+
+/* A cap just below, at and above what a target needs, with every number between: the target has ended the frame where it
+ * has what it has without a cap, and the cap where it has less. */
+static void what_a_cap_cuts_has_not_met_its_target(void **state)
+{
+    int ends[FRAME_END_COUNT] = {0};
+
+    (void)state;
+    for (int k = 0; k < 6; k++) {
+        const int twist[GROUPS] = {0, k % 3};
+        struct stop_rules rules = target;
+        struct frame whole;
+        rules.adaptive = k < 3;
+        rules.target.value = 0.9;
+        run(&whole, SETTINGS_SPP_MAX, &rules, 0, twist);
+        assert_int_equal(rounds_end(&whole.rounds), FRAME_END_TARGET);
+        for (uint32_t spp = 2; spp < film_coverage(whole.film).most + 3; spp++) {
+            struct frame f;
+            enum frame_end found;
+            run(&f, spp, &rules, 0, twist);
+            found = rounds_end(&f.rounds);
+            if (found != (has_as_many(f.film, whole.film) ? FRAME_END_TARGET : FRAME_END_CAP))
+                fail_msg("%u of %u samples, case %d: %s", spp, film_coverage(whole.film).most, k, frame_end_text(found));
+            ends[found]++;
+            end(&f);
+        }
+        end(&whole);
+    }
+    assert_true(ends[FRAME_END_TARGET] > 5 && ends[FRAME_END_CAP] > 100);
+}
+
 static void uniform_rounds_give_all_tiles_the_same(void **state)
 {
     struct stop_rules rules = target;
@@ -326,6 +366,7 @@ int main(void)
         cmocka_unit_test(a_group_decides_about_the_other_alone),
         cmocka_unit_test(a_restart_decides_the_same),
         cmocka_unit_test(the_cap_ends_rounds),
+        cmocka_unit_test(what_a_cap_cuts_has_not_met_its_target),
         cmocka_unit_test(uniform_rounds_give_all_tiles_the_same),
         cmocka_unit_test(a_schedule_is_followed),
     };
