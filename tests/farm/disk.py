@@ -145,7 +145,7 @@ class OddDisk:
 
 class StalledDisk(OddDisk):
     """A disk that hangs at a test's word: while it does, no call returns that syncs, or writes at a place, in a file
-    whose path has `text`."""
+    whose path has `text`; after "data " no fdatasync."""
 
     def __init__(self, farm):
         super().__init__(farm)

@@ -1,11 +1,11 @@
 /* odd_disk: preloaded into a program, makes calls on files fail as a bad disk would, without being root.
  *
  * ODD_DISK names a file that says what fails at the moment, one line: ERRNO KIND TEXT. KIND is "write"
- * (everything that makes or changes files and folders), "any" (opening to read as well) or "sync" (fsync and fdatasync
- * alone); TEXT is part of the paths concerned. Zeros: nothing fails.
+ * (everything that makes or changes files and folders), "any" (opening to read as well), "sync" (fsync and fdatasync
+ * alone) or "data" (fdatasync alone); TEXT is part of the paths concerned. Zeros: nothing fails.
  *
  * STALLED_DISK names a file that says which paths hang, by a part of them: a call that syncs or writes at a place
- * (fsync, fdatasync, pwrite) does not return while it says so. Zeros: nothing hangs.
+ * (fsync, fdatasync, pwrite) does not return while it says so; after "data " fdatasync alone. Zeros: nothing hangs.
  *
  * Both have CONTROL_BYTES, are mapped when the program starts, so that one behind Landlock sees them, and are read at every
  * call, so that a test changes them as it goes.
@@ -33,7 +33,7 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
-enum { READS, WRITES, SYNCS };
+enum { READS, WRITES, SYNCS, SYNCS_DATA };
 
 enum { CONTROL_BYTES = 256 };
 
@@ -77,7 +77,8 @@ static int fault(const char *path, int call)
 
     read_control(line, odd);
     if (sscanf(line, "%d %7s %255s", &number, kind, text) != 3 || !strstr(path, text) ||
-        (call == READS && strcmp(kind, "any") != 0) || (call != SYNCS && strcmp(kind, "sync") == 0))
+        (call == READS && strcmp(kind, "any") != 0) || (call < SYNCS && strcmp(kind, "sync") == 0) ||
+        (call != SYNCS_DATA && strcmp(kind, "data") == 0))
         return 0;
     errno = number;
     return number;
@@ -103,16 +104,28 @@ static int fd_fault_of(int fd, int call)
 
 static int fd_fault(int fd) { return fd_fault_of(fd, WRITES); }
 
-/* Wait while the disk that holds the file hangs. */
-static void stall(int fd)
+/* Does such a call on the path hang now? */
+static int hangs(const char *path, int call)
 {
-    char path[4096], text[CONTROL_BYTES];
+    static const char data[] = "data ";
+    char text[CONTROL_BYTES];
+
+    read_control(text, stalled);
+    if (strncmp(text, data, sizeof data - 1) == 0)
+        return call == SYNCS_DATA && strstr(path, text + sizeof data - 1) != NULL;
+    return text[0] && strstr(path, text) != NULL;
+}
+
+/* Wait while the disk that holds the file hangs. */
+static void stall(int fd, int call)
+{
+    char path[4096];
     int code = errno;
 
     if (!stalled)
         return;
     fd_path(fd, path, sizeof path);
-    for (read_control(text, stalled); text[0] && strstr(path, text); read_control(text, stalled))
+    while (hangs(path, call))
         nanosleep(&(struct timespec){0, 5000000}, NULL);
     errno = code;
 }
@@ -173,7 +186,7 @@ MKOSTEMP(mkostemp64)
     {                                                                       \
         ssize_t (*real)(int, const void *, size_t, off_t) =                 \
             (ssize_t (*)(int, const void *, size_t, off_t))next(#name);     \
-        stall(fd);                                                          \
+        stall(fd, WRITES);                                                  \
         wait_if_late(fd, "database");                                       \
         return fd_fault(fd) ? -1 : real(fd, data, size, at);                \
     }
@@ -191,7 +204,7 @@ EXPORT int fsync(int fd)
 {
     int (*real)(int) = (int (*)(int))next("fsync");
 
-    stall(fd);
+    stall(fd, SYNCS);
     wait_if_late(fd, "sync");
     return fd_fault_of(fd, SYNCS) ? -1 : real(fd);
 }
@@ -200,9 +213,9 @@ EXPORT int fdatasync(int fd)
 {
     int (*real)(int) = (int (*)(int))next("fdatasync");
 
-    stall(fd);
+    stall(fd, SYNCS_DATA);
     wait_if_late(fd, "sync");
-    return fd_fault_of(fd, SYNCS) ? -1 : real(fd);
+    return fd_fault_of(fd, SYNCS_DATA) ? -1 : real(fd);
 }
 
 #define FALLOCATE(name)                                                     \

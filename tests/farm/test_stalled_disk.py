@@ -1,5 +1,8 @@
 """While the store's disk hangs, nobody waits for it but those whose change is to be on it: the loop goes on, lists and
 logs are answered, workers are heard; and nothing is answered as done before it is on disk."""
+import errno
+import os
+import re
 import sys
 import threading
 import time
@@ -14,6 +17,7 @@ tests = Tests()
 SMALL = ["--size", "64x64", "--spp", "4"]
 LONG = ["--size", "256x256", "--spp", "200000"]
 HANG_S = 5.0
+NOT_STORED = 11  # exit status: it is done, but not on disk yet
 SOON_S = 2.0  # far below HANG_S, and far above what an answer takes
 
 
@@ -137,6 +141,73 @@ def workers_are_heard():
         expect("held up" not in farm.coordinator.log_text(), farm.coordinator.log_text())
         before = farm.job(number)["samples_done"]
         wait_for(lambda: farm.job(number)["samples_done"] > before, "more samples")
+
+
+@tests.add
+def results_wait_for_their_data():
+    """while only fdatasync of films hangs, or fails, no result is acknowledged: its worker sends it again after a kill"""
+    units, samples = 32, 64 * 64 * 4  # 16 tiles, two groups
+    with Farm() as farm:
+        disk = StalledDisk(farm)
+        farm.start_coordinator(env=disk.env)
+        worker = farm.start_worker()
+        farm.wait_for_workers(1)
+        disk.hang("data /films/")
+        number = farm.submit(farm.scene(), *SMALL)
+        wait_for(lambda: farm.job(number)["samples_done"] == samples, "all samples")
+        expect(farm.job(number)["state"] == "running", farm.job(number))
+        farm.coordinator.kill()
+        disk.go_on()
+        farm.restart_coordinator(env=disk.env)
+        wait_for(lambda: worker.log_text().count("joined as session") == 2, "the worker to come back")
+        kept = re.findall(r"(\d+) results to send again", worker.log_text())[-1]
+        expect(int(kept) == units, "%s of %d results were kept" % (kept, units))
+        farm.wait_for_job(number)
+        disk.fail(errno.EIO, "/films/", "data")
+        number = farm.submit(farm.scene(), *SMALL)
+        wait_for(lambda: os.strerror(errno.EIO) in farm.job(number)["state_text"], "the job to say why it waits")
+        expect(farm.job(number)["state"] in ("queued", "running"), farm.job(number))
+        disk.work()
+        farm.wait_for_job(number)
+
+
+@tests.add
+def the_newest_state_is_stored():
+    """a state noted while the one before it hangs is what a restart finds, also if the older one's write fails"""
+    verbs = [(("priority", "--to", 3), ("priority", "--to", 7)), (("pause", ), ("resume", )), (("priority", "--to", 3), ("pause", )),
+             (("pause", ), ("priority", "--to", 3)), (("pause", ), ("cancel", )), (("priority", "--to", 3), ("cancel", )),
+             (("comment", "one"), ("comment", "two"))]
+    with Farm() as farm:
+        disk = StalledDisk(farm)
+        farm.start_coordinator(env=disk.env)
+        jobs = []
+
+        def state(number):
+            job = farm.job(number)
+            return {key: job.get(key) for key in ("state", "priority", "comment")}
+        numbers = [farm.submit(farm.scene(), *SMALL) for _ in verbs]
+        for number, (first, second) in zip(numbers, verbs):
+            states, clients = [state(number)], []
+            disk.hang("/queue.sqlite")
+            for verb in (first, second):
+                clients.append(farm.start_cli(verb[0], number, *verb[1:]))
+                wait_for(lambda: state(number) != states[-1], "%s to be in effect" % (verb, ))
+                states.append(state(number))
+            disk.fail(errno.EIO, "/queue.sqlite")
+            disk.go_on()
+            for verb, client in zip((first, second), clients):
+                out, err = client.communicate(timeout=60 * PATIENCE)
+                expect(client.returncode == NOT_STORED, (verb, out, err))
+            disk.work()
+            wait_for(lambda: farm.coordinator.log_text().count("the store can be used again") > len(jobs), "the store")
+            expect("not stored" not in farm.job(number)["state_text"], farm.job(number))
+            jobs.append((first, second, number, state(number)))
+            expect(jobs[-1][3] == states[-1] or second[0] == "cancel", (first, second, states, jobs[-1]))
+        farm.coordinator.kill()
+        farm.restart_coordinator(env=disk.env)
+        for first, second, number, wanted in jobs:
+            expect(state(number) == wanted, (first, second, wanted, state(number)))
+
 
 
 if __name__ == "__main__":
