@@ -8,10 +8,19 @@
 #include "common/base/memory.h"
 
 const struct transform_row transforms[] = {
-    {"faces twice", transform_copy_faces},
-    {"faces nearly twice", transform_near_faces},
-    {"a far thing", transform_far_thing},
-    {"a very far thing", transform_very_far_thing},
+    {.name = "faces twice", .apply = transform_copy_faces},
+    {.name = "faces nearly twice", .apply = transform_near_faces},
+    {.name = "a far thing", .apply = transform_far_thing, .part = 1},
+    {.name = "a very far thing", .apply = transform_very_far_thing},
+    {.name = "in other words", .apply = transform_in_other_words, .bits = 1, .factor = TRANSFORM_LIGHT},
+    {.name = "1024 times as large", .apply = transform_scale, .bits = 1, .part = 1},
+    {.name = "more light", .apply = transform_light, .bits = 1, .factor = TRANSFORM_LIGHT, .part = 1},
+    {.name = "a black light", .apply = transform_black_light, .bits = 1, .part = 1},
+    {.name = "elsewhere", .apply = transform_elsewhere},
+    {.name = "turned", .apply = transform_turn, .part = 1},
+    {.name = "mirrored instances", .apply = transform_mirror, .part = 1},
+    {.name = "other first corners", .apply = transform_corners, .part = 1},
+    {.name = "in an empty box", .apply = transform_empty_box, .part = 1},
 };
 const size_t transform_count = sizeof transforms / sizeof *transforms;
 
@@ -90,6 +99,14 @@ void transform_add_instance(struct import_result *import, struct scene_instance 
     scene->instances[scene->instance_count++] = instance;
 }
 
+void transform_add_light(struct import_result *import, struct scene_light light)
+{
+    struct scene *scene = &import->scene;
+
+    scene->lights = grown(import, scene->lights, scene->light_count, sizeof *scene->lights);
+    scene->lights[scene->light_count++] = light;
+}
+
 uint32_t transform_add_material(struct import_result *import, struct scene_material material)
 {
     struct scene *scene = &import->scene;
@@ -97,4 +114,31 @@ uint32_t transform_add_material(struct import_result *import, struct scene_mater
     scene->materials = grown(import, scene->materials, scene->material_count, sizeof *scene->materials);
     scene->materials[scene->material_count] = material;
     return scene->material_count++;
+}
+
+int transform_all_stands(const struct scene *scene)
+{
+    for (uint32_t i = 0; i < scene->instance_count; i++)
+        if (scene->instances[i].node >= 0 || scene->instances[i].skin >= 0)
+            return 0;
+    for (uint32_t i = 0; i < scene->camera_count; i++)
+        if (scene->cameras[i].node >= 0)
+            return 0;
+    for (uint32_t i = 0; i < scene->light_count; i++)
+        if (scene->lights[i].node >= 0)
+            return 0;
+    return 1;
+}
+
+/* A part that changes nothing in a scene leaves the others; only what the factor is of must be there. */
+uint32_t transform_in_other_words(struct import_result *import)
+{
+    if (transform_light(import) == 0)
+        return 0;
+    return transform_scale(import) + transform_black_light(import);
+}
+
+uint32_t transform_elsewhere(struct import_result *import)
+{
+    return transform_mirror(import) + transform_corners(import) + transform_empty_box(import) + transform_turn(import);
 }

@@ -1,4 +1,4 @@
-/* transform: changes of an imported scene after which its picture must be the same but for noise.
+/* transform: changes of an imported scene after which its picture must be the same, to the bit or but for noise.
  *
  * A transformation is a row of transforms[] and one function, in a file of its own (transform_faces.c, transform_far.c):
  * it edits import->scene in place, by the helpers below where it needs more meshes or instances, and tells
@@ -15,6 +15,9 @@ struct transform_row {
     /* Returns the number of things changed; 0: there is nothing to change in this scene, which is then
      * left as it is. Depends on nothing but the scene. */
     uint32_t (*apply)(struct import_result *import);
+    int bits;     /* the picture keeps its bits */
+    float factor; /* 0: none; the picture is so many times as bright */
+    int part;     /* a row that does several has it, too: it runs where rows are asked for one by one */
 };
 
 extern const struct transform_row transforms[];
@@ -33,8 +36,19 @@ uint32_t transform_add_mesh(struct import_result *import, struct scene_mesh mesh
 /* Append an instance. Pointers to scene.instances are no longer valid. */
 void transform_add_instance(struct import_result *import, struct scene_instance instance);
 
+/* Append a light. Pointers to scene.lights are no longer valid. */
+void transform_add_light(struct import_result *import, struct scene_light light);
+
 /* Append a material; returns its number. Pointers to scene.materials are no longer valid. */
 uint32_t transform_add_material(struct import_result *import, struct scene_material material);
+
+/* Does nothing move in the scene? */
+int transform_all_stands(const struct scene *scene);
+
+/* ---- transform.c: several at once ------------------------------------------------------------------- */
+
+uint32_t transform_in_other_words(struct import_result *import);
+uint32_t transform_elsewhere(struct import_result *import);
 
 /* ---- transform_far.c: a card a thousand and ten million times the scene's size away, at one side -- */
 
@@ -45,3 +59,25 @@ uint32_t transform_very_far_thing(struct import_result *import);
 
 uint32_t transform_copy_faces(struct import_result *import);
 uint32_t transform_near_faces(struct import_result *import);
+
+/* ---- transform_units.c: the same in other words --------------------------------------------------- */
+
+#define TRANSFORM_LIGHT 4.0f
+
+/* All lengths 1024 times as large. */
+uint32_t transform_scale(struct import_result *import);
+/* All that shines TRANSFORM_LIGHT times as bright. */
+uint32_t transform_light(struct import_result *import);
+/* One light more that gives none. */
+uint32_t transform_black_light(struct import_result *import);
+/* Instances whose mesh and matrix are mirrored. */
+uint32_t transform_mirror(struct import_result *import);
+
+/* ---- transform_place.c: another place, and what is not seen -------------------------------------- */
+
+/* The axes exchanged. */
+uint32_t transform_turn(struct import_result *import);
+/* Triangles and portals that begin with another corner. */
+uint32_t transform_corners(struct import_result *import);
+/* An interface between nothing and nothing around everything. */
+uint32_t transform_empty_box(struct import_result *import);
