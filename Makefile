@@ -167,7 +167,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-blender test-slurm test-web blender-addon accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fault-loop chaos check test-elsewhere steady fuzz bench bench-effects bench-denoise bench-preview bench-accuracy bench-scale bench-farm bench-page studio-day layers circles fields words budget tables docs-check docs-html gallery test-docs numerics invariance transforms precision install uninstall dist clean tests lint format layout new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-blender test-slurm test-web blender-addon accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fault-loop chaos check test-elsewhere steady fuzz bench bench-effects bench-denoise bench-preview bench-accuracy bench-scale bench-farm bench-page studio-day layers circles fields words budget tables docs-check docs-html gallery test-docs numerics mistakes invariance transforms precision install uninstall dist clean tests lint format layout new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -520,6 +520,7 @@ tables: all $(ROW_TEST) $(SETTING_ROW_TEST) $(COUNTER_ROW_TEST) $(VERB_ROW_PROGR
 docs-check: all $(MAN) ## prove that the documents name only what exists: links, pictures, commands, options, figures
 	@scripts/check-docs.py --bin $(BIN)
 	@docs/images/make_gallery.py --check
+	@python3 -B tests/numerics/mistakes.py --check
 
 gallery: all ## make the pictures of docs/GALLERY.md again (an hour of one core; AZULEJO_DATA names the data)
 	@docs/images/make_gallery.py
@@ -536,6 +537,10 @@ layers: ## prove the dependency rule of docs/ARCHITECTURE.md
 numerics: ## prove that a test notices the loss of each safeguard (docs/NUMERICS.md)
 	$(MAKE) SAFEGUARDS=1 tests
 	@python3 -B tests/numerics/safeguards.py build/safeguards $(NUMERICS_ARGS)
+
+mistakes: all tests ## make mistakes on purpose in a copy, one at a time, and prove that a test notices each (docs/NUMERICS.md; MISTAKES_ARGS="--only NAME,...")
+	@[ -d build/mistakes/build ] || { mkdir -p build/mistakes && cp -a --parents build/release build/gen build/mistakes; }
+	@python3 -B tests/numerics/mistakes.py build/mistakes $(MISTAKES_ARGS)
 
 invariance: tests ## one scene written in many ways, and every scene with and without transformations, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
 	@BUILD=$(BUILD) python3 -B tests/statistics/invariance_table.py $(SPP)
