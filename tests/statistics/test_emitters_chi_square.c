@@ -179,7 +179,7 @@ static void test_mixture(void **state)
                                              .seed = 11 + (uint64_t)i, .axis = {0, 1, 0}};
 
             view.scene = scene;
-            view.query = (struct light_context){places[i], normals[i], 0};
+            view.query = (struct light_context){.p = places[i], .n = normals[i]};
             find_triangles(&view);
             assert_true(chi_square_accept(&setup, 0.01, TESTS, names[which]));
         }

@@ -264,7 +264,7 @@ static void test_ten_thousand_lamps(void **state)
     (void)state;
     for (int k = 0; k < 6; k++) {
         struct vec3 up = {0, 1, 0}, none = {0, 0, 0};
-        struct light_context query = {places[k / 2], k % 2 ? up : none, 0};
+        struct light_context query = {.p = places[k / 2], .n = k % 2 ? up : none};
         struct running_stats stats = {0};
         double want = 0, power_moment = 0, power = 0;
 

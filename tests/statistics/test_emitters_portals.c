@@ -129,7 +129,7 @@ static void test_mixture_integrates(void **state)
     scene = builder_build(&b, &settings);
     for (int place = 0; place < CASES; place++) {
         static const struct light_context queries[CASES] = {
-            {{0, 0, 0}, {0, 0, 0}, 0}, {{0, 0, 0}, {0, 0, 1}, 0}, {{-3, 4, 1}, {0.6f, 0, 0.8f}, 0}};
+            {.p = {0, 0, 0}}, {.n = {0, 0, 1}}, {.p = {-3, 4, 1}, .n = {0.6f, 0, 0.8f}}};
         struct test_random random = {(uint64_t)place};
         struct running_stats stats = {0};
 

@@ -202,20 +202,34 @@ static void test_furnace(void **state)
     }
 }
 
-/* Everything just behind the lamp: a shadow ray that has lost count of its length behind an interface meets it. */
+/* A floor with a checker of 64 x 64 squares, of which a pixel sees many. */
+static uint32_t checkered_floor(struct scene_builder *b)
+{
+    static const float positions[] = {-9, 0, -9, -9, 0, 9, 9, 0, 9, 9, 0, -9}, uv[] = {0, 0, 0, 1, 1, 1, 1, 0};
+    static const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
+    static float checker[64 * 64 * 3];
+
+    for (int i = 0; i < 64 * 64 * 3; i++)
+        checker[i] = i / 3 % 64 / 2 % 2 == i / 3 / 64 / 2 % 2 ? 0.9f : 0.1f;
+    builder_lambert(b, 1)->base_color_texture.texture = (int32_t)builder_texture(b, checker, 64, 64);
+    return builder_mesh_mapped(b, &(struct builder_mapped){.positions = positions, .uv0 = uv, .vertex_count = 4,
+                                                          .indices = indices, .triangle_count = 2});
+}
+
+/* Everything just behind the lamp: a shadow ray that has lost count of its length behind an interface meets it. The
+ * camera's rays cross the interfaces, too. */
 static void lamp_before_a_card(struct scene_builder *b, int kind, int interfaces)
 {
     const uint32_t quad = (builder_init(b), builder_quad(b));
     struct scene_material *m;
 
-    builder_lambert(b, 0.5f);
-    builder_place(b, quad, 0, vec3_splat(9), vec3_splat(0));
+    builder_place(b, checkered_floor(b), 0, vec3_splat(1), vec3_splat(0));
     builder_lambert(b, 0);
     builder_place(b, quad, 1, vec3_splat(2), vec3_make(0, 2.01f, 0));
     m = builder_lambert(b, 0);
     m->kind = MATERIAL_INTERFACE;
     for (int i = 0; i < interfaces; i++)
-        builder_place(b, quad, 2, vec3_splat(9), vec3_make(0, 0.8f + 0.4f * (float)i, 0));
+        builder_place(b, quad, 2, vec3_splat(9), vec3_make(0, 0.6f + 0.4f * (float)i, 0));
     if (kind < LIGHT_KIND_COUNT) {
         struct scene_light *l = builder_light(b, (enum scene_light_kind)kind);
         l->position[1] = 2;
@@ -228,12 +242,14 @@ static void lamp_before_a_card(struct scene_builder *b, int kind, int interfaces
         m->emission[0] = m->emission[1] = m->emission[2] = 250;
         builder_place(b, quad, 3, vec3_splat(0.1f), vec3_make(0, 2, 0));
     }
-    builder_camera(b, vec3_make(0, 0.7f, 4), vec3_make(0, 0, 0), 0.3f);
+    builder_camera(b, vec3_make(0, 1.9f, 5), vec3_make(0, 0, 0), 0.3f);
 }
+
+enum { PICTURE_SIDE = 16, PICTURE_FLOATS = PICTURE_SIDE * PICTURE_SIDE * 3 };
 
 static void render_picture(struct scene_builder *b, double *picture)
 {
-    struct render_settings settings = builder_settings(16, 16, 16);
+    struct render_settings settings = builder_settings(PICTURE_SIDE, PICTURE_SIDE, 16);
     struct render_scene *scene = builder_build(b, &settings);
     struct render_stats stats = {0};
 
@@ -244,8 +260,7 @@ static void render_picture(struct scene_builder *b, double *picture)
 /* Light passes interfaces as if they were not there: pixel by pixel with the same random numbers, for every kind of lamp. */
 static void test_empty_interfaces(void **state)
 {
-    enum { FLOATS = 16 * 16 * 3 };
-    static double without[FLOATS], with[FLOATS];
+    static double without[PICTURE_FLOATS], with[PICTURE_FLOATS];
 
     (void)state;
     for (int kind = 0; kind <= LIGHT_KIND_COUNT; kind++)
@@ -259,13 +274,95 @@ static void test_empty_interfaces(void **state)
                 b.scene.volume_rule = (enum scene_volume_rule)rule;
                 render_picture(&b, interfaces ? with : without);
                 builder_release(&b);
-                for (int i = 0; i < FLOATS; i++) {
+                for (int i = 0; i < PICTURE_FLOATS; i++) {
                     sum += without[i];
                     most = fmax(most, interfaces ? fabs(with[i] - without[i]) / without[i] : 0);
                 }
-                if (!(sum / FLOATS > 0.1) || most > 1e-4)
-                    fail_msg("light %d, %d interfaces, rule %d: off by %g of a mean of %g", kind, interfaces, rule, most, sum / FLOATS);
+                if (!(sum / PICTURE_FLOATS > 0.1) || most > 1e-4)
+                    fail_msg("light %d, %d interfaces, rule %d: off by %g of a mean of %g", kind, interfaces, rule, most, sum / PICTURE_FLOATS);
             }
+}
+
+/* ---- all indices times k ------------------------------------------------------------------------ */
+
+enum { DRESS_GLASS, DRESS_ROUGH_GLASS, DRESS_FILM, DRESS_FILM_ON_GLASS, DRESS_COAT, DRESS_WALL, DRESS_SLAB, DRESS_CONDUCTOR, DRESS_COATED_LAMP, DRESSES };
+
+/* A ball whose indices are k times those of everyday, and its film thinner by as much. */
+static void dress(struct scene_material *m, int how, float k)
+{
+    m->ior = 1.5f * k;
+    m->roughness = how == DRESS_GLASS ? 0 : 0.5f;
+    m->specular = 1;
+    m->double_sided = how == DRESS_WALL || how == DRESS_SLAB;
+    m->transmission = how != DRESS_FILM && how != DRESS_COAT && how != DRESS_CONDUCTOR && how != DRESS_COATED_LAMP;
+    m->refractive = how == DRESS_GLASS || how == DRESS_ROUGH_GLASS || how == DRESS_FILM_ON_GLASS;
+    m->thin_slab = how == DRESS_SLAB;
+    if (m->refractive)
+        slabs_dye(m, 1);
+    if (how == DRESS_FILM || how == DRESS_FILM_ON_GLASS) {
+        m->iridescence = 1;
+        m->iridescence_ior = 1.3f * k;
+        m->iridescence_thickness_min_nm = m->iridescence_thickness_max_nm = 400 / k;
+    }
+    if (how == DRESS_COATED_LAMP)
+        m->emission[0] = m->emission[1] = m->emission[2] = 1;
+    if (how == DRESS_COAT || how == DRESS_COATED_LAMP) {
+        m->clearcoat = 1;
+        m->clearcoat_ior = 1.6f * k;
+        m->clearcoat_roughness = 0.3f;
+    }
+    if (how == DRESS_CONDUCTOR) {
+        m->kind = MATERIAL_CONDUCTOR;
+        for (int c = 0; c < 3; c++) {
+            m->conductor_eta[c] = (0.3f + 0.3f * (float)c) * k;
+            m->conductor_k[c] = (3 - (float)c) * k;
+        }
+    }
+}
+
+/* A round room with a lamp and a ball in it; at k > 1 something of that index fills it, and reaches beyond its walls. */
+static void room_filled(struct scene_builder *b, int how, float k)
+{
+    uint32_t ball;
+    struct scene_material *m;
+
+    builder_init(b);
+    ball = builder_sphere(b, 12, 1);
+    builder_lambert(b, 0.5f);
+    builder_place(b, ball, 0, vec3_splat(4), vec3_splat(0));
+    m = builder_lambert(b, 0);
+    m->emission[0] = m->emission[1] = m->emission[2] = 20;
+    builder_place(b, ball, 1, vec3_splat(0.4f), vec3_make(1, 2, 1));
+    dress(builder_lambert(b, 0.7f), how, k);
+    builder_place(b, ball, 2, vec3_splat(1), vec3_splat(0));
+    if (k > 1) {
+        m = slabs_glass(b, k, INFINITY);
+        m->priority = -1;
+        builder_place(b, ball, builder_last_material(b), vec3_splat(9), vec3_splat(0));
+    }
+    builder_camera(b, vec3_make(0, 0.5f, 3), vec3_splat(0), 0.8f);
+}
+
+/* Only ratios count: in something of index 2, with all indices doubled, the room looks the same, to the bit. */
+static void test_all_indices_doubled(void **state)
+{
+    static double once[PICTURE_FLOATS], doubled[PICTURE_FLOATS];
+
+    (void)state;
+    for (int how = 0; how < DRESSES; how++) {
+        struct scene_builder b;
+        int apart = 0;
+        room_filled(&b, how, 1);
+        render_picture(&b, once);
+        builder_release(&b);
+        room_filled(&b, how, 2);
+        render_picture(&b, doubled);
+        builder_release(&b);
+        for (int i = 0; i < PICTURE_FLOATS; i++)
+            apart += once[i] != doubled[i];
+        if (apart > 0 || !(once[0] > 0))
+            fail_msg("dress %d: %d of %d values are others", how, apart, PICTURE_FLOATS);
+    }
 }
 
 int main(void)
@@ -275,6 +372,7 @@ int main(void)
         cmocka_unit_test(test_hidden),        cmocka_unit_test(test_camera_inside),
         cmocka_unit_test(test_no_interface),  cmocka_unit_test(test_furnace),
         cmocka_unit_test(test_empty_interfaces),
+        cmocka_unit_test(test_all_indices_doubled),
     };
     return cmocka_run_group_tests_name("nested radiance", tests, NULL, NULL);
 }

@@ -79,7 +79,7 @@ static void unmake(struct made_up *m)
 
 static const struct sky_region *region_at(const struct made_up *m, struct vec3 p, struct vec3 n)
 {
-    const struct light_context context = {p, n, 0};
+    const struct light_context context = {.p = p, .n = n};
 
     return sky_guide_region(&m->light.guide, &context);
 }

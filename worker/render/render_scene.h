@@ -179,9 +179,9 @@ struct vec3 material_emission(const struct render_material *material, const stru
                               const uint32_t vertex[3], real b1, real b2);
 
 /* The same as it arrives from a direction with this absolute cosine to the geometric normal
- * (next-event estimation knows no other). */
+ * (next-event estimation knows no other), in surroundings of index `outside` (0 counts as 1). */
 struct vec3 material_emitted(const struct render_material *material, const struct render_mesh *mesh,
-                             const uint32_t vertex[3], real b1, real b2, real cosine);
+                             const uint32_t vertex[3], real b1, real b2, real cosine, real outside);
 
 /* The three corners of a triangle in world space at `time` (0..1 of the shutter). */
 void triangle_of_instance(const struct render_scene *scene, const struct render_instance *instance, uint32_t triangle,

@@ -79,7 +79,7 @@ static struct vec3 shine(const struct punctual *p, struct vec3 towards)
 #undef SAMPLE_OF
     };
     struct vec3 d = vec3_normalize(towards);
-    struct light_context context = {vec3_mad(vec3_make(1, 2, 3), d, 2), {0, 0, 0}, 0};
+    struct light_context context = {.p = vec3_mad(vec3_make(1, 2, 3), d, 2)};
     struct light_sample out = {.pdf = 0.25f};
 
     if (!samples[p->kind](NULL, p, &context, 0, 0, &out))
@@ -377,7 +377,7 @@ static void test_spherical_triangles(void **state)
 static void test_one_lamp_is_one_leaf(void **state)
 {
     struct render_settings settings = builder_settings(4, 4, 1);
-    struct light_context query = {{0.3f, 0, 0.2f}, {0, 1, 0}, 0};
+    struct light_context query = {.p = {0.3f, 0, 0.2f}, .n = {0, 1, 0}};
     struct render_scene *scene;
     struct scene_builder b;
     struct scene_material *m;
@@ -456,7 +456,7 @@ static void test_dark_triangles(void **state)
 {
     enum { SIDE = 8 };
     struct render_settings settings = builder_settings(4, 4, 1);
-    struct light_context query = {{0, 0, 0}, {0, 0, 0}, 0};
+    struct light_context query = {.p = {0, 0, 0}};
     float rgb[SIDE * SIDE * 3] = {0};
     struct render_scene *scene;
     struct scene_builder b;

@@ -142,7 +142,7 @@ static void test_layers(void **state)
 /* The accounts to which samples of the scene's lights are charged, as a set of effects. */
 static uint64_t charged_lights(struct scene_builder *b, const struct render_settings *settings)
 {
-    const struct light_context context = {{0, 0, 0}, {0, 1, 0}, 0};
+    const struct light_context context = {.n = {0, 1, 0}};
     struct render_scene *scene = builder_build(b, settings);
     uint64_t met = 0;
 

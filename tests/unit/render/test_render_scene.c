@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
+#include "worker/render/bsdf/bsdf.h"
 #include "worker/render/render_scene.h"
 
 enum { FLOATS = 2 * 16 * 16 * 3 };
@@ -348,14 +349,20 @@ static void a_coat_dims_the_emission_below_it(void **state)
     (void)state;
     for (float c = 0; c <= 1; c += 0.125f) {
         float f = 0.04f + 0.96f * powf(1 - c, 5);
-        float scale = material_emitted(&material, NULL, vertex, 0.3f, 0.3f, c).x;
+        float scale = material_emitted(&material, NULL, vertex, 0.3f, 0.3f, c, 1).x;
         assert_true(fabsf(scale - (1 - 0.5f * f)) < 1e-6f);
     }
+    /* In something denser only the ratio counts. */
+    for (float c = 0; c <= 1; c += 0.125f) {
+        float n = 1.5f / 1.33f, f = (n - 1) * (n - 1) / ((n + 1) * (n + 1));
+        f += (bsdf_f90_of(f) - f) * powf(1 - c, 5);
+        assert_true(fabsf(material_emitted(&material, NULL, vertex, 0.3f, 0.3f, c, 1.33f).x - (1 - 0.5f * f)) < 1e-6f);
+    }
     material.m.clearcoat_ior = 1; /* reflects nothing, at no angle */
-    assert_true(material_emitted(&material, NULL, vertex, 0.3f, 0.3f, 0).x == 1);
+    assert_true(material_emitted(&material, NULL, vertex, 0.3f, 0.3f, 0, 1).x == 1);
     material.m.clearcoat_ior = 1.5f;
     material.m.clearcoat = 0;
-    assert_true(material_emitted(&material, NULL, vertex, 0.3f, 0.3f, 0).x == 1);
+    assert_true(material_emitted(&material, NULL, vertex, 0.3f, 0.3f, 0, 1).x == 1);
 }
 
 int main(void)

@@ -504,7 +504,7 @@ static void check_numbers(const struct render_scene *scene, const struct sampler
     uint32_t first = DIMENSION_VERTEX + v->depth * DIMENSIONS_PER_VERTEX;
     struct sample2 u = sampler_get(sampler, first + VERTEX_BSDF);
     struct sample2 light = sampler_get(sampler, first + VERTEX_LIGHT_POINT);
-    struct light_context context = {v->p, v->ng, 0};
+    struct light_context context = {.p = v->p, .n = v->ng};
     struct basis basis = basis_from_normal(v->ns);
     struct light_sample sample;
 

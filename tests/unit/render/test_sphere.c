@@ -456,9 +456,8 @@ static uint32_t blocked_share(const char *world, int *tried)
     lamp = sphere_of(f.scene->instances[0].shape);
     *tried = 20000;
     for (int i = 0; i < *tried; i++) {
-        struct light_context context = {{(float)lamp->centre[0] + 0.05f * test_random_float(&random),
-                                         (float)lamp->centre[1], (float)lamp->centre[2] + 8},
-                                        {0, 0, 0}, 0};
+        struct light_context context = {.p = {(float)lamp->centre[0] + 0.05f * test_random_float(&random),
+                                              (float)lamp->centre[1], (float)lamp->centre[2] + 8}};
         float u = test_random_float(&random), v = test_random_float(&random);
         struct light_sample light;
         struct ray ray = {.origin = context.p};
@@ -594,7 +593,7 @@ static void test_uv(void **state)
 /* Irradiance at a place with normal `n`, by sampling the lamp, blocked by nothing. */
 static double irradiance(const struct render_scene *scene, struct vec3 p, struct vec3 n, double *error)
 {
-    const struct light_context context = {p, n, 0};
+    const struct light_context context = {.p = p, .n = n};
     struct running_stats s = {0};
     enum { SIDE = 100 };
 

@@ -56,7 +56,16 @@ struct light_context {
     struct vec3 n; /* unit geometric normal; black: light from any side counts (media, and
                            surfaces that transmit) */
     real time;     /* 0..1 of the shutter */
+    /* Indices of what surrounds p, and of what is on the other side of `front`, for lamps under a coat; 0 counts as 1. */
+    real ior, ior_beyond;
+    struct vec3 front;
 };
+
+/* Index of what light from this direction comes through. */
+static inline real light_context_ior(const struct light_context *context, struct vec3 direction)
+{
+    return vec3_dot(context->front, direction) < 0 ? context->ior_beyond : context->ior;
+}
 
 /* A light seen from the context. */
 struct light_sample {

@@ -113,13 +113,13 @@ static void sample_surface(const struct sphere_view *view, real u, real v, struc
 }
 
 /* Uniform emission: any vertex of the mesh will do. */
-static struct vec3 radiance_towards(const struct render_scene *scene, const struct hit *light, real cosine)
+static struct vec3 radiance_towards(const struct render_scene *scene, const struct hit *light, real cosine, real outside)
 {
     const struct render_instance *instance = &scene->instances[light->instance];
     const struct render_material *material = &scene->materials[instance->material];
     const struct render_mesh *mesh = &scene->meshes[instance->mesh];
 
-    return material_emitted(material, mesh, mesh->indices, 0, 0, cosine);
+    return material_emitted(material, mesh, mesh->indices, 0, 0, cosine, outside);
 }
 
 int sphere_light_sample(const struct render_scene *scene, const void *light_, const struct light_context *context,
@@ -146,7 +146,7 @@ int sphere_light_sample(const struct render_scene *scene, const void *light_, co
                                   vec3_mad(context->p, out->direction, out->distance), INFINITY)
                      ? 0
                      : INFINITY;
-    out->radiance = radiance_towards(scene, light, out->cosine);
+    out->radiance = radiance_towards(scene, light, out->cosine, light_context_ior(context, out->direction));
     out->delta = 0;
     return 1;
 }
@@ -170,7 +170,7 @@ void sphere_light_weigh(const struct render_scene *scene, const void *light_, st
     out->bounds.lamp = light->instance;
     out->bounds.two_sided = material->m.double_sided;
     /* It sends to every side what its disk does. */
-    out->intensity = PI_D * sphere->radius * sphere->radius * (double)vec3_luminance(radiance_towards(scene, light, 1));
+    out->intensity = PI_D * sphere->radius * sphere->radius * (double)vec3_luminance(radiance_towards(scene, light, 1, 1));
     if (!(out->intensity > 0 && isfinite(out->intensity)))
         out->intensity = 0;
     out->power = 4 * PI_D * out->intensity * (out->bounds.two_sided ? 2 : 1);

@@ -91,7 +91,8 @@ int triangle_light_sample(const struct render_scene *scene, const void *light_, 
     if (!(out->pdf > 0) || !isfinite(out->pdf))
         return cosine == 0 ? 0 : health_density(out->pdf); /* seen from the side it is infinite */
     at.vertex = triangle_vertices(at.mesh, light->triangle);
-    out->radiance = triangle_covered(&at, material_emitted(at.material, at.mesh, at.vertex, at.b1, at.b2, cosine));
+    out->radiance = triangle_covered(&at, material_emitted(at.material, at.mesh, at.vertex, at.b1, at.b2, cosine,
+                                                           light_context_ior(context, out->direction)));
     out->delta = 0;
     return 1;
 }

@@ -24,7 +24,7 @@ static void path_start(struct path *path, const struct render_scene *scene, cons
         path->ray = *ray;
     else
         memcpy(&path->ray, ray, offsetof(struct ray, left)); /* the rest says which faces it leaves */
-    path->context = (struct light_context){{0, 0, 0}, {0, 0, 0}, ray->time};
+    path->context = (struct light_context){.time = ray->time};
     path->pdf = 0;
     path->specular = 1;
     path->chain = CHAIN_NONE;

@@ -38,6 +38,12 @@ void path_end_at_light(const struct light_sample *light, struct ray *ray)
     ray->end_cosine = light->cosine;
 }
 
+/* Does a lamp's coat lose what the index around it says? */
+static int has_coats_in_bodies(const struct path *path)
+{
+    return calls_for(path->scene->effects, EFFECT_NESTED_DIELECTRIC) && calls_for(path->scene->effects, EFFECT_CLEARCOAT);
+}
+
 /* Sample one light with the vertex's random numbers. 0: no light, or no light from it. */
 static int sample_light(const struct path *path, struct path_vertex *v, struct path_notes *notes,
                         const struct light_context *context)
@@ -93,13 +99,18 @@ struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct
     const struct vec3 black = {0, 0, 0};
     const struct surface *s = &v->s;
     const struct light_sample *light = &v->light;
-    struct light_context context = {s->p, s->ng, s->time};
+    struct light_context context = {.p = s->p, .n = s->ng, .time = s->time};
     struct vec3 wi, value;
     struct ray ray;
     real pdf;
 
     if (s->material->flags & MATERIAL_TWO_WAY)
         context.n = black;
+    if (has_coats_in_bodies(path)) {
+        context.ior = interior_ior(path->scene, &path->interior);
+        context.ior_beyond = interior_ior(path->scene, &v->crossing.beyond);
+        context.front = s->basis.n;
+    }
     if (!sample_light(path, v, notes, &context))
         return black;
     wi = basis_to_local(&s->basis, light->direction);
@@ -127,7 +138,8 @@ struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct
 struct vec3 path_direct_medium(struct path *path, struct path_vertex *v, struct path_notes *notes,
                                struct vec3 direction)
 {
-    const struct light_context context = {path->ray.origin, {0, 0, 0}, path->ray.time};
+    const struct light_context context = {.p = path->ray.origin, .time = path->ray.time,
+                                          .ior = has_coats_in_bodies(path) ? interior_ior(path->scene, &path->interior) : 0};
     const struct light_sample *light = &v->light;
     struct ray ray = path->ray;
 
@@ -211,7 +223,8 @@ struct vec3 path_emitted(const struct path *path, const struct surface *s, struc
     if (face != EMITTERS_NO_FACE && emitters_is_dark(&scene->emitters, face))
         return vec3_splat(0);
     cosine = real_abs(vec3_dot(s->ng, path->ray.direction));
-    radiance = material_emitted(material, s->mesh, s->vertex, s->b1, s->b2, cosine);
+    radiance = material_emitted(material, s->mesh, s->vertex, s->b1, s->b2, cosine,
+                                has_coats_in_bodies(path) ? interior_ior(scene, &path->interior) : 1);
     if (path->specular || face == EMITTERS_NO_FACE)
         return radiance;
     pdf = emitters_face_pdf(scene, &path->context, face, vec3_length_squared(vec3_sub(s->p, path->context.p)), cosine,

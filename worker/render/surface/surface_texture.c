@@ -69,9 +69,9 @@ real material_alpha(const struct render_material *material, const struct render_
 
 /* What a clearcoat lets out of the emission below it. */
 static real emission_scale(const struct render_material *material, const struct render_mesh *mesh,
-                           const uint32_t vertex[3], real b1, real b2, real cosine)
+                           const uint32_t vertex[3], real b1, real b2, real cosine, real outside)
 {
-    real n = real_max(material->m.clearcoat_ior, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
+    real n = real_max(material->m.clearcoat_ior, 1) / real_max(outside, 1), f0 = (n - 1) / (n + 1), m = 1 - cosine;
     real coat = material->m.clearcoat;
 
     PROFILE_EFFECT(CLEARCOAT);
@@ -94,11 +94,11 @@ struct vec3 material_emission(const struct render_material *material, const stru
 }
 
 struct vec3 material_emitted(const struct render_material *material, const struct render_mesh *mesh,
-                             const uint32_t vertex[3], real b1, real b2, real cosine)
+                             const uint32_t vertex[3], real b1, real b2, real cosine, real outside)
 {
     struct vec3 radiance = material_emission(material, mesh, vertex, b1, b2);
 
     if (calls_for(EFFECTS_ALL, EFFECT_CLEARCOAT) && material->m.clearcoat > 0)
-        radiance = vec3_scale(radiance, emission_scale(material, mesh, vertex, b1, b2, cosine));
+        radiance = vec3_scale(radiance, emission_scale(material, mesh, vertex, b1, b2, cosine, outside));
     return radiance;
 }

@@ -307,7 +307,7 @@ static void add_trials(const struct building *b, const struct sky_region *region
     for (uint32_t k = 0; k < count; k++) {
         const struct trial *t = &trials[k];
         const struct sky_point *point = &pilot->points[t->point];
-        const struct light_context context = {point->p, point->n, 0};
+        const struct light_context context = {.p = point->p, .n = point->n};
         real pdf;
 
         if (!(t->light > 0))
