@@ -121,7 +121,7 @@ static void test_choices_follow_odds(void **state)
 
 /* Odds are 0 only where a light can send nothing: no point of it is above the context's
  * horizon, or none of its normals is within its emission angle of the context. */
-static void test_zero_odds_are_earned(void **state)
+static void zero_odds_are_earned(float longest_reach)
 {
     enum { COUNT = 60, PLACES = 400 };
     static struct light_bounds bounds[COUNT];
@@ -130,9 +130,11 @@ static void test_zero_odds_are_earned(void **state)
     struct error err = {0};
     int zeros = 0;
 
-    (void)state;
-    for (uint32_t i = 0; i < COUNT; i++)
+    for (uint32_t i = 0; i < COUNT; i++) {
         bounds[i] = random_bounds(&random, i);
+        if (longest_reach > 0)
+            bounds[i].reach = longest_reach * test_random_float(&random);
+    }
     assert_int_equal(light_tree_init(&tree, bounds, COUNT, &err), STATUS_OK);
     for (int place = 0; place < PLACES; place++) {
         struct vec3 p = random_point(&random, 14), n = random_direction(&random);
@@ -161,6 +163,20 @@ static void test_zero_odds_are_earned(void **state)
     }
     assert_true(zeros > COUNT * PLACES / 20);
     light_tree_release(&tree);
+}
+
+static void test_zero_odds_are_earned(void **state)
+{
+    (void)state;
+    zero_odds_are_earned(0);
+}
+
+/* Clusters end where the last of their lamps does, in whatever corner that is. */
+static void test_zero_odds_of_ranges(void **state)
+{
+    (void)state;
+    zero_odds_are_earned(2);
+    zero_odds_are_earned(8);
 }
 
 /* The same lights give the same tree; every failed allocation is survived. */
@@ -304,6 +320,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_choices_follow_odds),
         cmocka_unit_test(test_zero_odds_are_earned),
+        cmocka_unit_test(test_zero_odds_of_ranges),
         cmocka_unit_test(test_deterministic),
         cmocka_unit_test(test_ten_thousand_lamps),
     };

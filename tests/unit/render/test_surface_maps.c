@@ -28,7 +28,7 @@ struct wall {
     void (*dress)(struct scene_builder *b, struct scene_material *m);
 };
 
-static float alpha_seen; /* of the place looked at last */
+static float alpha_seen, emission_seen; /* of the place looked at last */
 
 /* A square in the xy plane whose tangents are +x; uv0 is x and y, uv1 is 1 - y and x, each 0 to 1;
  * its vertices' alpha is a half at the left, 1 at the right. */
@@ -82,6 +82,7 @@ static void look(const struct wall *w, float x, float y, float footprint, struct
     s->footprint = footprint;
     surface_shade(scene, s, vec3_neg(ray.direction), params);
     alpha_seen = material_alpha(s->material, s->mesh, s->vertex, s->b1, s->b2);
+    emission_seen = material_emitted(s->material, s->mesh, s->vertex, s->b1, s->b2, 1, 1).x;
     /* What outlives the scene is the basis and the parameters. */
     render_scene_free(scene);
     builder_release(&b);
@@ -210,19 +211,51 @@ static void veil(struct scene_builder *b, struct scene_material *m)
     m->base_color[3] = 0.8f;
 }
 
-/* Alpha is the material's times the vertices', interpolated. */
+static void textured_veil(struct scene_builder *b, struct scene_material *m)
+{
+    static const float grey[3] = {0.3f, 0.3f, 0.3f};
+
+    veil(b, m);
+    put_slot(&m->base_color_texture, builder_texture(b, grey, 1, 1));
+}
+
+/* Alpha is the material's times the vertices', interpolated; a texture without alpha changes nothing. */
 static void alpha_is_the_vertices_too(void **state)
 {
     (void)state;
-    for (int i = 0; i < 9; i++) {
-        const struct wall w = {.handedness = 1, .dress = veil};
-        float x = -0.8f + 0.2f * (float)i;
+    for (int i = 0; i < 18; i++) {
+        const struct wall w = {.handedness = 1, .dress = i < 9 ? veil : textured_veil};
+        float x = -0.8f + 0.2f * (float)(i % 9);
         struct bsdf_params params;
         struct surface s;
 
         look(&w, x, 0.1f, 0, &s, &params);
         assert_true(fabsf(alpha_seen - 0.8f * (0.75f + 0.25f * x)) < 1e-5f);
     }
+}
+
+static void coated_lamp(struct scene_builder *b, struct scene_material *m)
+{
+    static const float coat[3] = {0.5f, 0, 0}, glow[3] = {0.25f, 1, 1};
+
+    m->emission[0] = 8;
+    put_slot(&m->emission_texture, builder_texture(b, glow, 1, 1));
+    m->clearcoat = 0.8f;
+    m->clearcoat_ior = 1.5f;
+    put_slot(&m->clearcoat_texture, builder_texture(b, coat, 1, 1));
+}
+
+/* What shines under a coat is dimmed by as much coat as its texture leaves. */
+static void a_lamps_coat_has_its_texture(void **state)
+{
+    const struct wall w = {.handedness = 1, .dress = coated_lamp};
+    struct bsdf_params params;
+    struct surface s;
+
+    (void)state;
+    look(&w, 0.1f, 0.1f, 0, &s, &params);
+    assert_true(fabsf(params.clearcoat - 0.4f) < 1e-6f);
+    assert_true(fabsf(emission_seen - 8 * 0.25f * (1 - 0.04f * 0.4f)) < 1e-5f);
 }
 
 /* ---- texture coordinates -------------------------------------------------------------------------- */
@@ -315,6 +348,7 @@ int main(void)
         cmocka_unit_test(a_brushing_is_the_same_on_both_sides),
         cmocka_unit_test(a_coat_has_its_own_map),
         cmocka_unit_test(alpha_is_the_vertices_too),
+        cmocka_unit_test(a_lamps_coat_has_its_texture),
         cmocka_unit_test(texture_coordinates_are_the_slots),
         cmocka_unit_test(a_beam_widens_with_the_transform),
     };
