@@ -80,9 +80,11 @@ def copy_sources(folder):
 
 
 def build(folder, tests):
+    """What the tests run. "" or what make says."""
     programs = ["build/release/tests/" + test.partition(":")[0] for test in tests if ".py" not in test]
-    if any(".py" in test for test in tests):
-        programs.append("all")
+    if any(".py" in test for test in tests):  # the programs, and what is beside them or preloaded
+        at = "build/release/tests/farm"
+        programs += ["all"] + ["%s/%s" % (at, name) for name in sorted(os.listdir(os.path.join(folder, at)))]
     done = subprocess.run(["make", "-s", "-j%d" % os.cpu_count()] + programs, cwd=folder, capture_output=True, text=True)
     return done.stdout + done.stderr if done.returncode else ""
 
@@ -103,24 +105,35 @@ def failures(folder, test):
     except subprocess.TimeoutExpired:
         return ["does not end within %d s" % LIMIT_S]
     text = done.stdout.decode("utf-8", "replace")
-    found = [match for match in re.findall(r"^\s*not ok \d* ?-? ?(\S+)", text, re.M)]
+    found = re.findall(r"^\s*not ok \d+ - (.+)", text, re.M)  # a skipped one has no dash
     if not found and done.returncode:
         found = ["exit %d" % done.returncode]
     return found
 
 
-def score(folder, mistake, tests):
+def expect_green(folder, tests):
+    """A test that fails without a mistake notices none."""
+    wrong = build(folder, tests)
+    if wrong:
+        sys.exit("the copy is not compiled: " + wrong[-800:])
+    for test in tests:
+        found = failures(folder, test)
+        if found:
+            sys.exit("%s fails without any mistake: %s" % (test, ", ".join(found)))
+
+
+def score(folder, mistake):
     """1: noticed. Prints what noticed it: the first test that does."""
     at, found = os.path.join(folder, mistake.file), []
     text = read(at)
     with open(at, "w", encoding="utf-8") as file:
         file.write(mistake.made(text))
     try:
-        wrong = build(folder, tests)
+        wrong = build(folder, mistake.tests)
         if wrong:
             print("not ok - %s\n#   is not compiled: %s" % (mistake.name, wrong[-800:]))
             return 0
-        for test in tests:
+        for test in mistake.tests:
             found.append((test, failures(folder, test)))
             if found[-1][1]:
                 break
@@ -154,9 +167,12 @@ def main():
     if options.check:
         return
     only = set(filter(None, options.only.split(",")))
-    copy_sources(options.folder)
     rows = [row for row in rows if not only or row.name in only]
-    noticed = sum(score(options.folder, row, options.tests.split(",") if options.tests else row.tests) for row in rows)
+    for row in rows:
+        row.tests = options.tests.split(",") if options.tests else row.tests
+    copy_sources(options.folder)
+    expect_green(options.folder, sorted({test for row in rows for test in row.tests}))
+    noticed = sum(score(options.folder, row) for row in rows)
     print("%d of %d mistakes are noticed" % (noticed, len(rows)))
     sys.exit(noticed < len(rows))
 

@@ -202,10 +202,10 @@ static void test_furnace(void **state)
     }
 }
 
-/* A floor with a checker of 64 x 64 squares, of which a pixel sees many. */
+/* A floor with a checker of squares of 7 cm, of which a pixel sees several. */
 static uint32_t checkered_floor(struct scene_builder *b)
 {
-    static const float positions[] = {-9, 0, -9, -9, 0, 9, 9, 0, 9, 9, 0, -9}, uv[] = {0, 0, 0, 1, 1, 1, 1, 0};
+    static const float positions[] = {-9, 0, -9, -9, 0, 9, 9, 0, 9, 9, 0, -9}, uv[] = {0, 0, 0, 8, 8, 8, 8, 0};
     static const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
     static float checker[64 * 64 * 3];
 

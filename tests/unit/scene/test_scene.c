@@ -12,6 +12,7 @@
 
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
+#include "common/scene/move.h"
 #include "common/scene/scene.h"
 #include "tests/support/scene_sample.h"
 
@@ -982,9 +983,47 @@ static void test_bounds(void **state)
     scene_release(&scene);
 }
 
+/* With another origin every place is as far from it as before, whatever has it. */
+static void test_move(void **state)
+{
+    static const double by[3] = {1, -2, 4};
+    struct scene_instance instance;
+    struct scene_camera camera;
+    struct scene_light lights[2];
+    struct scene_medium medium;
+    struct scene_portal portal = {.corner = {0, 0, 0}};
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene);
+    scene_instance_default(&instance);
+    scene_camera_default(&camera);
+    scene_medium_default(&medium);
+    medium.has_grid = 1;
+    for (int i = 0; i < 2; i++)
+        scene_light_default(&lights[i]);
+    lights[0].kind = LIGHT_POINT;
+    lights[1].kind = LIGHT_PROJECTION;
+    scene.instances = &instance;
+    scene.cameras = &camera;
+    scene.lights = lights;
+    scene.media = &medium;
+    scene.environment.portals = &portal;
+    scene.instance_count = scene.camera_count = scene.medium_count = scene.environment.portal_count = 1;
+    scene.light_count = 2;
+    scene_move(&scene, by);
+    for (int c = 0; c < 3; c++) {
+        assert_true(scene.origin[c] == by[c]);
+        assert_true(instance.to_world.m[c][3] == -by[c] && camera.to_world.m[c][3] == -by[c]);
+        assert_true(medium.grid_to_world.m[c][3] == -by[c] && portal.corner[c] == -by[c]);
+        assert_true(lights[0].position[c] == -by[c] && lights[1].to_world.m[c][3] == -by[c]);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_move),
         cmocka_unit_test(test_layout),
         cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_packed_earlier),
