@@ -132,7 +132,7 @@ static void absorb_to_lamp(struct path *way, const struct path_vertex *v, int th
 static int sample_lamp(const struct caustic *c, const struct path *way, const struct path_vertex *v,
                        struct light_sample *light)
 {
-    const struct light_context context = {v->s.p, {0, 0, 0}, v->s.time};
+    const struct light_context context = {.p = v->s.p, .time = v->s.time, .ior = 1};
 
     if (c->lamp)
         return emitters_sample_one(way->scene, c->lamp, &context, c->odds, light);
