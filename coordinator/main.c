@@ -278,6 +278,8 @@ int main(int argc, char **argv)
         {"web-key", 0, OPTION_STRING, &page.key, "FILE", "the certificate's key, in PEM", 0, 0, NULL},
         {"client-program", 0, OPTION_STRING, &page.client, "FILE",
          "the program that reads scenes which are uploaded to the page (azulejo, beside this one)", 0, 0, NULL},
+        {"on-event", 0, OPTION_STRING, &options.on_event, "PROGRAM",
+         "run it for each job that is done, failed or parked, and when the store cannot be used, with JSON on its standard input", 0, 0, NULL},
         {"connections-per-address", 0, OPTION_INT, &per_address, "N",
          "sessions, and connections of the page, that one address may have (three quarters of all, so that others get in)",
          1, SESSIONS_MAX, NULL},

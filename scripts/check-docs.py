@@ -29,8 +29,8 @@ PICTURE_BYTES_MOST = 400000
 LINE_MOST = 110     # characters of a command: longer ones must be scrolled on a screen
 # Programs of others, and words of the shell, that documents may use.
 OTHERS = set("""apt-get awk bash blender cat cd chmod cmp cp curl cut diff do done echo else esac export false ffmpeg fi for git grep head
-    if in install journalctl kill kubectl ls mkdir mpirun mv nice podman printf read rm sbatch scp sed set sh sha256sum sleep sort srun ssh
-    sudo systemctl systemd-analyze tail tar tee test then timeout trap true until valgrind wait wc while xdg-open zstd [ [[ : . { }""".split())
+    if in install journalctl kill kubectl ls mkdir mpirun mv nice openssl podman printf read rm sbatch scp sed set sh sha256sum sleep sort srun ssh
+    sudo systemctl systemd-analyze tail tar tee test then timeout trap true umask until valgrind wait wc while xdg-open zstd [ [[ : . { }""".split())
 PREFIXES = set("do else exec if nice nohup sudo then time until while { !".split())
 REPOSITORY_PATH = re.compile(r"^(?:\.{1,2}/)*(?:client|common|coordinator|deploy|docs|protocol|scenes|scripts|tests|web|worker)/[\w./-]+$")
 

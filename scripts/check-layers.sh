@@ -36,11 +36,11 @@ hits=$(grep -rln 'jansson\.h' --include='*.[ch]' protocol 2>/dev/null | grep -v 
 # Only web/http speaks libwebsockets, and the server knows what serves the page only as its guest.
 hits=$(grep -rln 'libwebsockets\.h' --include='*.[ch]' common protocol coordinator web worker client 2>/dev/null | grep -v '^web/http/')
 [ -z "$hits" ] || { echo "only web/http may include libwebsockets.h: $hits"; bad=1; }
-for folder in farm frame job film store net pictures steering; do
+for folder in farm frame job film store events net pictures steering; do
     forbid "coordinator/$folder" 'coordinator/page/'
 done
 # Logic takes time and output as arguments: no uv.h.
-for folder in coordinator/farm coordinator/pictures coordinator/steering coordinator/frame coordinator/job coordinator/film coordinator/store; do
+for folder in coordinator/farm coordinator/pictures coordinator/steering coordinator/frame coordinator/job coordinator/film coordinator/store coordinator/events; do
     forbid "$folder" 'uv\.h'
 done
 for file in coordinator/net/admission coordinator/net/descriptors web/http/guard web/http/http_queue; do

@@ -112,6 +112,16 @@ static void print_safety(const Azulejo__Wire__StoreInfo *i)
         field_printf(stdout, "", "this kernel cannot keep them from: %s", i->wall_lacks);
 }
 
+static void print_events(const Azulejo__Wire__StoreInfo *i)
+{
+    if (!i->on_event[0])
+        return;
+    field_printf(stdout, "events", "for %s: %" PRIu64 " taken, %u wait, %" PRIu64 " failed, %" PRIu64 " dropped",
+                 i->on_event, i->events_taken, i->events_waiting, i->events_failed, i->events_dropped);
+    if (i->events_trouble[0])
+        field_printf(stdout, "", "%s", i->events_trouble);
+}
+
 static void print_store(const Azulejo__Wire__StoreInfo *i)
 {
     char all[FORMAT_SIZE], left[FORMAT_SIZE], disk[FORMAT_SIZE];
@@ -129,6 +139,7 @@ static void print_store(const Azulejo__Wire__StoreInfo *i)
         print_kind("trash", i->trash, "removed: being freed, and not counted above");
     print_limits(i);
     print_safety(i);
+    print_events(i);
     if (i->n_owners > 0) {
         printf("\n");
         print_owners(i);

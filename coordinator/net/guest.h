@@ -10,6 +10,8 @@
 #include "common/base/status.h"
 #include "protocol/azulejo.pb-c.h"
 
+enum { PAGE_URL_MAX = 512 };
+
 struct server;
 struct session;
 struct job;

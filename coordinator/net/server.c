@@ -1,4 +1,3 @@
-#include "coordinator/farm/distrusted.h"
 #include "coordinator/net/server.h"
 
 #include <stdio.h>
@@ -9,6 +8,9 @@
 #include "common/system/log.h"
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "coordinator/events/event_program.h"
+#include "coordinator/events/events.h"
+#include "coordinator/farm/distrusted.h"
 #include "coordinator/net/farm_tasks.h"
 #include "coordinator/farm/merge.h"
 #include "coordinator/net/base/previews.h"
@@ -67,10 +69,12 @@ static void on_job_removed(void *user, uint64_t job)
 
 static void on_job_state(void *user, const struct job *job)
 {
-    const struct server_guest *guest = &((struct server *)user)->guest;
+    struct server *server = user;
 
-    if (guest->job_state)
-        guest->job_state(guest->user, job);
+    if (server->events)
+        events_job_state(server->events, job, server->page_address);
+    if (server->guest.job_state)
+        server->guest.job_state(server->guest.user, job);
 }
 
 static void on_job_event(void *user, const struct job_event *event)
@@ -129,6 +133,8 @@ static void on_signal(uv_signal_t *handle, int number)
     server->state = SERVER_DRAINING;
     server->drain_since_ns = clock_monotonic_ns();
     close_listeners(server);
+    if (server->events)
+        event_program_end(server->events);
     for (struct session *s = server->sessions; s; s = s->next)
         if (s->state == SESSION_OPEN)
             session_notice(s, LOG_LEVEL_INFO, "the coordinator is ending");
@@ -240,6 +246,8 @@ static void on_tick(uv_timer_t *timer)
         next = s->next;
         session_tick(s, now_ns);
     }
+    if (server->events)
+        events_store(server->events, &server->farm.trouble, &server->store_event_told, now_ns);
     if (server->guest.tick)
         server->guest.tick(server->guest.user, now_ns);
     session_keys_tick(server);
@@ -360,6 +368,7 @@ status server_run(const struct server_options *options, struct error *err)
         return error_set(err, STATUS_ERR_INTERNAL, "no event loop");
     }
     init_handles(server);
+    server->on_event = options->on_event;
     server->descriptors = options->descriptors;
     server->audits.off = options->no_audits;
     server->keyring.no_shared = options->no_shared_keys;
@@ -375,6 +384,8 @@ status server_run(const struct server_options *options, struct error *err)
         server->farm.order.rules = options->order;
         s = options->store ? distrusted_load(&server->farm, err) : STATUS_OK;
         THEN(s, unit_audits_load(server, err));
+        if (s == STATUS_OK && options->on_event)
+            s = event_program_open(&server->events, options->store, options->on_event, err);
         THEN(s, listen_on(server, options, err));
         if (s == STATUS_OK) {
             begin(server);
@@ -386,6 +397,8 @@ status server_run(const struct server_options *options, struct error *err)
         }
         uv_run(&server->loop, UV_RUN_DEFAULT);
         unit_audits_keep(server);
+        event_program_close(server->events);
+        server->events = NULL;
         store_settle(server->store); /* what still waits belongs to this server */
         if (s == STATUS_OK)
             audit_note(&server->audit, &coordinator, "end", 0, NULL, NULL);

@@ -52,6 +52,7 @@ struct server_options {
     struct descriptors descriptors;
     uint64_t submit_blobs; /* bytes that a token of role submit may send and no job needs; 0: token_ceilings.h */
     uint64_t scrub_rate;   /* scrubber.h */
+    const char *on_event;  /* event_program.h; NULL: none */
     int no_audits;         /* unit_audits.h */
     int no_shared_keys;    /* keyring.h */
     int discards_films;    /* its jobs will not be extended */
@@ -106,6 +107,10 @@ struct server {
     struct collector collector;
     struct scrubber scrubber;
     struct recalls recalls;
+    const char *on_event;            /* its path */
+    struct event_program *events;    /* NULL: none */
+    int store_event_told;            /* it has the event that the store cannot be used */
+    char page_address[PAGE_URL_MAX]; /* "http://127.0.0.1:7421"; "": the page was never there */
     char wall[64], wall_lacks[256]; /* around what the page imports, as its program says (web/base/wall.h); "": no page */
     uint32_t submits;         /* jobs being stored, that are in no queue yet, */
     int64_t submits_since_ns; /* by blobs_now(): their blobs are held since then */

@@ -13,6 +13,7 @@
 #include "coordinator/net/base/task.h"
 #include "protocol/metric_text.h"
 #include "coordinator/page/page.h"
+#include "coordinator/events/event_program.h"
 #include "coordinator/page/webhook.h"
 
 void metrics_tick(struct metrics *metrics, uint64_t now_ns)
@@ -282,6 +283,22 @@ static void put_webhooks(struct buffer *out, const struct page *page)
     metric_one(out, "azulejo_webhook_waiting", "gauge", "Events that were not sent yet.", hooks.waiting);
 }
 
+/* Without --on-event: zeros. */
+static void put_events(struct buffer *out, const struct server *server)
+{
+    struct event_counts counts = {0};
+
+    if (server->events)
+        counts = event_program_counts(server->events);
+    metric_begin(out, "azulejo_events_total", "counter", "Events for the program of --on-event, by what became of them.");
+    metric_value(out, "azulejo_events_total", (double)counts.taken, "result", "taken", NULL);
+    metric_value(out, "azulejo_events_total", (double)counts.failed, "result", "failed", NULL);
+    metric_value(out, "azulejo_events_total", (double)counts.dropped, "result", "dropped", NULL);
+    metric_one(out, "azulejo_event_again_total", "counter",
+               "Runs of that program that another one follows, for the same event.", (double)counts.again);
+    metric_one(out, "azulejo_events_waiting", "gauge", "Events that it has not taken yet.", counts.waiting);
+}
+
 void metrics_write(struct page *page, uint64_t now_ns, struct buffer *out)
 {
     const struct farm *farm = &page->server->farm;
@@ -298,4 +315,5 @@ void metrics_write(struct page *page, uint64_t now_ns, struct buffer *out)
     put_workers(out, page->server, now_ns);
     put_store(out, &page->metrics, farm, now_ns);
     put_webhooks(out, page);
+    put_events(out, page->server);
 }

@@ -87,8 +87,8 @@ static void tell_state(struct page *page, int always)
 void page_link(const struct page *page, const char *token, char line[PAGE_LINK_MAX])
 {
     line[0] = 0;
-    if (page->address[0])
-        snprintf(line, PAGE_LINK_MAX, "%s/#token=%s\n", page->address, token);
+    if (page->server->page_address[0])
+        snprintf(line, PAGE_LINK_MAX, "%s/#token=%s\n", page->server->page_address, token);
 }
 
 status page_link_write(const struct page *page, const char *line, struct error *err)
@@ -143,7 +143,7 @@ void page_link_renew(struct page *page, int prints)
 
     page->link_stale = page->link_writes;
     page->link_prints |= prints;
-    if (page->link_writes || !page->address[0])
+    if (page->link_writes || !page->server->page_address[0])
         return;
     t = task_new(page->server, &link_kind, &err);
     if (!t) {
@@ -165,7 +165,7 @@ static void publish(struct page *page)
         keeper_listens(page->keeper, page->port);
     if (!page->was_there && page->fingerprint[0])
         printf("page certificate: SHA-256 %s\n", page->fingerprint);
-    log_info("the page is at %s", page->address);
+    log_info("the page is at %s", page->server->page_address);
     page_link_renew(page, !page->was_there);
     page->was_there = 1;
 }
@@ -186,7 +186,7 @@ static void begin(struct page *page, struct session *session, const Azulejo__Wir
         log_info("the page's program has connected again as session %u", session->id);
         session_end(other, NULL);
     }
-    message_text(page->address, sizeof page->address, message->address);
+    message_text(page->server->page_address, sizeof page->server->page_address, message->address);
     message_text(page->fingerprint, sizeof page->fingerprint, message->fingerprint);
     page->port = (uint16_t)message->port;
     message_text(page->server->wall, sizeof page->server->wall, message->wall);

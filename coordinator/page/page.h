@@ -14,7 +14,7 @@
 #include "coordinator/page/keeper.h"
 #include "coordinator/page/metrics.h"
 
-enum { PAGE_URL_MAX = 512, PAGE_LINK_MAX = PAGE_URL_MAX + 160, PAGE_ENDED_MAX = 64 };
+enum { PAGE_LINK_MAX = PAGE_URL_MAX + 160, PAGE_ENDED_MAX = 64 };
 
 struct feed;
 struct token_answer;
@@ -50,9 +50,8 @@ struct page {
     int link_prints;             /* and then to be printed */
     int is_renewing;             /* the coordinator's own token */
     uint16_t port;
-    char fingerprint[128];      /* of its certificate; "": none */
-    char address[PAGE_URL_MAX]; /* "http://127.0.0.1:7421"; "": it was never there */
-    struct error why;           /* why it cannot listen */
+    char fingerprint[128]; /* of its certificate; "": none */
+    struct error why;      /* why it cannot listen */
 };
 
 /* The options' texts are the caller's and stay. ERR_NO_MEMORY. */

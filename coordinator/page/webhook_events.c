@@ -59,8 +59,8 @@ void webhook_job_state(struct page *page, const struct job *job)
     put_text(&fields, "text", job->state_text);
     buffer_printf(&fields, ", \"frames\": %u, \"frames_done\": %u, \"submitted_at\": %" PRId64 ", \"finished_at\": %" PRId64,
                   job_frame_count(job), job->frames_done_count, job->submitted_at, job->finished_at);
-    if (page->address[0]) {
-        snprintf(url, sizeof url, "%s/#/job/%" PRIu64, page->address, job->id);
+    if (page->server->page_address[0]) {
+        snprintf(url, sizeof url, "%s/#/job/%" PRIu64, page->server->page_address, job->id);
         put_text(&fields, "url", url);
     }
     send_event(page, event, &fields);

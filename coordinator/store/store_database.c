@@ -15,7 +15,7 @@
 #include "coordinator/store/store_web.h"
 
 /* Version of the tables, kept in SQLite's user_version. */
-enum { STORE_VERSION = 12, BUSY_MS = 5000 };
+enum { STORE_VERSION = 13, BUSY_MS = 5000 };
 
 static const char schema[] =
     "CREATE TABLE meta (name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;"
@@ -151,6 +151,9 @@ static const char votes_schema[] = "CREATE TABLE IF NOT EXISTS votes (unit TEXT 
                                    " epoch_floor INTEGER NOT NULL, hash INTEGER NOT NULL, digest TEXT NOT NULL,"
                                    " PRIMARY KEY (unit, worker)) WITHOUT ROWID;";
 
+/* Version 13: events that wait for the program of --on-event. */
+static const char schema_13[] = "CREATE TABLE IF NOT EXISTS waiting_events (id INTEGER PRIMARY KEY, at INTEGER NOT NULL, json TEXT NOT NULL);";
+
 /* Films have another format since version 9 (and since 4 and 5), so an unfinished frame's film is useless
  * (film_file_open renames it): a job without a finished frame counts as not begun, and workers of any release
  * may begin it. The numbers are those of enum job_state: not DONE, FAILED or CANCELLED. */
@@ -174,7 +177,7 @@ static const struct {
 } steps[] = {{1, schema, 0}, {2, schema_2, 0}, {3, schema_3, 0}, {4, schema_4, 0}, {4, deliverers_schema, 0},
              {5, schema_5, 0}, {6, schema_6, 0}, {6, events_schema, 0}, {7, schema_7, 0}, {7, needs_schema, 0},
              {8, schema_8, 0}, {9, schema_9, 0}, {9, convert_9, 1}, {10, sums_schema, 0}, {11, keys_schema, 0},
-             {11, schema_11, 0}, {12, votes_schema, 0}};
+             {11, schema_11, 0}, {12, votes_schema, 0}, {13, schema_13, 0}};
 
 status sql_failed(struct store *store, sqlite3 *db, const char *what, struct error *err)
 {
@@ -533,7 +536,7 @@ status database_make(struct store *store, const char *path, struct error *err)
     THEN(s, guard(store, err));
     if (s == STATUS_OK && rows_sum_all(store->db) != SQLITE_OK)
         s = sql_error(store, "cannot be brought up to date", err);
-    THEN(s, sql_exec(store, "PRAGMA user_version=12; COMMIT", "cannot be set up", err));
+    THEN(s, sql_exec(store, "PRAGMA user_version=13; COMMIT", "cannot be set up", err));
     if (s == STATUS_OK && version > 0)
         log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s", store->folder, version,
                  STORE_VERSION, version < 9 ? ", unfinished frames are rendered from their beginning" : "");

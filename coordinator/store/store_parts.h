@@ -12,7 +12,7 @@
  * store_trust.c     whose results are not believed, and which frames they rendered
  * store_noted.c     rows that wait for the writer thread
  * store_changes.c   statements that wait for it: what people change
- * store_web.c       tokens and webhooks of the page (store_web.h)
+ * store_web.c       tokens and webhooks of the page, events that wait for their program (store_web.h)
  * store_rot.c       looks through a store that is not used, and mends it (store_rot.h)
  * store_files.c     the places of films and outputs
  * store_rows.c      the digests of rows, and which are damaged

@@ -222,3 +222,41 @@ status store_webhook_events_load(struct store *store,
                      " (SELECT key FROM temp.bad WHERE tab='webhook_events') ORDER BY id",
                      "what webhooks are to be sent cannot be read", read_event, &v, err);
 }
+
+/* ---- events that wait for their program --------------------------------------------------------- */
+
+status store_waiting_event_add(struct store *store, uint64_t id, int64_t at, const char *json, struct error *err)
+{
+    return sql_note(store, "INSERT INTO waiting_events (id, at, json) VALUES (?, ?, ?)",
+                    SQL_VALUES(sql_number((int64_t)id), sql_number(at), sql_text(json)), "an event cannot be stored", err);
+}
+
+status store_waiting_event_remove(struct store *store, uint64_t id, struct error *err)
+{
+    return sql_note(store, "DELETE FROM waiting_events WHERE id=?", SQL_VALUES(sql_number((int64_t)id)),
+                    "an event cannot be removed", err);
+}
+
+struct visit_waiting {
+    status (*visit)(void *user, uint64_t id, const char *json, struct error *err);
+    void *user;
+};
+
+static status read_waiting(void *user, sqlite3_stmt *statement, struct error *err)
+{
+    struct visit_waiting *v = user;
+    const char *json = (const char *)sqlite3_column_text(statement, 1);
+
+    return json ? v->visit(v->user, column_number(statement, 0), json, err) : error_no_memory(err, "the events that wait");
+}
+
+status store_waiting_events_load(struct store *store,
+                                 status (*visit)(void *user, uint64_t id, const char *json, struct error *err),
+                                 void *user, struct error *err)
+{
+    struct visit_waiting v = {visit, user};
+
+    return read_rows(store, "SELECT id, json FROM waiting_events WHERE id NOT IN"
+                     " (SELECT key FROM temp.bad WHERE tab='waiting_events') ORDER BY id",
+                     "the events that wait cannot be read", read_waiting, &v, err);
+}

@@ -1,5 +1,5 @@
 /* store_web: what the page and its API keep in the store: tokens, webhooks, and what webhooks have not been
- * sent yet. A token is stored as its SHA-256 only; a webhook's secret signs, so it is stored as it is.
+ * sent yet; and the events that wait for the program of --on-event. A token is stored as its SHA-256 only; a webhook's secret signs, so it is stored as it is.
  *
  * What people change of tokens and webhooks is stored soon (store_when_saved); the other functions are on disk when they
  * return. ERR_IO, ERR_NO_MEMORY: nothing changed.
@@ -73,4 +73,13 @@ status store_webhook_event_remove(struct store *store, uint64_t id, struct error
 /* Ascending id. */
 status store_webhook_events_load(struct store *store,
                                  status (*visit)(void *user, const struct webhook_event *event, struct error *err),
+                                 void *user, struct error *err) MUST_CHECK;
+
+/* An event that waits for the program of --on-event; the caller numbers them, ascending. Both are noted: on disk soon.
+ * [any thread] */
+status store_waiting_event_add(struct store *store, uint64_t id, int64_t at, const char *json, struct error *err) MUST_CHECK;
+status store_waiting_event_remove(struct store *store, uint64_t id, struct error *err) MUST_CHECK;
+/* Ascending id. */
+status store_waiting_events_load(struct store *store,
+                                 status (*visit)(void *user, uint64_t id, const char *json, struct error *err),
                                  void *user, struct error *err) MUST_CHECK;

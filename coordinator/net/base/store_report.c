@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
+#include "coordinator/events/event_program.h"
 #include "coordinator/net/server.h"
 #include "protocol/message.h"
 
@@ -65,6 +66,7 @@ struct report {
     Azulejo__Wire__StoreInfo info;
     Azulejo__Wire__StoreJob jobs[STORE_ROWS_MAX], *job_pointers[STORE_ROWS_MAX];
     Azulejo__Wire__StoreOwner owners[STORE_ROWS_MAX], *owner_pointers[STORE_ROWS_MAX];
+    char trouble[256];
 };
 
 static void fill_jobs(struct report *r, struct row *rows, size_t count)
@@ -138,6 +140,24 @@ static void fill_safety(Azulejo__Wire__StoreInfo *info, struct server *server)
     info->scrub_last = server->scrubber.last;
 }
 
+static void fill_events(struct report *r, const struct session *session)
+{
+    const struct server *server = session->server;
+    struct event_counts counts;
+
+    if (!server->events)
+        return;
+    counts = event_program_counts(server->events);
+    if (session->may >= WEB_ROLE_ADMIN) /* it has the program's own words */
+        event_program_trouble(server->events, r->trouble, sizeof r->trouble);
+    r->info.on_event = (char *)server->on_event;
+    r->info.events_taken = counts.taken;
+    r->info.events_failed = counts.failed;
+    r->info.events_dropped = counts.dropped;
+    r->info.events_waiting = counts.waiting;
+    r->info.events_trouble = r->trouble;
+}
+
 void store_report_send(struct session *session, uint64_t request)
 {
     struct server *server = session->server;
@@ -154,6 +174,7 @@ void store_report_send(struct session *session, uint64_t request)
         fill_owners(r, rows, join_owners(rows, count));
         fill_sums(&r->info, &server->collector);
         fill_safety(&r->info, server);
+        fill_events(r, session);
         session_reply(session, request, &envelope);
     } else {
         error_no_memory(&err, "what takes the store's room");
