@@ -84,7 +84,7 @@ LIBS_COMMON := $(shell $(PKG_CONFIG) --libs libpng zlib libdeflate libjpeg libwe
 LIBS_PROTOCOL := $(shell $(PKG_CONFIG) --libs libuv 2>/dev/null)
 LIBS_COORDINATOR := $(shell $(PKG_CONFIG) --libs sqlite3 2>/dev/null)
 ifeq ($(WEB),1)
-LIBS_WEB := $(shell $(PKG_CONFIG) --libs libwebsockets libcurl jansson 2>/dev/null)
+LIBS_WEB := $(shell $(PKG_CONFIG) --libs libwebsockets jansson 2>/dev/null)
 endif
 # Draco is C++. The archive where there is one: its symbols need no search at each start of the client.
 DRACO := $(shell a=$$($(CC) -print-file-name=libdraco.a); [ -e "$$a" ] && echo "$$a" || echo -ldraco)

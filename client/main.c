@@ -24,7 +24,7 @@ static const struct command *const commands[] = {
 #undef VERB
 #undef VARIANT
     &command_log, &command_prune, &command_gc, &command_trace, &command_owners, &command_verify, &command_top,
-    &command_workers, &command_distrust, &command_token, &command_webhook, &command_key, &command_keygen, &command_completion,
+    &command_workers, &command_distrust, &command_token, &command_key, &command_keygen, &command_completion,
     &command_tonemap, &command_compare,
 };
 enum { COMMAND_COUNT = sizeof commands / sizeof commands[0] };

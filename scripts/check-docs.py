@@ -277,7 +277,7 @@ class Checker:
             if not entry:
                 self.fault(document, line, "'%s': azulejo has no command '%s'" % (what, words[0]))
                 return
-            if words[0] in ("token", "webhook", "workers") and len(words) > 1 and re.match(r"^[a-z]+$", words[1]) and \
+            if words[0] in ("token", "workers") and len(words) > 1 and re.match(r"^[a-z]+$", words[1]) and \
                     words[1] not in entry.words:
                 self.fault(document, line, "'%s': azulejo %s has no '%s'" % (what, words[0], words[1]))
             self.options(document, line, "azulejo " + words[0], words[1:], entry, what)

@@ -32,7 +32,7 @@ for source in "$@"; do
 done
 # Warnings are the ordinary build's business.
 make -s CC="$FUZZ_CC" SANITIZE="$instrument" WARNINGS=-w "${libraries[@]}" "${objects[@]}"
-others=$(pkg-config --libs libuv openssl sqlite3 jansson libwebsockets libcurl libpng zlib libdeflate libjpeg libwebp libzstd libprotobuf-c OpenEXR draco)
+others=$(pkg-config --libs libuv openssl sqlite3 jansson libwebsockets libpng zlib libdeflate libjpeg libwebp libzstd libprotobuf-c OpenEXR draco)
 embree=-lembree3
 [ -e /usr/include/embree4/rtcore.h ] && embree=-lembree4
 mkdir -p build/fuzz/corpus

@@ -9,13 +9,13 @@ set -eu
 
 debian=(gcc g++ make libc6-dev pkg-config python3 protobuf-c-compiler librsvg2-bin
         libuv1-dev libopenexr-dev libembree-dev libprotobuf-c-dev libssl-dev libsqlite3-dev
-        libjansson-dev libwebsockets-dev libwebsockets-evlib-uv libcurl4-openssl-dev libpng-dev libjpeg-dev libwebp-dev zlib1g-dev libdeflate-dev libzstd-dev libdraco-dev libcmocka-dev)
+        libjansson-dev libwebsockets-dev libwebsockets-evlib-uv libpng-dev libjpeg-dev libwebp-dev zlib1g-dev libdeflate-dev libzstd-dev libdraco-dev libcmocka-dev)
 if [ "${1:-}" = --tests ]; then debian+=(zsh fish chromium curl python3-yaml python3-jsonschema); fi
 fedora=(gcc gcc-c++ make glibc-devel pkgconf-pkg-config python3 protobuf-c-compiler librsvg2-tools
         libuv-devel openexr-devel embree-devel protobuf-c-devel openssl-devel sqlite-devel
-        jansson-devel libwebsockets-devel libcurl-devel libpng-devel libjpeg-turbo-devel libwebp-devel zlib-devel libdeflate-devel libzstd-devel draco-devel libcmocka-devel)
+        jansson-devel libwebsockets-devel libpng-devel libjpeg-turbo-devel libwebp-devel zlib-devel libdeflate-devel libzstd-devel draco-devel libcmocka-devel)
 arch=(gcc make pkgconf python protobuf-c librsvg
-      libuv openexr embree openssl sqlite jansson libwebsockets curl libpng libjpeg-turbo libwebp zlib libdeflate zstd draco cmocka)
+      libuv openexr embree openssl sqlite jansson libwebsockets libpng libjpeg-turbo libwebp zlib libdeflate zstd draco cmocka)
 
 install_on_debian() {
     local package missing=() run=()
@@ -45,7 +45,7 @@ everything_is_there() {
     for tool in cc c++ make pkg-config protoc-c python3 rsvg-convert; do
         command -v "$tool" >/dev/null || return 1
     done
-    pkg-config --exists libuv openssl sqlite3 jansson libwebsockets libcurl libpng libjpeg libwebp zlib libdeflate libzstd libprotobuf-c OpenEXR draco \
+    pkg-config --exists libuv openssl sqlite3 jansson libwebsockets libpng libjpeg libwebp zlib libdeflate libzstd libprotobuf-c OpenEXR draco \
         cmocka || return 1
     printf '#include <embree4/rtcore.h>\n' | cc -E -x c - >/dev/null 2>&1 ||
         printf '#include <embree3/rtcore.h>\n' | cc -E -x c - >/dev/null 2>&1

@@ -17,7 +17,6 @@
 #include "web/base/confine.h"
 #include "web/http/http.h"
 #include "web/uploads/import.h"
-#include "web/post.h"
 #include "web/web.h"
 
 #define USAGE "azulejo-web --coordinator HOST:PORT --key FILE [options]"
@@ -150,17 +149,12 @@ int main(int argc, char **argv)
 
     if (web_child_launch(argc, argv, &exit_status))
         return exit_status;
-    if (argc == 2 && strcmp(argv[1], "post") == 0)
-        return web_post_main();
     file_hold_standard();
     log_setup("azulejo-web", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);
     THEN(s, log_set_format(log_format, &err));
     if (s == STATUS_OK && help) {
-        options_print_help(USAGE "\n       azulejo-web post",
-                           "Serve the page of a render farm, and its API. With post, send one event of a webhook: the "
-                           "coordinator runs it so.",
-                           table);
+        options_print_help(USAGE, "Serve the page of a render farm, and its API.", table);
         return 0;
     }
     if (s == STATUS_OK && version) {

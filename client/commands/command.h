@@ -27,7 +27,7 @@ typedef status command_run(const struct command *command, int argc, char *const 
 extern const struct command command_accuracy, command_compare, command_completion, command_debug_pixel, command_distrust, command_effects,
     command_estimate, command_fetch, command_gc, command_import, command_key, command_keygen, command_list, command_log,
     command_owners, command_prune, command_render, command_show, command_submit, command_token, command_tonemap,
-    command_top, command_trace, command_verify, command_watch, command_webhook, command_workers;
+    command_top, command_trace, command_verify, command_watch, command_workers;
 /* The verbs (cmd_verbs.c), and the functions of those that have a file of their own. */
 #define VERB(NAME, name, ...) extern const struct command command_##name;
 #define VARIANT(...)

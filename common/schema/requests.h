@@ -77,11 +77,6 @@
     REQUEST(KEY_QUERY, key_query, PEOPLE, ADMIN, ALL)                                                                  \
     ANSWER(KEY_LIST, key_list)                                                                                         \
     REQUEST(KEY_CHANGE, key_change, PEOPLE, ADMIN, ALL)                                                                \
-    REQUEST(WEBHOOK_ADD, webhook_add, PEOPLE, ADMIN, ALL)                                                              \
-    REQUEST(WEBHOOK_QUERY, webhook_query, PEOPLE, ADMIN, ALL)                                                          \
-    ANSWER(WEBHOOK_LIST, webhook_list)                                                                                 \
-    REQUEST(WEBHOOK_REMOVE, webhook_remove, PEOPLE, ADMIN, ALL)                                                        \
-    REQUEST(WEBHOOK_TEST, webhook_test, PEOPLE, ADMIN, ALL)                                                            \
     REQUEST(PAGE_BEGIN, page_begin, PAGE, NONE, ALL)                                                                   \
     ANSWER(PAGE_TOKENS, page_tokens)                                                                                   \
     ANSWER(PAGE_STATE, page_state)                                                                                     \

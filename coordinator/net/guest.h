@@ -26,11 +26,10 @@ struct server_guest {
     /* What follows is called on the loop's thread, and must not block it. */
     void (*job_changed)(void *user, const struct job *job); /* its state or its samples */
     void (*job_removed)(void *user, uint64_t job);
-    void (*job_state)(void *user, const struct job *job);         /* it has another one */
     void (*workers_changed)(void *user);                          /* joined, left, steered */
     void (*job_event)(void *user, const struct job_event *event); /* a line of a job's log */
     void (*tick)(void *user, uint64_t now_ns);                    /* ten times a second */
-    /* A message about the guest's own things (tokens, webhooks, the page's): as a session_handler. */
+    /* A message about the guest's own things (tokens, the page's): as a session_handler. */
     status (*message)(void *user, struct session *session, const Azulejo__Wire__Envelope *message, uint64_t now_ns,
                       struct error *err);
     /* A session of the page acts for a token: fill its `who` and `peer`. ERR_REFUSED. */

@@ -73,8 +73,6 @@ static void on_job_state(void *user, const struct job *job)
 
     if (server->events)
         events_job_state(server->events, job, server->page_address);
-    if (server->guest.job_state)
-        server->guest.job_state(server->guest.user, job);
 }
 
 static void on_job_event(void *user, const struct job_event *event)

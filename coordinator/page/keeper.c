@@ -35,7 +35,8 @@ struct keeper {
 
 static void start(struct keeper *keeper);
 
-char *keeper_program(void)
+/* The program's path, beside this program's. NULL: out of memory. */
+static char *program_path(void)
 {
     char path[PATH_BYTES];
     ssize_t length = readlink("/proc/self/exe", path, sizeof path - 1);
@@ -229,7 +230,7 @@ status keeper_new(struct keeper **out, struct server *server, const struct page_
     NEED(keeper, err, "the page's program");
     keeper->server = server;
     keeper->options = options;
-    keeper->program = keeper_program();
+    keeper->program = program_path();
     if (!keeper->program) {
         mem_free(keeper);
         return error_no_memory(err, "the page's program");

@@ -42,8 +42,6 @@ struct page_options {
     const char *log_level;
 };
 
-/* The program's path, beside this program's. NULL: out of memory. */
-char *keeper_program(void);
 /* The options must stay. ERR_IO, ERR_NO_MEMORY; a program that cannot be run counts as one that ended. */
 status keeper_new(struct keeper **out, struct server *server, const struct page_options *options,
                   struct error *err) MUST_CHECK;

@@ -14,7 +14,6 @@
 #include "protocol/metric_text.h"
 #include "coordinator/page/page.h"
 #include "coordinator/events/event_program.h"
-#include "coordinator/page/webhook.h"
 
 void metrics_tick(struct metrics *metrics, uint64_t now_ns)
 {
@@ -271,18 +270,6 @@ static void put_self(struct buffer *out, const struct page *page)
     metric_one(out, "azulejo_connections", "gauge", "Connections of workers and clients.", server->session_count);
 }
 
-static void put_webhooks(struct buffer *out, const struct page *page)
-{
-    struct webhook_counts hooks = webhooks_counts(page->webhooks);
-
-    metric_begin(out, "azulejo_webhook_events_total", "counter", "Events for webhooks, by what became of them.");
-    metric_value(out, "azulejo_webhook_events_total", (double)hooks.sent, "result", "sent", NULL);
-    metric_value(out, "azulejo_webhook_events_total", (double)hooks.given_up, "result", "given_up", NULL);
-    metric_one(out, "azulejo_webhook_failures_total", "counter", "Attempts to send an event that failed.",
-               (double)hooks.failed);
-    metric_one(out, "azulejo_webhook_waiting", "gauge", "Events that were not sent yet.", hooks.waiting);
-}
-
 /* Without --on-event: zeros. */
 static void put_events(struct buffer *out, const struct server *server)
 {
@@ -314,6 +301,5 @@ void metrics_write(struct page *page, uint64_t now_ns, struct buffer *out)
     put_leases(out, farm, now_ns);
     put_workers(out, page->server, now_ns);
     put_store(out, &page->metrics, farm, now_ns);
-    put_webhooks(out, page);
     put_events(out, page->server);
 }

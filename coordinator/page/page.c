@@ -16,7 +16,6 @@
 #include "coordinator/page/token_messages.h"
 #include "coordinator/page/tokens.h"
 #include "coordinator/page/watching.h"
-#include "coordinator/page/webhook_events.h"
 #include "protocol/message.h"
 
 /* ---- what the page's program is sent ----------------------------------------------------------- */
@@ -191,7 +190,6 @@ static void begin(struct page *page, struct session *session, const Azulejo__Wir
     page->port = (uint16_t)message->port;
     message_text(page->server->wall, sizeof page->server->wall, message->wall);
     message_text(page->server->wall_lacks, sizeof page->server->wall_lacks, message->wall_lacks);
-    webhooks_set_own_ports(page->webhooks, page->port, page->server->sockets.port);
     page->follower = session->id;
     page->is_published = 0;
     feed_listen(page->feed, 0);
@@ -269,10 +267,6 @@ static status on_message(void *user, struct session *session, const Azulejo__Wir
     case AZULEJO__WIRE__ENVELOPE__BODY_TILES_WATCH:
     case AZULEJO__WIRE__ENVELOPE__BODY_TILES_TAKEN: return watching_message(page->watching, session, message, err);
     case AZULEJO__WIRE__ENVELOPE__BODY_METRICS_GET: return send_metrics(page, session, message->request, now_ns, err);
-    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_ADD:
-    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_QUERY:
-    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_REMOVE:
-    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_TEST: return webhook_message(page->webhooks, session, message, err);
     default: return token_message(page, session, message, err);
     }
 }
@@ -333,7 +327,6 @@ static status start(void *user, struct server *server, struct error *err)
 
     page->server = server;
     s = web_tokens_open(&page->tokens, server->store, on_token_ended, page, err);
-    THEN(s, webhooks_open(&page->webhooks, server->store, err));
     THEN(s, feed_new(&page->feed, server, err));
     THEN(s, watching_new(&page->watching, server, err));
     if (s == STATUS_OK && !page->options.is_apart)
@@ -367,8 +360,6 @@ static void job_changed(void *user, const struct job *job) { feed_job_changed(((
 
 static void job_removed(void *user, uint64_t job) { feed_job_removed(((struct page *)user)->feed, job); }
 
-static void job_state(void *user, const struct job *job) { webhook_job_state(user, job); }
-
 static void workers_changed(void *user) { feed_workers_changed(((struct page *)user)->feed); }
 
 static void job_event(void *user, const struct job_event *event) { feed_job_event(((struct page *)user)->feed, event); }
@@ -397,7 +388,6 @@ static void tick(void *user, uint64_t now_ns)
         end_sessions(page);
     tell_state(page, 0);
     metrics_tick(&page->metrics, now_ns);
-    webhook_tick(page, now_ns);
     feed_tick(page->feed, now_ns);
 }
 
@@ -413,7 +403,7 @@ static void stop(void *user)
 struct server_guest page_guest(struct page *page)
 {
     return (struct server_guest){.start = start, .is_settled = is_settled, .job_changed = job_changed,
-                                 .job_removed = job_removed, .job_state = job_state, .workers_changed = workers_changed,
+                                 .job_removed = job_removed, .workers_changed = workers_changed,
                                  .job_event = job_event, .tick = tick, .message = on_message, .greet = greet,
                                  .session_gone = session_gone, .stop = stop, .user = page};
 }
@@ -434,7 +424,6 @@ void page_free(struct page *page)
     watching_free(page->watching);
     feed_free(page->feed);
     token_answers_drop(page);
-    webhooks_close(page->webhooks);
     web_tokens_close(page->tokens);
     mem_free(page);
 }

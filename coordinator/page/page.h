@@ -1,5 +1,5 @@
 /* page: what the coordinator keeps and does for the page and its API, whose program azulejo-web is a client in a
- * process of its own: tokens, webhooks, figures, and telling it what changes. A guest of the server (net/guest.h).
+ * process of its own: tokens, figures, and telling it what changes. A guest of the server (net/guest.h).
  *
  *   page_new --guest.start--> keeper.h starts the program --PageBegin--> it is served --guest.stop--> page_free
  *
@@ -20,7 +20,6 @@ struct feed;
 struct token_answer;
 struct watching;
 struct web_tokens;
-struct webhooks;
 
 struct page_state {
     int ending;
@@ -37,8 +36,6 @@ struct page {
     struct token_answer *answers;                            /* that wait until the page knows of a change */
     uint64_t ended[PAGE_ENDED_MAX];                          /* tokens whose sessions are to end */
     uint32_t ended_count;
-    struct webhooks *webhooks;
-    int store_was_sent; /* webhooks have the event that the store cannot be used */
     struct metrics metrics;
     struct feed *feed;
     struct watching *watching;

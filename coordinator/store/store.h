@@ -4,7 +4,7 @@
  * STORE/hold              held (flock) while a backup is made, or something is removed (store_hold.h)
  * STORE/reserve           space kept back for queue.sqlite (reserve.h)
  * STORE/queue.sqlite      jobs, frames that are done or cut short, the history of their errors, the
- *                         workers that delivered results or left, owners' shares, the lease epoch, tokens, webhooks
+ *                         workers that delivered results or left, owners' shares, the lease epoch, tokens, events that wait
  *                         (WAL, full sync)
  * STORE/audit.log, .1 ... who did what (audit.h)
  * STORE/web.token         the page's own token (coordinator/page/tokens.h)

@@ -106,17 +106,12 @@ static const char needs_schema[] =
     "ALTER TABLE jobs ADD COLUMN not_before INTEGER;"
     "CREATE TABLE shares (owner TEXT PRIMARY KEY, core_s REAL NOT NULL, at INTEGER NOT NULL) WITHOUT ROWID;";
 
-/* Version 8: tokens and webhooks of the page. The first row of `tokens` gets number TOKEN_FIRST. */
+/* Version 8: tokens of the page. The first row of `tokens` gets number TOKEN_FIRST. */
 static const char schema_8[] =
     "CREATE TABLE tokens (number INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, role INTEGER NOT NULL,"
     " owner TEXT NOT NULL, made_by TEXT NOT NULL, hash BLOB NOT NULL, made_at INTEGER NOT NULL,"
     " used_at INTEGER NOT NULL, expires_at INTEGER NOT NULL);"
-    "INSERT INTO sqlite_sequence (name, seq) VALUES ('tokens', 1);"
-    "CREATE TABLE webhooks (number INTEGER PRIMARY KEY AUTOINCREMENT, url TEXT NOT NULL, secret BLOB NOT NULL,"
-    " made_by TEXT NOT NULL, made_at INTEGER NOT NULL);"
-    "CREATE TABLE webhook_events (id INTEGER PRIMARY KEY AUTOINCREMENT,"
-    " webhook INTEGER NOT NULL REFERENCES webhooks(number) ON DELETE CASCADE, at INTEGER NOT NULL,"
-    " body TEXT NOT NULL);";
+    "INSERT INTO sqlite_sequence (name, seq) VALUES ('tokens', 1);";
 _Static_assert(TOKEN_FIRST == 2, "as in schema_8");
 
 /* Version 9: comments; each frame's sums of light by depth, doubles of 64 bits, little-endian; NULL: not known;
@@ -151,8 +146,10 @@ static const char votes_schema[] = "CREATE TABLE IF NOT EXISTS votes (unit TEXT 
                                    " epoch_floor INTEGER NOT NULL, hash INTEGER NOT NULL, digest TEXT NOT NULL,"
                                    " PRIMARY KEY (unit, worker)) WITHOUT ROWID;";
 
-/* Version 13: events that wait for the program of --on-event. */
-static const char schema_13[] = "CREATE TABLE IF NOT EXISTS waiting_events (id INTEGER PRIMARY KEY, at INTEGER NOT NULL, json TEXT NOT NULL);";
+/* Version 13: events that wait for the program of --on-event, and no webhooks, which versions 8 to 12 had. */
+static const char schema_13[] = "DROP TABLE IF EXISTS webhook_events; DROP TABLE IF EXISTS webhooks;"
+                                "DELETE FROM sums WHERE tab IN ('webhooks', 'webhook_events');"
+                                "CREATE TABLE IF NOT EXISTS waiting_events (id INTEGER PRIMARY KEY, at INTEGER NOT NULL, json TEXT NOT NULL);";
 
 /* Films have another format since version 9 (and since 4 and 5), so an unfinished frame's film is useless
  * (film_file_open renames it): a job without a finished frame counts as not begun, and workers of any release
@@ -513,9 +510,21 @@ static status guard(struct store *store, struct error *err)
     return rows_guard(store->db) == SQLITE_OK ? STATUS_OK : sql_error(store, "cannot be opened", err);
 }
 
+/* How many the store had, before they go. */
+static int count_webhooks(sqlite3 *db)
+{
+    sqlite3_stmt *row = NULL;
+    int count = 0;
+
+    if (sqlite3_prepare_v2(db, "SELECT count(*) FROM webhooks", -1, &row, NULL) == SQLITE_OK && sqlite3_step(row) == SQLITE_ROW)
+        count = sqlite3_column_int(row, 0);
+    sqlite3_finalize(row);
+    return count;
+}
+
 status database_make(struct store *store, const char *path, struct error *err)
 {
-    int version = 0;
+    int version = 0, webhooks;
     int fd;
     status s;
 
@@ -529,6 +538,7 @@ status database_make(struct store *store, const char *path, struct error *err)
     THEN(s, schema_version(store, &version, err));
     if (s != STATUS_OK || version == STORE_VERSION)
         return s == STATUS_OK ? guard(store, err) : s;
+    webhooks = count_webhooks(store->db);
     s = sql_exec(store, "BEGIN IMMEDIATE", "cannot be written", err);
     for (size_t i = 0; i < sizeof steps / sizeof *steps && s == STATUS_OK; i++)
         if (version < steps[i].version && (version > 0 || !steps[i].converts))
@@ -540,6 +550,9 @@ status database_make(struct store *store, const char *path, struct error *err)
     if (s == STATUS_OK && version > 0)
         log_info("%s: brought up from store version %d to %d; finished jobs stay as they are%s", store->folder, version,
                  STORE_VERSION, version < 9 ? ", unfinished frames are rendered from their beginning" : "");
+    if (s == STATUS_OK && webhooks > 0)
+        log_warn("%s: had %d webhook%s, which nothing is posted to any more: --on-event PROGRAM runs a program for each event, and "
+                 "deploy/on-event/post.py is one that posts", store->folder, webhooks, webhooks == 1 ? "" : "s");
     return s;
 }
 

@@ -12,7 +12,7 @@
  * store_trust.c     whose results are not believed, and which frames they rendered
  * store_noted.c     rows that wait for the writer thread
  * store_changes.c   statements that wait for it: what people change
- * store_web.c       tokens and webhooks of the page, events that wait for their program (store_web.h)
+ * store_web.c       tokens of the page, events that wait for their program (store_web.h)
  * store_rot.c       looks through a store that is not used, and mends it (store_rot.h)
  * store_files.c     the places of films and outputs
  * store_rows.c      the digests of rows, and which are damaged
@@ -75,8 +75,8 @@ struct store {
     struct saved_job *saves, *saves_taken; /* _taken: those being written now, also of what follows */
     struct noted_list changes, clears;     /* statements; removed jobs whose files go when that is on disk */
     struct noted_list events, workers;
-    uint64_t event_next;               /* the seq of the next event */
-    uint64_t last_token, last_webhook; /* numbers that were given; 0: not known */
+    uint64_t event_next; /* the seq of the next event */
+    uint64_t last_token; /* the number that was given last; 0: not known */
     struct saved_share *shares, *shares_taken;
     struct saved_wait *waits, **waits_end, *waits_over; /* who waits for all that was noted before; their end */
     void (*wake)(void *user);                           /* somebody should call store_deliver */

@@ -30,8 +30,6 @@ const struct guarded_table guarded_tables[] = {
     {"votes", "unit, worker", "is removed: what that worker delivered for the unit is not judged", 0, 0},
     {"tokens", "token", "is removed: make another one (azulejo token create)", 0, 0},
     {"keys", "name's keys", "is removed: revoke that name's keys again (azulejo key revoke), if they were revoked", 0, 0},
-    {"webhooks", "webhook", "is removed: add it again (azulejo webhook add)", 0, 0},
-    {"webhook_events", "webhook's event", "is removed: it is not sent", 0, 0},
     {"waiting_events", "event", "is removed: the program of --on-event does not get it", 0, 0},
     {"events", "line of a log", "is removed", 0, 0},
     {0},

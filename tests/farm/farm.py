@@ -206,7 +206,7 @@ class Clients:
     # Those that only talk to a coordinator: no programs of the farm are started, or sought beside their own.
     COMMANDS = ("submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend", "workers", "start",
                 "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "owners", "token",
-                "webhook", "key", "keygen")
+                "key", "keygen")
     PROGRAM = os.path.join(BUILD, "tests/farm/clients")  # an older release, which a benchmark measures, has none
     running = None
 
@@ -353,7 +353,7 @@ class Farm:
         argv = [os.path.join(BIN, "azulejo")] + [str(a) for a in args]
         if connect and self.address and args[0] in (
                 "submit", "list", "show", "watch", "fetch", "develop", "cancel", "resume", "extend",
-                "workers", "top", "estimate", "start", "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "trace", "owners", "verify", "distrust", "token", "webhook", "key") or (
+                "workers", "top", "estimate", "start", "pause", "finish", "priority", "comment", "retry", "remove", "log", "prune", "gc", "trace", "owners", "verify", "distrust", "token", "key") or (
                     connect and self.address and args[0] == "debug-pixel" and not set("./") & set(str(args[1]))):
             argv += ["--coordinator", self.address, "--key", key or self.key]
         return argv

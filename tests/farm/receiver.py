@@ -1,4 +1,4 @@
-"""A receiver of webhooks."""
+"""A web server that events are posted to."""
 import http.server
 import json
 import threading

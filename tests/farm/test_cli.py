@@ -19,7 +19,7 @@ from odd import Proxy
 tests = Tests()
 COMMANDS = ["render", "estimate", "import", "effects", "accuracy", "submit", "list", "show", "watch", "fetch",
             "develop", "cancel", "comment", "extend", "start", "pause", "resume", "finish",
-            "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "token", "webhook", "key", "keygen", "tonemap", "compare", "debug-pixel",
+            "priority", "retry", "remove", "log", "prune", "gc", "top", "workers", "token", "key", "keygen", "tonemap", "compare", "debug-pixel",
             "trace", "owners", "verify", "distrust", "completion"]
 SMALL = ["--size", "32x32", "--spp", "4", "--max-depth", "3"]
 
@@ -84,7 +84,7 @@ def words_that_are_near():
     with Farm() as farm:
         picture = farm.path("x.exr")
         for words, meant in ((("tonemap", picture, "-o", "x.png", "--tonemap", "reinard02"), "reinhard02"), (("workers", "blok", "w"), "block"),
-                             (("token", "creat"), "create"), (("key", "rovoke", "anna"), "revoke"), (("webhook", "tst", "1"), "test"),
+                             (("token", "creat"), "create"), (("key", "rovoke", "anna"), "revoke"),
                              (("shwo", "1"), "show"), (("list", "--nevest", "1"), "--newest")):
             result = farm.cli(*words, connect=False)
             expect(result.code in (2, 3) and ": did you mean %s?" % meant in result.err, result)

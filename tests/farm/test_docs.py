@@ -26,7 +26,7 @@ LIMIT_S = 600 if SLOW else 300     # what takes longer hangs
 CHECK = os.path.join(ROOT, "scripts", "check-docs.py")
 SHIM = os.path.join(ROOT, "tests", "farm", "doc_shim.py")
 FARM_VERBS = set("""submit list show watch fetch develop cancel extend start pause resume finish priority retry remove log prune trace gc
-    top workers token webhook""".split())
+    top workers token""".split())
 # Folders that commands read from. Scenes may not be links: a scene reads only below its own folder.
 COPIED = ("scenes", "deploy")
 

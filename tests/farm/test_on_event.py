@@ -283,6 +283,42 @@ def survives():
 
 
 @tests.add
+def webhooks_are_gone():
+    """a store with webhooks opens; one line says what to do"""
+    with Farm() as farm:
+        program = Program(farm)
+        farm.start_coordinator()
+        farm.start_worker()
+        job = render(farm)
+        farm.coordinator.stop()
+
+        def as_before(db):
+            db.execute("DROP TABLE waiting_events")
+            db.execute("CREATE TABLE webhooks (number INTEGER PRIMARY KEY AUTOINCREMENT, url TEXT NOT NULL, secret BLOB NOT NULL,"
+                       " made_by TEXT NOT NULL, made_at INTEGER NOT NULL)")
+            db.execute("CREATE TABLE webhook_events (id INTEGER PRIMARY KEY AUTOINCREMENT, webhook INTEGER NOT NULL"
+                       " REFERENCES webhooks(number) ON DELETE CASCADE, at INTEGER NOT NULL, body TEXT NOT NULL)")
+            for number in (1, 2):
+                db.execute("INSERT INTO webhooks VALUES (?, 'http://u:s3cret@127.0.0.1:9/', x'00', 'ana', 1)", (number,))
+                db.execute("INSERT INTO webhook_events (webhook, at, body) VALUES (?, 1, '{}')", (number,))
+        farm.edit_store(as_before)
+        farm.restart_coordinator("--on-event", program.path)
+        log = farm.coordinator.log_text()
+        expect(len(re.findall("had 2 webhooks.*--on-event PROGRAM", log)) == 1 and "s3cret" not in log, log)
+        expect(farm.job(job)["state"] == "done", "the job is there")
+        other = render(farm)
+        program.wait_for(1)
+        expect(counts(farm) == (1, 0, 0, 0), (other, counts(farm)))
+        with contextlib.closing(sqlite3.connect("file:%s?mode=ro" % farm.path("store", "queue.sqlite"), uri=True)) as db:
+            expect(not db.execute("SELECT name FROM sqlite_master WHERE name LIKE '%webhook%'").fetchall(), "no tables")
+        farm.coordinator.stop()
+        farm.restart_coordinator()
+        expect("webhook" not in farm.coordinator.log_text(), "said once")
+        result = farm.cli("webhook", "list")
+        expect(result.code == 2, result)
+
+
+@tests.add
 def hangs():
     """a program that hangs holds up neither the farm, nor the page, nor the end; its event comes again after a restart"""
     with Farm() as farm:

@@ -32,7 +32,7 @@ def stored(farm, table):
 
 def make_store(farm):
     """Jobs of one frame and of several, with every kind of picture, and one in work; the newest was removed. A token, a
-    webhook, a revoked key, a blocked name, and what waits to be rendered on a second worker."""
+    revoked key, a blocked name, and what waits to be rendered on a second worker."""
     farm.start_coordinator()
     farm.start_worker()
     for more in ([], ["--frames", "1-3", "--format", "exr,png,jpg", "--half"], ["--name", "last"]):
@@ -41,7 +41,6 @@ def make_store(farm):
     farm.cli("workers", "block", "somebody", expect=0)
     farm.cli("comment", number, "a word", expect=0)
     farm.cli("token", "create", "--name", "ana", "--role", "view", expect=0)
-    farm.cli("webhook", "add", "http://127.0.0.1:9/", expect=0)
     farm.cli("key", "revoke", "bruno", expect=0)
     begun = farm.submit(farm.scene(), "--size", "48x32", "--spp", "1000000")
     wait_for(lambda: farm.job(begun)["samples_done"] > 0, "samples")

@@ -65,9 +65,6 @@ class World:
     def token(self):
         return self.ask("POST", "/api/v1/tokens", {"role": "view", "name": "t%d" % self.new()}).json()["info"]["token"]
 
-    def webhook(self):
-        return self.ask("POST", "/api/v1/webhooks", {"url": "http://127.0.0.2:9/%d" % self.new()}).json()["webhooks"][0]["webhook"]
-
     def upload(self, file=False):
         number = self.ask("POST", "/api/v1/imports").json()["import"]
         if file:
@@ -147,8 +144,6 @@ RECIPES = {
     ("POST", "/api/v1/tokens/{token}/renew"): lambda w: ({"{token}": w.token()}, None),
     ("POST", "/api/v1/keys/{name}/revoke"): lambda w: ({"{name}": "key%d" % w.new()}, None),
     ("POST", "/api/v1/keys/{name}/rotate"): lambda w: ({"{name}": "key%d" % w.new()}, None),
-    ("POST", "/api/v1/webhooks"): lambda w: ({}, {"url": "http://127.0.0.2:9/"}),
-    ("DELETE", "/api/v1/webhooks/{webhook}"): lambda w: ({"{webhook}": w.webhook()}, None),
     ("POST", "/api/v1/imports/{import}"): lambda w: ({"{import}": w.upload(file=True)}, {"scene": "a.gltf", "options": SMALL}),
     ("PUT", "/api/v1/blobs/{digest}"): blob,
 }
@@ -164,13 +159,12 @@ AT_ONCE = {
     ("POST", "/api/v1/session"): lambda w: ({}, {"token": w.page.token}),
     ("DELETE", "/api/v1/session"): lambda w: ({}, None),
     ("POST", "/api/v1/store/collect"): lambda w: ({}, {}),
-    ("POST", "/api/v1/webhooks/{webhook}/test"): lambda w: ({"{webhook}": w.webhook()}, None),
     ("POST", "/api/v1/blobs/missing"): lambda w: ({}, {"digest": ["31" * 32]}),
     ("POST", "/api/v1/imports"): lambda w: ({}, {}),
     ("PUT", "/api/v1/imports/{import}/files/{path}"): lambda w: ({"{import}": w.upload(), "{path}": "a.gltf"}, b"{}"),
     ("DELETE", "/api/v1/imports/{import}"): lambda w: ({"{import}": w.upload()}, None),
 }
-MAY_FAIL = {("POST", "/api/v1/webhooks/{webhook}/test"), ("PUT", "/api/v1/imports/{import}/files/{path}")}
+MAY_FAIL = {("PUT", "/api/v1/imports/{import}/files/{path}")}
 
 
 def changing_requests(page):

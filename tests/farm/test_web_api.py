@@ -167,10 +167,6 @@ def every_route():
         for verb, body in (("revoke", {}), ("rotate", {"keep_s": 60})):
             keys = api.does(200, "post", "/api/v1/keys/{name}/" + verb, body, name="ana").json()["keys"]
             expect([k["name"] for k in keys] == ["ana"], keys)
-        hook = api.does(200, "post", "/api/v1/webhooks", {"url": "http://127.0.0.1:9/"}).json()["webhooks"][-1]["webhook"]
-        api.does(200, "get", "/api/v1/webhooks")
-        expect(api.ask("post", "/api/v1/webhooks/{webhook}/test", webhook=hook).status >= 400, "nobody is there")
-        api.does(200, "delete", "/api/v1/webhooks/{webhook}", webhook=hook)
 
         signed = api.does(200, "post", "/api/v1/session", {"token": api.page.token}, headers={"Origin": api.page.origin})
         cookie = signed.headers["set-cookie"].split(";")[0]
@@ -208,7 +204,7 @@ def roles():
         api = started(farm)
         tokens = {role: made_token(api, role, "ana@ws3") for role in ORDER[1:]}
         mine, other = (farm.submit(farm.scene(), "--owner", owner, *ENDLESS) for owner in ("ana@ws3", "rui@ws4"))
-        values = {"job": other, "frame": 1, "name": "lab", "token": 99, "webhook": 99, "digest": "00" * 32,
+        values = {"job": other, "frame": 1, "name": "lab", "token": 99, "digest": "00" * 32,
                   "import": 99, "path": "a", "file": "style.css"}
         for (method, path), what in sorted(api.operations.items()):
             least = ORDER.index(what["x-role"])
@@ -437,7 +433,7 @@ def random_request(rng, api, jobs):
 
 
 # Asked elsewhere: streams without end, and what would end the test's own token or send requests to others.
-NOT_AT_RANDOM = re.compile(r"/api/v1/(events|live|tokens|webhooks|session)|/imports")
+NOT_AT_RANDOM = re.compile(r"/api/v1/(events|live|tokens|session)|/imports")
 
 
 @tests.add

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What an administrator does on the page: tokens, webhooks, the store; and notifications of the browser."""
+"""What an administrator does on the page: tokens, the store; and notifications of the browser."""
 import os
 import sys
 
@@ -9,7 +9,6 @@ from browser import Browser  # noqa: E402
 from farm import Tests, wait_for  # noqa: E402
 from jobs import expect  # noqa: E402
 from pressing import confirm, field, press_in  # noqa: E402
-from receiver import Receiver  # noqa: E402
 from webfarm import WebFarm, connected  # noqa: E402
 
 tests = Tests()
@@ -73,35 +72,6 @@ def my_own_token_is_renewed():
         page.type("#token", secret)
         page.click("=Open")
         connected(page)
-
-
-@tests.add
-def webhooks_are_kept():
-    """a webhook is added with a secret, tested, told of a job's end and removed; a receiver that fails is said"""
-    with WebFarm() as farm, Browser() as browser, Receiver() as receiver:
-        farm.start_coordinator()
-        page = farm.page(browser, "#/access")
-        page.allow("503")
-        page.click("=Add a webhook")
-        field(page, "Address", receiver.url)
-        confirm(page, "Add")
-        page.wait("document.querySelector('dialog[open] code')", "the secret")
-        expect(len(page.text("dialog[open] code").strip()) >= 16, "no secret")
-        confirm(page, "I have it")
-        press_in_row(page, receiver.url, "Test")
-        wait_for(lambda: len(receiver.events()) == 1, "the test message")
-        page.wait_text("took the test message")
-        farm.start_worker()
-        farm.wait_for_job(farm.submit(farm.scene(), *SMALL))
-        wait_for(lambda: len(receiver.events()) >= 2, "the message of the job's end")
-        receiver.answer = lambda number, body: 500
-        press_in_row(page, receiver.url, "Test")
-        page.wait_text("500", "#refused")
-        receiver.answer = lambda number, body: 204
-        press_in_row(page, receiver.url, "Remove")
-        page.wait_text("No more messages")
-        page.wait_text("None\\.")
-        expect(not farm.api("GET", "/webhooks")["webhooks"], "it is still there")
 
 
 @tests.add

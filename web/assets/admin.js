@@ -63,7 +63,7 @@ export function storeView(node) {
 
 /* ---- who may do what -------------------------------------------------------------------------------- */
 
-const ROLES = [['view', 'view: look at everything'], ['submit', 'submit: and submit jobs, steer its own'], ['operate', 'operate: and steer all jobs and workers'], ['admin', 'admin: and tokens, webhooks, the store']];
+const ROLES = [['view', 'view: look at everything'], ['submit', 'submit: and submit jobs, steer its own'], ['operate', 'operate: and steer all jobs and workers'], ['admin', 'admin: and tokens, the store']];
 const OWN = 1; /* the coordinator's own token: it can be renewed, not revoked */
 /* A secret that is stored nowhere. */
 function once(title, words, secret) {
@@ -77,16 +77,14 @@ const when = (at) => (Number(at) > 0 ? moment(Number(at)) : 'never');
 
 export function accessView(node) {
   if (!may('admin')) {
-    node.append(h('h1', null, 'Access'), h('p', null, 'Tokens and webhooks are for the role admin.'));
+    node.append(h('h1', null, 'Access'), h('p', null, 'Tokens are for the role admin.'));
     return;
   }
-  const tokens = h('div'), hooks = h('div');
+  const tokens = h('div');
   node.append(h('h1', null, 'Access'));
   const show = () => node.append(h('h2', null, 'Tokens'),
     h('p', null, 'A token opens this page and its API. Each person and each script gets its own, with no more than it needs.'),
-    h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => create() }, 'Create a token')), tokens,
-    h('h2', null, 'Webhooks'), h('p', null, 'The coordinator posts a signed message to these addresses when a job ends or needs a person.'),
-    hooks, h('div', { class: 'buttons' }, h('button', { onclick: () => add() }, 'Add a webhook')));
+    h('div', { class: 'buttons' }, h('button', { class: 'primary', onclick: () => create() }, 'Create a token')), tokens);
   const read = () => get('/tokens').then((answer) => children(tokens, [table(['token', 'role', 'owner', 'created', 'used', 'expires', ''], listOf(answer, 'tokens').map((t) => h('tr', null,
     h('th', { scope: 'row' }, t.name || `token ${t.token}`), cell('role', t.role), cell('owner', t.owner || '–'), cell('created', when(t.made_at)), cell('used', when(t.used_at)), cell('expires', when(t.expires_at)),
     verbCell(Number(t.token) !== OWN && h('button', { class: 'danger', onclick: () => revoke(t) }, 'Revoke'), h('button', { onclick: () => renew(t) }, 'Renew')))), 'Tokens')])).catch((why) => children(tokens, [h('p', { class: 'problem' }, why.message)]));
@@ -106,17 +104,6 @@ export function accessView(node) {
     { name: 'days', label: 'Expires after days', type: 'number', min: 1, hint: 'empty: never' }], 'Create',
   (v) => ({ name: v.name, role: v.role, owner: v.owner, expires_at: v.days ? Math.round(clockNow() + Number(v.days) * 86400) : 0 }),
   (want) => post('/tokens', want).then((made) => { read(); shown(() => once('The token', 'Anyone who has it can do what its role may.', made.secret)); }));
-  const readHooks = () => get('/webhooks').then((answer) => {
-    const list = listOf(answer, 'webhooks');
-    children(hooks, [list.length ? table(['address', 'sent', 'waiting', 'last error', ''], list.map((w) => h('tr', null, h('th', { scope: 'row' }, w.url), cell('sent', count(Number(w.sent))), cell('waiting', String(w.waiting)), cell('last error', w.last_error || '–'),
-      verbCell(h('button', { onclick: () => post(`/webhooks/${w.webhook}/test`).then(() => say(`${w.url} took the test message.`), trouble).then(readHooks) }, 'Test'), h('button', { class: 'danger', onclick: () => del(`/webhooks/${w.webhook}`).then(() => { say(`No more messages to ${w.url}.`); readHooks(); }).catch(trouble) }, 'Remove')))), 'Webhooks') : h('p', null, 'None.')]);
-  }).catch((why) => children(hooks, [h('p', { class: 'problem' }, why.message)]));
-  const add = () => form('Add a webhook', ['The coordinator itself sends the messages: the address must be reachable from its machine.'],
-    [{ name: 'url', label: 'Address', type: 'url', required: true, placeholder: 'https://' }], 'Add', (v) => v,
-    (want) => post('/webhooks', want).then((made) => {
-      readHooks();
-      if (made.secret) shown(() => once('The webhook’s secret', 'Messages are signed with it.', made.secret));
-    }));
-  Promise.all([read(), readHooks()]).then(show); /* no button moves away under the pointer */
-  return context.on('jobs', (c) => { if (c.loaded) { read(); readHooks(); } });
+  read().then(show); /* no button moves away under the pointer */
+  return context.on('jobs', (c) => c.loaded && read());
 }

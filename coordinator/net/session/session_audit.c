@@ -50,22 +50,9 @@ static int is_question(const Azulejo__Wire__Envelope *message)
     case AZULEJO__WIRE__ENVELOPE__BODY_OUTPUT_GET:
     case AZULEJO__WIRE__ENVELOPE__BODY_RENDER_REQUEST:
     case AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_QUERY:
-    case AZULEJO__WIRE__ENVELOPE__BODY_KEY_QUERY:
-    case AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_QUERY: return 1;
+    case AZULEJO__WIRE__ENVELOPE__BODY_KEY_QUERY: return 1;
     case AZULEJO__WIRE__ENVELOPE__BODY_STORE_QUERY: return !message->store_query->collect;
     default: return 0;
-    }
-}
-
-void session_audit_hide_password(char *url)
-{
-    char *host = strstr(url, "://"), *at;
-
-    host = host ? host + 3 : url;
-    at = memchr(host, '@', strcspn(host, "/?#"));
-    if (at && at > host) {
-        *host = '*';
-        memmove(host + 1, at, strlen(at) + 1);
     }
 }
 
@@ -77,16 +64,13 @@ static void put_message(struct buffer *out, const ProtobufCMessage *message, int
 static int put_value(struct buffer *out, const ProtobufCMessageDescriptor *of, const ProtobufCFieldDescriptor *field,
                      const void *at, int depth)
 {
-    char quoted[JSON_QUOTE_SIZE(STRING_MAX)], shown[STRING_MAX + 1];
+    char quoted[JSON_QUOTE_SIZE(STRING_MAX)];
     const char *text;
 
     switch (field->type) {
     case PROTOBUF_C_TYPE_STRING:
         text = *(const char *const *)at;
-        snprintf(shown, sizeof shown, "%s", text ? text : "");
-        if (strcmp(field->name, "url") == 0)
-            session_audit_hide_password(shown);
-        json_quote(quoted, shown, STRING_MAX);
+        json_quote(quoted, text ? text : "", STRING_MAX);
         buffer_puts(out, quoted);
         return 1;
     case PROTOBUF_C_TYPE_MESSAGE:
@@ -185,9 +169,6 @@ const char *session_verb(const Azulejo__Wire__Envelope *message)
         {AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_CREATE, "token create"},
         {AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_REVOKE, "token revoke"},
         {AZULEJO__WIRE__ENVELOPE__BODY_TOKEN_RENEW, "token renew"},
-        {AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_ADD, "webhook add"},
-        {AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_REMOVE, "webhook remove"},
-        {AZULEJO__WIRE__ENVELOPE__BODY_WEBHOOK_TEST, "webhook test"},
         {AZULEJO__WIRE__ENVELOPE__BODY_WORKER_DISTRUST, "distrust"},
     };
     const char *name = message_name(message);

@@ -10,8 +10,6 @@ const char *session_verb(const Azulejo__Wire__Envelope *message);
 /* Note a message that changes something and was answered with `s`, unless session_audit_submission does so
  * later. What only asks or sends bytes is not noted. */
 void session_audit(struct session *session, const Azulejo__Wire__Envelope *message, status s, const struct error *err);
-/* What stands before an address's host (USER:PASSWORD@) becomes "*@", in place: what lists and the audit log show. */
-void session_audit_hide_password(char *url);
 /* Note a submission that was taken (job `number`) or not. */
 void session_audit_submission(struct server *server, const struct audit_actor *actor, const char *name, uint64_t number,
                               int again, status s, const struct error *err);

@@ -221,7 +221,7 @@ static status guest(struct session *session, const Azulejo__Wire__Envelope *mess
 
     if (!page->message)
         return error_set(err, STATUS_ERR_UNSUPPORTED,
-                         "this coordinator runs without its page, which tokens and webhooks belong to (it was "
+                         "this coordinator runs without its page, which tokens belong to (it was "
                          "started with --no-web, or built with WEB=0)");
     return page->message(page->user, session, message, now_ns, err);
 }
@@ -263,10 +263,6 @@ static const struct handler {
     {ROW(TOKEN_QUERY), guest, 0},
     {ROW(TOKEN_REVOKE), guest, 1},
     {ROW(TOKEN_RENEW), guest, 1},
-    {ROW(WEBHOOK_ADD), guest, 1},
-    {ROW(WEBHOOK_QUERY), guest, 0},
-    {ROW(WEBHOOK_REMOVE), guest, 1},
-    {ROW(WEBHOOK_TEST), guest, 0},
     {ROW(METRICS_GET), guest, 0},
     {ROW(PAGE_BEGIN), guest, 0},
     {ROW(PAGE_LISTEN), guest, 0},

@@ -162,6 +162,11 @@ static void jobs_survive_a_restart(void **state)
 
 /* A store of version 1, which knew no revisions: its finished frames' pictures are as they should;
  * one of version 2, which knew no tokens; and one of version 3, which knew no clamping, limits, figures, deliverers. */
+/* Version 12 had webhooks, and no events that wait for a program. */
+#define WITHOUT_13                                                                          \
+    "DROP TABLE waiting_events; CREATE TABLE webhooks (number INTEGER PRIMARY KEY AUTOINCREMENT, url TEXT);" \
+    "CREATE TABLE webhook_events (id INTEGER PRIMARY KEY, webhook INTEGER NOT NULL REFERENCES webhooks(number) ON DELETE CASCADE);" \
+    "INSERT INTO webhooks VALUES (1, 'http://a'); INSERT INTO webhook_events VALUES (1, 1); INSERT INTO sums VALUES ('webhooks', '1', 5);"
 #define WITHOUT_11                                                                          \
     "DROP TABLE keys; ALTER TABLE history DROP COLUMN denoised; ALTER TABLE jobs DROP COLUMN accounts;" \
     "ALTER TABLE history DROP COLUMN display_all; ALTER TABLE history DROP COLUMN worst_part;" \
@@ -171,7 +176,7 @@ static void jobs_survive_a_restart(void **state)
 #define WITHOUT_9                                                                           \
     "DROP TABLE sums; ALTER TABLE jobs DROP COLUMN comment; ALTER TABLE frames DROP COLUMN depth;" \
     WITHOUT_11 "ALTER TABLE history DROP COLUMN uneven;"
-#define WITHOUT_8 WITHOUT_9 "DROP TABLE webhook_events; DROP TABLE webhooks; DROP TABLE tokens;"
+#define WITHOUT_8 WITHOUT_9 "DROP TABLE tokens;"
 #define WITHOUT_7                                                                               \
     WITHOUT_8                                                                                   \
     "DROP TABLE workers; DROP TABLE worker_marks; DROP TABLE shares;"                           \
@@ -196,7 +201,8 @@ static void an_older_store_is_brought_up_to_date(void **state)
     "ALTER TABLE cut_frames DROP COLUMN ended; ALTER TABLE cut_frames DROP COLUMN group_most;"  \
     WITHOUT_WORK_AND_RELEASE "DROP TABLE deliverers;"
     static const char *const steps_back[] = {
-        "DROP TABLE votes; PRAGMA user_version=11",
+        WITHOUT_13 "PRAGMA user_version=12",
+        WITHOUT_13 "DROP TABLE votes; PRAGMA user_version=11",
         WITHOUT_11 "PRAGMA user_version=10",
         WITHOUT_11 "DROP TABLE sums; PRAGMA user_version=9",
         WITHOUT_9 "PRAGMA user_version=8",
