@@ -323,7 +323,7 @@ def hangs():
     """a program that hangs holds up neither the farm, nor the page, nor the end; its event comes again after a restart"""
     with Farm() as farm:
         program = Program(farm, "say([event['job'], os.getpid()])\n"
-                          "signal.signal(signal.SIGTERM, (lambda *_: sys.exit(1)) if os.fork() else signal.SIG_IGN)\nwhile not os.path.exists(SAID + '.go'): time.sleep(0.01)")
+                          "signal.signal(signal.SIGTERM, (lambda *_: sys.exit(1)) if os.fork() else signal.SIG_IGN)\nfor _ in range(12000):\n    if os.path.exists(SAID + '.go'): break\n    time.sleep(0.01)")
         page = Page(farm.start_coordinator("--on-event", program.path))
         farm.start_worker()
         job = render(farm)
