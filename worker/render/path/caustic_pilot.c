@@ -10,7 +10,8 @@
 
 enum { PATHS = 1024 };
 #define PILOT_SEED 0x636175737469637full
-/* From this share of the light on every vertex asks; at least so many do. */
+/* From this share of the light on every vertex asks; at least so many do. Between them it is a power of two, which
+ * seldom depends on how the same scene is written. */
 #define SHARE_OF_ALL REAL(0.05)
 #define SHARE_MIN REAL(0.015625)
 
@@ -78,7 +79,8 @@ status caustic_pilot_run(struct render_scene *scene, struct error *err)
     scene->settings = settings;
     for (int i = 0; i < PATHS; i++)
         mean += pilot->shares[i] / PATHS;
-    scene->caster_share = real_min(real_max(mean / SHARE_OF_ALL, SHARE_MIN), 1);
+    while (scene->caster_share > SHARE_MIN && scene->caster_share / 2 > mean / SHARE_OF_ALL)
+        scene->caster_share /= 2;
     failed = atomic_load(&pilot->failed);
     mem_free(pilot);
     return failed ? error_no_memory(err, "what casts caustics") : STATUS_OK;

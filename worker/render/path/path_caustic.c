@@ -83,7 +83,11 @@ static int reach_caster(struct path *way, struct path_vertex *v, const struct ca
         if (calls_for(scene->effects, EFFECT_MEDIUM)) {
             struct ray stretch = way->ray;
 
-            stretch.t_max = v->s.t * (1 - 0x1p-20f);
+            stretch.t_max = v->s.t;
+            stretch.reaches = 1;
+            stretch.end = (struct hit){v->s.number, v->s.triangle};
+            stretch.end_inset = v->s.inset;
+            stretch.end_cosine = real_abs(vec3_dot(v->s.ng, stretch.direction));
             way->throughput = vec3_mul(way->throughput, path_transmittance(way, &stretch));
         }
         if (calls_for(scene->effects, EFFECT_ABSORPTION))
