@@ -14,7 +14,7 @@
 #include "coordinator/events/event_run.h"
 #include "coordinator/store/store_web.h"
 
-enum { NAME_SIZE = 80, IDLE_S = 60 };
+enum { NAME_SIZE = 96, IDLE_S = 60 };
 
 struct event {
     struct event *next;
@@ -80,7 +80,7 @@ static void end_event(struct event_program *program, struct event *event)
     mem_free(event);
 }
 
-/* The oldest that nobody runs makes room. */
+/* Drops the oldest event, but not the one that is being run. */
 static void drop_oldest(struct event_program *program)
 {
     struct event *oldest = program->first == program->running ? program->first->next : program->first;

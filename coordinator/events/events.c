@@ -56,14 +56,14 @@ void events_job_state(struct event_program *program, const struct job *job, cons
     send(program, event, &fields);
 }
 
-void events_store(struct event_program *program, const struct trouble *trouble, int *told, uint64_t now_ns)
+void events_store(struct event_program *program, const struct trouble *trouble, int *reported, uint64_t now_ns)
 {
     int is_long = trouble_is(trouble) && now_ns - trouble->since_ns > EVENT_STORE_S * NS_PER_SECOND;
     struct buffer fields = BUFFER_INIT;
 
-    if (!*told == !is_long || (*told && trouble_is(trouble)))
+    if (!*reported == !is_long || (*reported && trouble_is(trouble)))
         return;
-    *told = is_long;
+    *reported = is_long;
     put_text(&fields, "text", is_long ? trouble->text : "the store can be used again: jobs continue");
     send(program, is_long ? "store-unusable" : "store-usable", &fields);
 }
