@@ -12,8 +12,9 @@
 
 #include "common/scene/effects.h"
 #include "tests/support/radiance.h"
+#include "worker/render/render_scene.h"
 
-enum { COMPARISONS = 12 };
+enum { COMPARISONS = 18 };
 #define ALBEDO 0.6
 #define WATER 1.33
 #define RADIUS 0.5
@@ -195,32 +196,61 @@ static void test_sun(void **state)
     }
 }
 
-/* A mirror on the wall: the lamp's image behind it, beside the lamp itself. */
+/* A mirror on the wall beside a lamp. Irradiance of the spot at x, the mirror's share apart. */
+static struct scene_instance *mirror_on_wall(struct scene_builder *b, double x, double reflectance, double *direct,
+                                             double *mirrored)
+{
+    const double lit = 2 - x, r2 = (x - 1) * (x - 1) + 1.5 * 1.5, far2 = (lit + 1) * (lit + 1) + 1.5 * 1.5;
+    struct scene_instance *wall;
+
+    floor_seen(b, x, 1);
+    (void)mirror(b, reflectance);
+    wall = builder_place(b, builder_quad(b), builder_last_material(b), vec3_make(1, 1, 1), vec3_splat(0));
+    /* the quad's +y becomes -x, at x = 2, from y = 0 to 4 */
+    wall->to_world = (struct transform_d){{{0, -1, 0, 2}, {2, 0, 0, 2}, {0, 0, 2, 0}}};
+    (void)lamp_at(b, 1, 1.5);
+    *direct = 5 * 1.5 / (r2 * sqrt(r2));
+    /* Schlick's term of a metal adds towards grazing */
+    *mirrored = (reflectance + (1 - reflectance) * pow(1 - (lit + 1) / sqrt(far2), 5)) * 5 * 1.5 / (far2 * sqrt(far2));
+    return wall;
+}
+
+/* The lamp's image behind it, beside the lamp itself. */
 static void test_mirror(void **state)
 {
     (void)state;
     for (int i = 0; i < 8; i++) {
-        const double x = 0.3 * (i & 3), lit = 2 - x;
         struct render_settings settings = shallow(2);
-        struct scene_builder b;
         struct scene_instance *wall;
-        double expected, r2;
+        struct scene_builder b;
+        double direct, mirrored;
 
-        floor_seen(&b, x, 1);
-        (void)mirror(&b, 0.8);
-        wall = builder_place(&b, builder_quad(&b), builder_last_material(&b), vec3_make(1, 1, 1), vec3_splat(0));
-        /* the quad's +y becomes -x, at x = 2, from y = 0 to 4; i & 4: its mirror image, which faces +x */
-        wall->to_world = (struct transform_d){{{0, i & 4 ? 1 : -1, 0, 2}, {2, 0, 0, 2}, {0, 0, 2, 0}}};
-        (void)lamp_at(&b, 1, 1.5);
-        r2 = (x - 1) * (x - 1) + 1.5 * 1.5;
-        expected = 1.5 / (r2 * sqrt(r2));
-        r2 = (lit + 1) * (lit + 1) + 1.5 * 1.5;
-        expected += 0.8 * 1.5 / (r2 * sqrt(r2));
-        /* Schlick's term of a metal adds towards grazing */
-        expected += 0.2 * pow(1 - (lit + 1) / sqrt(r2), 5) * 1.5 / (r2 * sqrt(r2));
-        expect_near(&b, &settings, 5 * ALBEDO / M_PI * expected, 2e-5, i & 4 ? "a mirror's back" : "a mirror");
+        wall = mirror_on_wall(&b, 0.3 * (i & 3), 0.8, &direct, &mirrored);
+        if (i & 4) /* its mirror image, which faces +x */
+            wall->to_world.m[0][1] = 1;
+        expect_near(&b, &settings, ALBEDO / M_PI * (direct + mirrored), 2e-5, i & 4 ? "a mirror's back" : "a mirror");
         builder_release(&b);
     }
+}
+
+/* Where casters send little, few vertices ask, and what they get counts the more. */
+static void test_few_ask(void **state)
+{
+    struct render_settings settings = shallow(2);
+    struct render_scene *scene;
+    struct scene_builder b;
+    double direct, mirrored;
+
+    (void)state;
+    settings.spp = 256;
+    (void)mirror_on_wall(&b, 0, 0.1, &direct, &mirrored);
+    scene = builder_build(&b, &settings);
+    print_message("# %.3f of the vertices ask for %.4f of the light\n", (double)scene->caster_share,
+                  mirrored / (direct + mirrored));
+    assert_true(scene->caster_share < 1);
+    render_scene_free(scene);
+    radiance_expect(&b, &settings, COMPARISONS, ALBEDO / M_PI * (direct + mirrored), "few ask");
+    builder_release(&b);
 }
 
 /* Where a ray that leaves the lamp, `h` above the centre of a ball on the axis beside it, at the angle, reaches the
@@ -322,11 +352,30 @@ static void test_sun_off_a_mirror(void **state)
     builder_release(&b);
 }
 
+/* A sun that the camera sees in the mirror is met, not asked for. */
+static void test_sun_in_a_mirror(void **state)
+{
+    struct render_settings settings = shallow(3);
+    struct scene_builder b;
+
+    (void)state;
+    builder_init(&b);
+    builder_lambert(&b, (float)ALBEDO);
+    builder_place(&b, builder_quad(&b), 0, vec3_splat(1), vec3_make(5, 0, 0));
+    (void)mirror(&b, 1);
+    builder_place(&b, builder_quad(&b), 1, vec3_splat(1), vec3_splat(0));
+    builder_camera(&b, vec3_make(-1, 1, 0), vec3_splat(0), 0.0005f);
+    sun_towards(&b, 1, 1);
+    expect_near(&b, &settings, 4000, 1e-4, "a sun in a mirror");
+    builder_release(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_water), cmocka_unit_test(test_lamp_in_water),
                                        cmocka_unit_test(test_sun), cmocka_unit_test(test_mirror),
-                                       cmocka_unit_test(test_ball),
+                                       cmocka_unit_test(test_ball), cmocka_unit_test(test_few_ask),
+                                       cmocka_unit_test(test_sun_in_a_mirror),
                                        cmocka_unit_test(test_sun_off_a_mirror)};
 
     return cmocka_run_group_tests(tests, NULL, NULL);

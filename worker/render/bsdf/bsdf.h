@@ -327,8 +327,8 @@ struct vec3 bsdf_eval_pdf(const struct bsdf *b, struct vec3 wo, struct vec3 wi, 
  * weight is the sum over all lobes' f over the mixture pdf. Charges the lobe (profile_scope.h). */
 int bsdf_sample(const struct bsdf *b, struct vec3 wo, real u_lobe, real u, real v, struct bsdf_sample *out);
 
-/* What the smooth base and a smooth coat over it send from one direction to wo: reflected, or refracted if `transmits`. Sets wi, and the
- * weight f |cos wi| without the delta function. 0: it has no such lobe, or reflects totally. A coat that is bent by a
+/* What the smooth base and a smooth coat over it send from one direction to wo: reflected, or refracted if `transmits`.
+ * Sets wi, and the weight f |cos wi| without the delta function. 0: it has no such lobe, or reflects totally. A coat that is bent by a
  * map of its own is left out. */
 int bsdf_delta(const struct bsdf *b, struct vec3 wo, int transmits, struct vec3 *wi, struct vec3 *weight);
 

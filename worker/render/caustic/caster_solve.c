@@ -10,7 +10,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "common/base/safeguard.h"
 #include "worker/render/caustic/casters_parts.h"
 
 /* EMPTY_DIVISIONS: of a part that is narrow and in which no point was found. */
@@ -18,8 +17,8 @@ enum { DIVISIONS_MAX = 6, EMPTY_DIVISIONS = 1, NEWTON_MAX = 24, HALVINGS_MAX = 6
 
 /* A part is solved when its normals' half angle is below this (cosine: 8 degrees). */
 #define NARROW_COSINE 0.99
-/* Above this, is_near_fold's figure is far from a fold. A step leads away from a
- * part if it is so many times as long as the part. */
+/* Above this, is_near_fold's figure is far from a fold. A step leads away from a part if it is so many times as long as
+ * the part. */
 #define FOLD 0.25
 #define AWAY 3
 /* In units of the triangle's edges. */
@@ -30,11 +29,9 @@ enum { DIVISIONS_MAX = 6, EMPTY_DIVISIONS = 1, NEWTON_MAX = 24, HALVINGS_MAX = 6
 
 /* ---- small vectors --------------------------------------------------------------------------------- */
 
-static double length_of(const double a[3]) { return sqrt(exact_dot(a, a)); }
-
 static double unit_of(const double a[3], double out[3])
 {
-    const double length = length_of(a);
+    const double length = caster_length(a);
 
     for (int k = 0; k < 3; k++)
         out[k] = length > 0 ? a[k] / length : 0;
@@ -73,7 +70,7 @@ static double chord_of(double radius, double inverse_distance)
 /* To unit length; returns 1 / length, or infinity. */
 static double make_unit(double a[3])
 {
-    const double inverse = 1 / length_of(a);
+    const double inverse = 1 / caster_length(a);
 
     for (int k = 0; k < 3; k++)
         a[k] *= inverse;
@@ -158,26 +155,23 @@ static void unit_change(const double unit[3], double length, const double dn[3],
         out[k] /= length;
 }
 
-/* A ray from the place that leaves in direction d and is turned at the surface into e: how e, and the point, change
- * when d turns by the small vector `turn`. `n`: unit shading normal on the place's side; `dn` returns its change. */
+/* How the point, and the direction behind it, change when the ray from the place turns. */
 struct turned {
     double moved[3], e[3];
 };
 
+/* The ray leaves the place in direction d, and turns by the small vector `turn`. `n`: unit shading normal on the place's
+ * side, `sign` times the interpolated one over its length. */
 static void turn_ray(const struct solving *s, const double d[3], double distance, const double n[3], double sign,
                      double length, const double turn[3], struct turned *out)
 {
-    double along = exact_dot(s->face->own, turn) / exact_dot(s->face->own, d), dn[3], raw[3], du, dv, plane[3], area, c, dc;
+    double along = exact_dot(s->face->own, turn) / exact_dot(s->face->own, d), dn[3], raw[3], du, dv, c, dc;
 
     /* The point moves in the face's plane. */
     for (int k = 0; k < 3; k++)
         out->moved[k] = distance * (turn[k] - along * d[k]);
-    exact_cross(s->face->e1, s->face->e2, plane);
-    area = exact_dot(plane, plane);
-    exact_cross(out->moved, s->face->e2, raw);
-    du = exact_dot(raw, plane) / area;
-    exact_cross(s->face->e1, out->moved, raw);
-    dv = exact_dot(raw, plane) / area;
+    du = exact_dot(out->moved, s->face->along_u);
+    dv = exact_dot(out->moved, s->face->along_v);
     for (int k = 0; k < 3; k++)
         raw[k] = sign * (s->face->d1[k] * du + s->face->d2[k] * dv);
     unit_change(n, length, raw, dn);
@@ -241,7 +235,7 @@ static int is_met(const struct solving *s, const double point[3])
         double off[3];
 
         exact_sub(point, pair->met[i], off);
-        if (pair->met_event[i] == s->event && length_of(off) < SAME_POINT * s->face->longest)
+        if (pair->met_event[i] == s->event && caster_length(off) < SAME_POINT * s->face->longest)
             return 1;
     }
     if (pair->met_count < CASTER_MET_MAX) {
@@ -267,7 +261,6 @@ static void report(const struct solving *s, double u, double v, int on_edge)
     if (!(out.distance > 0 && lamp_distance > 0) || !sides_fit(s, to_place, to_lamp, n))
         return;
     out.spread = spread_of(s, out.direction, out.distance, n, to_lamp, lamp_distance);
-    out.ior = s->n_o / s->n_i;
     if (out.spread > 0 && isfinite(out.spread) && !(on_edge && is_met(s, out.point)))
         s->visit(s->user, &out);
 }
@@ -283,7 +276,7 @@ static int place_of(double u, double v)
 /* ---- triangles of one normal ----------------------------------------------------------------------- */
 
 /* The share of the way from the place's foot to the lamp's at which the light crosses a plane that refracts: heights
- * above and below it, and the way between the feet. Snell's law is monotone in it: bisection, then Newton's steps. */
+ * above and below it, and the way between the feet. Snell's law is monotone in it: Newton's steps, and bisection where they leave the interval. */
 static double crossing_share(double h_i, double h_o, double way, double n_i, double n_o)
 {
     double low = 0, high = 1, at = h_i / (h_i + h_o);
@@ -310,9 +303,9 @@ static double crossing_share(double h_i, double h_o, double way, double n_i, dou
 static void solve_flat(struct solving *s)
 {
     const struct caster_pair *pair = s->pair;
-    double n[3], from[3], to[3], h_i, h_o, foot_i[3], foot_o[3], p[3], off[3], plane[3], area, cross[3], u, v;
+    const double *n = s->face->own;
+    double from[3], to[3], h_i, h_o, foot_i[3], foot_o[3], p[3], off[3], u, v;
 
-    unit_of(s->face->normal[0], n);
     exact_sub(pair->place, s->face->corner[0], from);
     h_i = exact_dot(from, n);
     mad(pair->place, n, -h_i, foot_i);
@@ -339,18 +332,14 @@ static void solve_flat(struct solving *s)
         mad(pair->lamp, n, -h_o, foot_o);
         exact_sub(foot_o, foot_i, way);
         share = s->event == CASTER_REFLECTS ? fabs(h_i) / (fabs(h_i) + fabs(h_o))
-                                            : crossing_share(fabs(h_i), fabs(h_o), length_of(way), s->n_i, s->n_o);
+                                            : crossing_share(fabs(h_i), fabs(h_o), caster_length(way), s->n_i, s->n_o);
         mad(foot_i, way, share, p);
     }
     if (!(h_i != 0 && h_o != 0) || (h_i * h_o > 0) != (s->event == CASTER_REFLECTS))
         return;
     exact_sub(p, s->face->corner[0], off);
-    exact_cross(s->face->e1, s->face->e2, plane);
-    area = exact_dot(plane, plane);
-    exact_cross(off, s->face->e2, cross);
-    u = exact_dot(cross, plane) / area;
-    exact_cross(s->face->e1, off, cross);
-    v = exact_dot(cross, plane) / area;
+    u = exact_dot(off, s->face->along_u);
+    v = exact_dot(off, s->face->along_v);
     if (place_of(u, v))
         report(s, u, v, place_of(u, v) == 2);
 }
@@ -383,7 +372,7 @@ static void constrain(const struct solving *s, double u, double v, const double 
     for (int k = 0; k < 3; k++)
         h[k] = s->n_i * w_i[k] + s->n_o * w_o[k];
     exact_cross(h, n, cross);
-    out->size = length_of(h) * length_of(n);
+    out->size = caster_length(h) * caster_length(n);
     for (int i = 0; i < 2; i++)
         out->value[i] = exact_dot(cross, axis[i]);
     for (int j = 0; j < 2; j++) {
@@ -485,7 +474,8 @@ static int is_near_fold(const struct solving *s, const struct constraint *c)
     return !(2 * fabs(determinant_of(c)) * sqrt(a * b - both * both) > FOLD * sum);
 }
 
-/* Does the first step from the middle lead so far out of the part that it holds no point? Near a fold that would say nothing. */
+/* Does the first step from the middle lead so far out of the part that it holds no point? Near a fold that would say
+ * nothing. */
 static int leads_away(const struct solving *s, const struct part *part, const struct constraint *c)
 {
     const double det = determinant_of(c);

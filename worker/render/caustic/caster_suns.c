@@ -1,9 +1,6 @@
 /* caster_suns: from which casters the map's suns can be seen. Where none is seen, suns are left to paths that meet them by
  * chance, so a patch of sun that the rays here miss is noisy, but not missing. */
-#include <string.h>
-
 #include "common/base/memory.h"
-#include "common/math/elementary.h"
 #include "worker/render/base/sampler.h"
 #include "worker/render/caustic/casters_parts.h"
 #include "worker/render/path/kernel.h"

@@ -1,7 +1,6 @@
 /* casters: which faces they are, and the tree over them. */
 #include "worker/render/caustic/casters.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -17,27 +16,28 @@ enum { LEAF_FACES = 4, DEPTH_MAX = 64, KEPT_FACES = 32768 };
 
 static int is_smooth(float32 roughness) { return roughness * roughness < BSDF_ALPHA_MIN; }
 
+int casters_may_be(const struct scene_material *m)
+{
+    return (m->kind == MATERIAL_SURFACE || m->kind == MATERIAL_CONDUCTOR) && !(m->dispersion > 0) &&
+           (is_smooth(m->roughness) || (m->clearcoat > 0 && is_smooth(m->clearcoat_roughness)));
+}
+
 /* Bits of the events of a material; 0: it is no caster. */
 static unsigned events_of(const struct render_material *material)
 {
     const struct scene_material *m = &material->m;
     const unsigned reflects = 1u << CASTER_REFLECTS, refracts = 1u << CASTER_REFRACTS;
 
-    if ((material->flags & MATERIAL_NORMAL_MAP) || m->dispersion > 0 ||
-        (m->kind != MATERIAL_SURFACE && m->kind != MATERIAL_CONDUCTOR))
+    if ((material->flags & MATERIAL_NORMAL_MAP) || !casters_may_be(m))
         return 0;
-    if (m->clearcoat > 0 && is_smooth(m->clearcoat_roughness) && !is_smooth(m->roughness))
+    if (!is_smooth(m->roughness)) /* a coat's mirror alone */
         return material->clearcoat_normal.image ? 0 : reflects;
-    if (!is_smooth(m->roughness))
-        return 0;
     if (m->kind == MATERIAL_SURFACE && m->refractive && m->transmission > 0 && m->metallic < 1 && m->ior != 1 && m->ior > 0)
         return reflects | refracts;
     return m->kind == MATERIAL_CONDUCTOR || m->metallic > 0 || m->ior != 1 ? reflects : 0;
 }
 
 /* ---- bounds ---------------------------------------------------------------------------------------- */
-
-static double length_of(const double a[3]) { return sqrt(exact_dot(a, a)); }
 
 /* A cone around an axis, by its half angle; cosine below 0: not known. */
 struct cone {
@@ -52,20 +52,20 @@ static void cone_of(const double (*normals)[3], size_t count, struct cone *out)
 
     *out = (struct cone){{0, 0, 0}, -1, 0};
     for (size_t i = 0; i < count; i++) {
-        length = length_of(normals[i]);
+        length = caster_length(normals[i]);
         if (!(length > 0))
             return;
         for (int k = 0; k < 3; k++)
             axis[k] += normals[i][k] / length;
     }
-    length = length_of(axis);
+    length = caster_length(axis);
     if (!(length > 0))
         return;
     out->cosine = 1;
     for (int k = 0; k < 3; k++)
         out->axis[k] = axis[k] / length;
     for (size_t i = 0; i < count; i++) {
-        const double cosine = exact_dot(out->axis, normals[i]) / length_of(normals[i]);
+        const double cosine = exact_dot(out->axis, normals[i]) / caster_length(normals[i]);
 
         if (cosine < out->cosine)
             out->cosine = cosine;
@@ -84,7 +84,7 @@ static struct cone join_cones(const struct cone *a, const struct cone *b, int ei
         return out;
     for (int k = 0; k < 3; k++)
         axis[k] = a->axis[k] + side * b->axis[k];
-    length = length_of(axis);
+    length = caster_length(axis);
     if (!(length > 0))
         return out;
     for (int k = 0; k < 3; k++)
@@ -122,7 +122,7 @@ void caster_bounds_of(const double (*corner)[3], const double (*normal)[3], stru
     for (int i = 0; i < 3; i++) {
         exact_sub(corner[i], out->centre, from);
         if (exact_dot(from, from) > out->radius * out->radius)
-            out->radius = length_of(from);
+            out->radius = caster_length(from);
     }
     cone_of(normal, 3, &cone);
     set_normals(out, &cone);
@@ -133,7 +133,7 @@ static void join_spheres(const struct caster_bounds *a, const struct caster_boun
     double way[3], apart;
 
     exact_sub(b->centre, a->centre, way);
-    apart = length_of(way);
+    apart = caster_length(way);
     if (apart + b->radius <= a->radius || apart + a->radius <= b->radius) {
         const struct caster_bounds *larger = a->radius > b->radius ? a : b;
 
@@ -196,23 +196,27 @@ static void turn_round(struct caster_face *face)
 
 void caster_face_finish(struct caster_face *face)
 {
-    double length;
+    double length, across[3];
 
     exact_sub(face->corner[1], face->corner[0], face->e1);
     exact_sub(face->corner[2], face->corner[0], face->e2);
     exact_sub(face->normal[1], face->normal[0], face->d1);
     exact_sub(face->normal[2], face->normal[0], face->d2);
-    exact_cross(face->e1, face->e2, face->own);
-    length = length_of(face->own);
+    exact_cross(face->e1, face->e2, across);
+    length = caster_length(across);
     for (int k = 0; k < 3; k++)
-        face->own[k] /= length;
-    face->longest = length_of(face->e1) > length_of(face->e2) ? length_of(face->e1) : length_of(face->e2);
+        face->own[k] = across[k] / length;
+    exact_cross(face->e2, face->own, face->along_u);
+    exact_cross(face->own, face->e1, face->along_v);
+    for (int k = 0; k < 3; k++) {
+        face->along_u[k] /= length;
+        face->along_v[k] /= length;
+    }
+    face->longest = caster_length(face->e1) > caster_length(face->e2) ? caster_length(face->e1) : caster_length(face->e2);
     face->flat = 1;
     for (int i = 0; i < 3; i++) {
-        double across[3];
-
         exact_cross(face->normal[i], face->own, across);
-        face->flat &= length_of(across) <= 1e-6 * length_of(face->normal[i]);
+        face->flat &= caster_length(across) <= 1e-6 * caster_length(face->normal[i]);
     }
     caster_bounds_of(face->corner, face->normal, &face->bounds);
 }
@@ -226,7 +230,7 @@ int caster_face_of(const struct render_scene *scene, const struct caster_ref *re
         turn_round(face);
     normals_of(scene, &scene->instances[ref->instance], ref->triangle, face);
     caster_face_finish(face);
-    return 1;
+    return face->bounds.cosine > 0;
 }
 
 static void node_of_ref(const struct render_scene *scene, const struct caster_ref *ref, struct caster_node *out)
@@ -459,22 +463,24 @@ void casters_free(struct casters *casters)
     mem_free(casters);
 }
 
+struct casters *casters_without_suns(struct casters *casters)
+{
+    casters->suns = 0;
+    if (casters->scene->emitters.punctual_count > 0)
+        return casters;
+    casters_free(casters);
+    return NULL;
+}
+
 size_t casters_bytes(const struct casters *casters)
 {
     size_t bytes = 0;
 
     for (uint32_t i = 0; casters && i < casters->count; i++)
-        bytes += casters->list[i].face_count * (sizeof(struct caster_ref) + sizeof(struct caster_node));
+        bytes += casters->list[i].face_count * sizeof(struct caster_ref) +
+                 casters->list[i].node_count * sizeof(struct caster_node) +
+                 (casters->list[i].faces ? casters->list[i].face_count * sizeof(struct caster_face) : 0);
     return bytes;
-}
-
-uint32_t casters_face_count(const struct casters *casters)
-{
-    uint32_t count = 0;
-
-    for (uint32_t i = 0; casters && i < casters->count; i++)
-        count += casters->list[i].face_count;
-    return count;
 }
 
 int casters_have(const struct casters *casters, uint32_t material, enum caster_event event, double *ior)
@@ -491,9 +497,12 @@ int casters_have_suns(const struct casters *casters) { return casters->suns; }
 
 int casters_are_sunlit(const struct casters *casters, uint32_t instance, uint32_t triangle)
 {
-    const uint64_t bit = casters->base[instance] + triangle;
+    uint64_t bit;
 
-    return casters->suns && casters->sunlit[bit / 8] >> bit % 8 & 1;
+    if (!casters->suns)
+        return 0;
+    bit = casters->base[instance] + triangle;
+    return casters->sunlit[bit / 8] >> bit % 8 & 1;
 }
 
 /* ---- finding --------------------------------------------------------------------------------------- */
@@ -570,7 +579,6 @@ void casters_find(const struct casters *casters, const double place[3], const do
     pair.lamp = lamp;
     pair.infinite = kind != CASTER_LAMP_NEAR;
     pair.met_count = 0;
-
     for (uint32_t i = 0; i < casters->count; i++)
         find_in(casters->scene, &casters->list[i], kind == CASTER_LAMP_SUN, &pair, visit, user);
 }

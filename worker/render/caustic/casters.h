@@ -1,17 +1,18 @@
-/* casters: the smooth surfaces off which, or through which, the light of lamps without size, and of the suns of an environment
- * map, reaches other surfaces.
+/* casters: the smooth surfaces off which, or through which, the light of lamps without size, and of the suns of an
+ * environment map, reaches other surfaces.
  *
- * Path tracing does not find that light: no scattered ray meets a point, and few meet a sun. So for a place and a lamp all points of the
- * casters are found at which the surface reflects, or refracts, the one towards the other: with w_i to the place, w_o
- * to the lamp and the indices on their sides, n_i w_i + n_o w_o is along the shading normal (Walter et al. 2007; the
- * constraint of Hanika, Droske and Fascione 2015, "Manifold Next Event Estimation"). They are enumerated, not sampled:
- * a tree over a caster's triangles, whose nodes bound places and normals, leaves out what cannot hold one; triangles
- * with normals of their vertices are divided and solved by Newton's method. So the same place and lamp have the same
- * solutions on every machine, and what a path adds has no tail of trials.
+ * Path tracing does not find that light: no scattered ray meets a point, and few meet a sun. So for a place and a lamp all
+ * points of the casters are found at which the surface reflects, or refracts, the one towards the other: with w_i to the
+ * place, w_o to the lamp and the indices on their sides, n_i w_i + n_o w_o is along the shading normal (Walter et al.
+ * 2007; the constraint of Hanika, Droske and Fascione 2015, "Manifold Next Event Estimation"). They are enumerated, not
+ * sampled: a tree over a caster's triangles, whose nodes bound places and normals, leaves out what cannot hold one;
+ * triangles with normals of their vertices are divided and solved by Newton's method. So the same place and lamp have the
+ * same solutions on every machine, and what a path adds has no tail of trials.
  *
  * A caster is a material whose base, or whose coat, is smooth everywhere: GGX alpha below BSDF_ALPHA_MIN by its factor, no
- * normal map, no mix, no dispersion. Instances that move while the shutter is open, or have a shape (true spheres), are none. One
- * reflection or one refraction: a path by two smooth surfaces is not found.
+ * normal map, no mix, no dispersion. Instances that move while the shutter is open, or have a shape (true spheres), are
+ * none, nor are triangles without area or whose vertices' normals disagree by a right angle. One reflection or one
+ * refraction: a path by two smooth surfaces is not found.
  */
 #pragma once
 
@@ -21,6 +22,7 @@
 #include "common/base/status.h"
 
 struct render_scene;
+struct scene_material;
 struct casters;
 
 enum caster_event {
@@ -39,16 +41,19 @@ struct caster_solution {
     /* How a thin cone of rays that starts at the place spreads: its cross-section at the lamp over the solid angle at
      * its start, m^2/sr; of a lamp at infinity the solid angle of its directions there over that at the start. */
     double spread;
-    double ior; /* that was assumed behind the surface, relative to before it, as seen from the place; reflection: 1 */
 };
 typedef void caster_visit(void *user, const struct caster_solution *solution);
 
-/* *out: NULL if the scene has no caster, or neither a lamp without size nor a sun (environment_has_windows). Needs its meshes, instances,
- * materials, lights and environment. */
+/* *out: NULL if the scene has no caster, or neither a lamp without size nor a sun (environment_has_windows). Needs all of
+ * the scene but its guide. */
 status casters_new(struct casters **out, const struct render_scene *scene, struct error *err) MUST_CHECK;
 void casters_free(struct casters *casters);
-size_t casters_bytes(const struct casters *casters);
-uint32_t casters_face_count(const struct casters *casters);
+/* They are asked for suns no more. NULL, and they are gone: the scene has no other lamps for them. */
+struct casters *casters_without_suns(struct casters *casters);
+size_t casters_bytes(const struct casters *casters); /* NULL: 0 */
+/* May the material be a caster, and what then a triangle of it takes, at most. */
+enum { CASTERS_BYTES_TRIANGLE = 150 };
+int casters_may_be(const struct scene_material *m);
 
 /* Is the material a caster with that event? *ior: behind its front, relative to before it. */
 int casters_have(const struct casters *casters, uint32_t material, enum caster_event event, double *ior);
@@ -57,8 +62,8 @@ int casters_have(const struct casters *casters, uint32_t material, enum caster_e
 int casters_have_suns(const struct casters *casters);
 int casters_are_sunlit(const struct casters *casters, uint32_t instance, uint32_t triangle);
 
-/* Every solution between `place` and the lamp: at the point `lamp`, or in the unit direction `lamp`; of a sun by faces that are sunlit. All in
- * the scene's coordinates. The order depends on the scene alone. */
+/* Every solution between `place` and the lamp: at the point `lamp`, or in the unit direction `lamp`; of a sun by faces
+ * that are sunlit. All in the scene's coordinates. The order depends on the scene alone. */
 enum caster_lamp { CASTER_LAMP_NEAR, CASTER_LAMP_FAR, CASTER_LAMP_SUN };
 void casters_find(const struct casters *casters, const double place[3], const double lamp[3], enum caster_lamp kind,
                   caster_visit *visit, void *user);

@@ -4,6 +4,8 @@
 #include "worker/render/base/exact.h"
 #include "worker/render/caustic/casters.h"
 
+static inline double caster_length(const double a[3]) { return sqrt(exact_dot(a, a)); }
+
 /* What lies in a part of a caster, or of a triangle. */
 struct caster_bounds {
     double centre[3], radius; /* a sphere around its points */
@@ -14,11 +16,12 @@ struct caster_bounds {
 /* A triangle in the scene's coordinates, its corners counter-clockwise as seen from the front. */
 struct caster_face {
     double corner[3][3];
-    double normal[3][3];        /* shading normals at the corners, of any length; all on one side of the face where they can be */
-    double e1[3], e2[3], own[3]; /* edges; unit normal of the face */
-    double d1[3], d2[3];         /* changes of the shading normal along the edges */
-    double longest;              /* of the two edges, metres */
-    int flat;                    /* the normals are the face's */
+    double normal[3][3];           /* shading normals at the corners, of any length */
+    double e1[3], e2[3], own[3];   /* edges; unit normal of the face */
+    double along_u[3], along_v[3]; /* u, v of a point of its plane, from the first corner: the products with these */
+    double d1[3], d2[3];           /* changes of the shading normal along the edges */
+    double longest;                /* of the two edges, metres */
+    int flat;                      /* the normals are the face's */
     struct caster_bounds bounds;
 };
 
@@ -50,7 +53,7 @@ struct casters {
     struct caster *list;
     uint32_t count;
     int suns;        /* a sun is seen from a caster */
-    uint64_t *base;  /* [instances] the number of its first triangle in `sunlit`; of casters' alone */
+    uint64_t *base;  /* [instances] the number of its first triangle in `sunlit`; of casters' alone. NULL: no suns */
     uint8_t *sunlit; /* bits: the triangle's node is sunlit */
 };
 
@@ -65,13 +68,14 @@ struct caster_pair {
     enum caster_event met_event[CASTER_MET_MAX];
 };
 
-/* Make the face. 0: it has no area. */
+/* Make the face. 0: it has no area, or its vertices' normals disagree by a right angle or more. */
 int caster_face_of(const struct render_scene *scene, const struct caster_ref *ref, struct caster_face *face);
 
 /* Fill in what follows from corners and normals. */
 void caster_face_finish(struct caster_face *face);
 
-/* Find out from which nodes the map's suns can be seen: from places on their faces, rays of fixed random numbers. Sets sunlit and suns. ERR_NO_MEMORY. */
+/* Find out from which nodes the map's suns can be seen, by rays from places on their faces. Sets sunlit and suns.
+ * ERR_NO_MEMORY. */
 status casters_look_for_suns(struct casters *casters, struct error *err) MUST_CHECK;
 
 /* Bounds of a triangle with these corners and normals. */
@@ -88,6 +92,6 @@ void caster_view_of(const struct caster_bounds *bounds, const struct caster_pair
  * and n_o on the lamp's? */
 int caster_may(const struct caster_bounds *bounds, const struct caster_view *view, double n_i, double n_o);
 
-/* Every solution on a face. `ior`: behind its front. */
+/* Every solution on a face. */
 void caster_solve(const struct caster *caster, const struct caster_face *face, struct caster_pair *pair,
                   caster_visit *visit, void *user);

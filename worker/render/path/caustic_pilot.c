@@ -1,10 +1,12 @@
 #include "worker/render/path/caustic_pilot.h"
 
 #include <stdatomic.h>
+#include <stdlib.h>
 
 #include "common/base/memory.h"
 #include "common/system/parallel.h"
 #include "worker/render/base/sampler.h"
+#include "worker/render/caustic/casters.h"
 #include "worker/render/record.h"
 #include "worker/render/render_scene.h"
 
@@ -13,26 +15,52 @@ enum { PATHS = 1024 };
 /* From this share of the light on every vertex asks; at least so many do. Between them it is a power of two, which
  * seldom depends on how the same scene is written. */
 #define SHARE_OF_ALL REAL(0.05)
-#define SHARE_MIN REAL(0.015625)
+#define SHARE_MIN REAL(0.00390625)
+/* Below this share suns are left to the paths that meet them by chance: to ask would cost more than it is worth. */
+#define SUNS_MIN REAL(0.01)
 
 struct pilot {
     struct render_scene *scene;
-    real shares[PATHS]; /* of the path's light, by way of casters */
+    real all[PATHS], cast[PATHS]; /* luminance that each path brought; of it by way of casters */
     _Atomic int failed;
 };
 
-static real share_of(const struct sample_record *record)
+static void sum_up(const struct sample_record *record, real *all, real *cast)
 {
-    real cast = 0, all = 0;
-
+    *all = *cast = 0;
     for (uint32_t i = 0; i < record->count; i++)
         for (int from = 0; from < PATH_SOURCES; from++) {
             const real light = vec3_luminance(record->vertices[i].added[from]);
 
-            all += light;
-            cast += from == FROM_CASTER ? light : 0;
+            *all += light;
+            *cast += from == FROM_CASTER ? light : 0;
         }
-    return cast > 0 && all < INFINITY ? cast / all : 0;
+}
+
+static int compare(const void *a, const void *b)
+{
+    const real x = *(const real *)a, y = *(const real *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* The share in the mean pixel: of a path's light, where that is as bright as the median or brighter; in the dark, where
+ * most paths are black by chance, of the median. */
+static real mean_share(const struct pilot *pilot)
+{
+    real sorted[PATHS], sum = 0;
+    int count = 0;
+
+    for (int i = 0; i < PATHS; i++)
+        if (pilot->all[i] > 0 && pilot->all[i] < INFINITY)
+            sorted[count++] = pilot->all[i];
+    if (count == 0)
+        return 0;
+    qsort(sorted, (size_t)count, sizeof *sorted, compare);
+    for (int i = 0; i < PATHS; i++)
+        if (pilot->all[i] < INFINITY)
+            sum += pilot->cast[i] / real_max(pilot->all[i], sorted[count / 2]);
+    return sum / PATHS;
 }
 
 static void trace_paths(void *user, size_t begin, size_t end)
@@ -51,7 +79,7 @@ static void trace_paths(void *user, size_t begin, size_t end)
         sobol_2d((uint32_t)i, at);
         render_sample(pilot->scene, 0, (uint32_t)((uint64_t)at[0] * settings->width >> 32),
                       (uint32_t)((uint64_t)at[1] * settings->height >> 32), 0, added, record, stats);
-        pilot->shares[i] = share_of(record);
+        sum_up(record, &pilot->all[i], &pilot->cast[i]);
     }
     mem_free(record);
     mem_free(stats);
@@ -61,7 +89,7 @@ status caustic_pilot_run(struct render_scene *scene, struct error *err)
 {
     const struct render_settings settings = scene->settings;
     struct pilot *pilot;
-    real mean = 0;
+    real mean;
     int failed;
 
     scene->caster_share = 1;
@@ -77,8 +105,9 @@ status caustic_pilot_run(struct render_scene *scene, struct error *err)
     scene->settings.seed = PILOT_SEED;
     parallel_for(scene->build_threads, PATHS, 64, trace_paths, pilot);
     scene->settings = settings;
-    for (int i = 0; i < PATHS; i++)
-        mean += pilot->shares[i] / PATHS;
+    mean = mean_share(pilot);
+    if (mean < SUNS_MIN)
+        scene->casters = casters_without_suns(scene->casters);
     while (scene->caster_share > SHARE_MIN && scene->caster_share / 2 > mean / SHARE_OF_ALL)
         scene->caster_share /= 2;
     failed = atomic_load(&pilot->failed);

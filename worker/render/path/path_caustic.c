@@ -1,11 +1,12 @@
-/* path_caustic: light of a lamp without size, or of the map's suns, that reaches a vertex by way of a smooth surface (caustic/casters.h).
+/* path_caustic: light of a lamp without size, or of the map's suns, that reaches a vertex by way of a smooth surface
+ * (caustic/casters.h).
  *
  * Each solution is followed as a path would go: a ray to the caster meets it, with the volumes, coincident faces,
  * textures and absorption on its way; what its smooth lobes send on towards the lamp counts. No scattered ray meets a
- * lamp without size. A sun is met by chance, by paths that scatter at a vertex, then at a caster, and escape: what they bring of it
- * does not count, because it is asked for here (path_is_cast). So the set of paths is split by a rule and nothing is
- * weighed. Where a caster shades otherwise than its faces say (a bent normal, other indices in front), a sun is left to chance,
- * and the light of a lamp without size is missing.
+ * lamp without size. A sun is met by chance, by paths that scatter at a vertex, then at a caster, and escape: what they
+ * bring of it does not count, because it is asked for here (path_is_cast). So the set of paths is split by a rule and
+ * nothing is weighed. Where a caster shades otherwise than its faces say (a bent normal, other indices in front), a sun is
+ * left to chance, and the light of a lamp without size is missing.
  */
 #include "worker/render/path/path_parts.h"
 
@@ -194,7 +195,8 @@ static void add_solution(void *user, const struct caster_solution *solution)
         health_note(HEALTH_BAD_DENSITIES);
 }
 
-/* One lamp, by the numbers of next-event estimation: each is as likely, and the map's suns count as one. Where it is: see casters_find. */
+/* One lamp, by the numbers of next-event estimation: each is as likely, and the map's suns count as one. Where it is: see
+ * casters_find. */
 static enum caster_lamp choose_lamp(struct caustic *c, struct sample2 point, double place[3])
 {
     const struct render_scene *scene = c->path->scene;

@@ -178,7 +178,8 @@ static inline int path_is_cast(const struct path *path)
 {
     return path->chain == CHAIN_CAST && environment_windows_pdf(path->scene->environment, path->ray.direction) > 0;
 }
-/* Light that the vertex scatters towards wo and that casters send there from a lamp without size (caustic/casters.h). The scene has casters. */
+/* Light that the vertex scatters towards wo and that casters send there from a lamp without size, or a sun. The scene
+ * has casters. */
 struct vec3 path_caustic(struct path *path, struct path_vertex *v);
 
 /* ---- path_light.c ---------------------------------------------------------------------------- */

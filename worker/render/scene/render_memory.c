@@ -5,6 +5,7 @@
 #include "common/system/machine.h"
 #include "common/image/image_size.h"
 #include "common/scene/pose.h"
+#include "worker/render/caustic/casters.h"
 #include "worker/render/scene/image_share.h"
 #include "worker/render/render.h"
 #include "worker/render/scene/render_place.h"
@@ -63,6 +64,7 @@ static uint64_t mesh_bytes(const struct scene_mesh *mesh)
  * with the copies that are saved, and one that is not shared is baked. */
 static void geometry_need(struct render_need *need, const struct scene *scene, const struct render_settings *settings)
 {
+    const int casts = !(settings->without & EFFECT_CAUSTICS) && (scene->light_count > 0 || scene->environment.present);
     double open_s, close_s;
     uint64_t baked = 0;
     int blurs;
@@ -79,6 +81,8 @@ static void geometry_need(struct render_need *need, const struct scene *scene, c
         const struct scene_mesh *mesh = &scene->meshes[scene->instances[i].mesh];
         uint64_t vertices = mesh->vertex_count, triangles = mesh->triangle_count;
         need->bvh += BVH_BYTES_INSTANCE;
+        if (casts && casters_may_be(&scene->materials[scene->instances[i].material]))
+            need->bvh += triangles * CASTERS_BYTES_TRIANGLE;
         need->meshes += sizeof(struct render_instance);
         if (!scene_instance_deforms(scene, i))
             continue;

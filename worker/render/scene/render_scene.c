@@ -527,6 +527,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene, co
     if (w->effects & (EFFECT_NESTED_DIELECTRIC | EFFECT_INTERFACE | EFFECT_MEDIUM))
         interior_find_camera(w);
     s = casters_new(&w->casters, w, err);
+    w->info.bvh_bytes += casters_bytes(w->casters);
     if (s == STATUS_OK)
         s = caustic_pilot_run(w, err);
     if (s == STATUS_OK)

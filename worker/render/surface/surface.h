@@ -49,7 +49,8 @@ void surface_from_hit(const struct render_scene *scene, const struct ray *ray, c
  * is above it and, if anything reflects, so that the mirror direction is above it and above the geometric surface. */
 void surface_shade(const struct render_scene *scene, struct surface *s, struct vec3 wo, struct bsdf_params *params);
 
-/* The vertices' normal on the front side, unit, before it is bent; the face's own where they have none, and of a shape. */
+/* The vertices' normal on the front side, unit, before it is bent; the face's own where they have none, and of a
+ * shape. */
 struct vec3 surface_vertex_normal(const struct surface *s);
 
 /* If the material is a mix: choose one of its parts with the number `u` in [0,1). */

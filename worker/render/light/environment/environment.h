@@ -61,7 +61,8 @@ int environment_sample(const struct environment *env, real u, real v, struct vec
  * its shadow ray arrived. */
 int environment_aim(const struct environment *env, real u, real v, struct vec3 *direction, real *pdf);
 
-/* The windows alone, if the map is sampled by importance and has any: suns and lamps. u, v in [0,1); density per solid angle, 0 outside of them. */
+/* The windows alone, if the map is sampled by importance and has any: suns and lamps. u, v in [0,1); density per solid
+ * angle, 0 outside of them. */
 int environment_has_windows(const struct environment *env);
 void environment_aim_at_windows(const struct environment *env, real u, real v, struct vec3 *direction, real *pdf);
 real environment_windows_pdf(const struct environment *env, struct vec3 direction);
