@@ -236,43 +236,54 @@ static void count_found(void *user, const struct caster_solution *s)
     f->points += s->point[0] + 2 * s->point[1] + 3 * s->point[2] + 5 * s->spread;
 }
 
-/* A ball and a slab, smooth glass: from random places and lamps the tree finds what all faces have. */
-static void test_tree(void **state)
+/* Smooth glass or metal that a point light lights: a ball of so many segments, and a slab. */
+static struct render_scene *glass_scene(struct scene_builder *b, uint32_t segments, int metal)
 {
-    struct render_settings settings = builder_settings(16, 16, 1);
+    const struct render_settings settings = builder_settings(16, 16, 1);
     struct scene_material *m;
     struct render_scene *scene;
-    struct scene_builder b;
-    int seen = 0, several = 0;
 
-    (void)state;
-    builder_init(&b);
-    builder_lambert(&b, 0.5f);
-    builder_place(&b, builder_quad(&b), 0, vec3_splat(9), vec3_make(0, -3, 0));
-    m = builder_lambert(&b, 1);
+    builder_init(b);
+    builder_lambert(b, 0.5f);
+    builder_place(b, builder_quad(b), 0, vec3_splat(9), vec3_make(0, -3, 0));
+    m = builder_lambert(b, 1);
     m->roughness = 0;
-    m->transmission = 1;
+    m->transmission = metal ? 0 : 1;
+    m->metallic = metal ? 1 : 0;
     m->refractive = 1;
     m->specular = m->specular_color[0] = 1;
     m->ior = 1.5f;
-    builder_place(&b, builder_sphere(&b, 24, 1), 1, vec3_splat(1), vec3_splat(0));
-    builder_place(&b, builder_slab(&b), 1, vec3_make(2, REAL(0.1), 2), vec3_make(0, 2, 0));
-    builder_light(&b, LIGHT_POINT)->intensity[0] = 1;
-    builder_camera(&b, vec3_make(0, 0, 5), vec3_splat(0), 1);
-    scene = builder_build(&b, &settings);
+    builder_place(b, builder_sphere(b, segments, 1), 1, vec3_splat(1), vec3_splat(0));
+    builder_place(b, builder_slab(b), 1, vec3_make(2, REAL(0.1), 2), vec3_make(0, 2, 0));
+    builder_light(b, LIGHT_POINT)->intensity[0] = 1;
+    builder_camera(b, vec3_make(0, 0, 5), vec3_splat(0), 1);
+    scene = builder_build(b, &settings);
     assert_non_null(scene->casters);
+    for (uint32_t k = 0; k < scene->casters->count; k++)
+        for (uint32_t i = 0; i < scene->casters->list[k].node_count; i++)
+            scene->casters->list[k].nodes[i].sunlit = 1;
+    return scene;
+}
+
+/* From random places and lamps the tree finds what all faces have. */
+static void test_tree(void **state)
+{
+    struct scene_builder b;
+    struct render_scene *scene = glass_scene(&b, 24, 0);
+    int seen = 0, several = 0;
+
+    (void)state;
     for (int i = 0; i < 2000; i++) {
+        struct caster_lamp lamp = {.kind = i & 1 ? CASTER_LAMP_FAR : CASTER_LAMP_NEAR, .moves = 1};
         struct found by_tree = {0}, by_faces = {0};
-        struct caster_pair pair = {.infinite = i & 1};
-        double place[3], lamp[3];
+        double place[3];
+        struct caster_pair pair = {.place = place, .lamp = lamp.at, .infinite = i & 1};
 
         random_vector(3, place);
-        random_vector(3, lamp);
+        random_vector(3, lamp.at);
         if (pair.infinite)
-            unit(lamp);
-        pair.place = place;
-        pair.lamp = lamp;
-        casters_find(scene->casters, place, lamp, pair.infinite ? CASTER_LAMP_FAR : CASTER_LAMP_NEAR, count_found, &by_tree);
+            unit(lamp.at);
+        casters_find(scene->casters, place, &lamp, count_found, &by_tree);
         for (uint32_t k = 0; k < scene->casters->count; k++)
             for (uint32_t f = 0; f < scene->casters->list[k].face_count; f++) {
                 struct caster_face face;
@@ -289,6 +300,61 @@ static void test_tree(void **state)
     assert_true(seen > 2000 && several > 100);
     render_scene_free(scene);
     builder_release(&b);
+}
+
+static void move_a_little(const double from[3], double most, double out[3])
+{
+    random_vector(most, out);
+    for (int k = 0; k < 3; k++)
+        out[k] += from[k];
+}
+
+/* Places of one cell, and of its neighbours, find what a search from the root finds: near and far, of lamps of each kind.
+ * A sun is never twice at quite the same place. */
+static void find_by_cells(int metal)
+{
+    enum { LAMPS = 600, NEAR = 20 };
+    struct scene_builder b;
+    struct render_scene *scene = glass_scene(&b, 256, metal);
+    int seen = 0;
+
+    for (int i = 0; i < LAMPS; i++) {
+        struct caster_lamp lamp = {.kind = (enum caster_lamp_kind)(i % 3)}, root;
+        double about[3], sun[3], place[3];
+
+        random_vector(i % 2 ? 3 : 40, about);
+        random_vector(3, sun);
+        if (lamp.kind != CASTER_LAMP_NEAR)
+            unit(sun);
+        memcpy(lamp.at, sun, sizeof sun);
+        for (int k = 0; k < NEAR; k++) {
+            struct found by_cell = {0}, by_root = {0};
+
+            move_a_little(about, i % 2 ? 0.01 : 1, place);
+            if (lamp.kind == CASTER_LAMP_SUN) {
+                move_a_little(sun, 0.03, lamp.at);
+                unit(lamp.at);
+            }
+            root = lamp;
+            root.moves = 1;
+            casters_find(scene->casters, place, &lamp, count_found, &by_cell);
+            casters_find(scene->casters, place, &root, count_found, &by_root);
+            assert_int_equal(by_cell.count, by_root.count);
+            assert_true(by_cell.points == by_root.points);
+            seen += by_cell.count;
+        }
+    }
+    print_message("# %s: %d points of %d pairs\n", metal ? "metal" : "glass", seen, LAMPS * NEAR);
+    assert_true(seen > LAMPS * NEAR / 2);
+    render_scene_free(scene);
+    builder_release(&b);
+}
+
+static void test_cells(void **state)
+{
+    (void)state;
+    find_by_cells(0);
+    find_by_cells(1);
 }
 
 /* ---- what is found out before a frame ---------------------------------------------------------- */
@@ -354,7 +420,8 @@ static void test_alike(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_random_triangles), cmocka_unit_test(test_tree), cmocka_unit_test(test_alike)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_random_triangles), cmocka_unit_test(test_tree),
+        cmocka_unit_test(test_cells), cmocka_unit_test(test_alike)};
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

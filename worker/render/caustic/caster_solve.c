@@ -17,10 +17,10 @@ enum { DIVISIONS_MAX = 6, EMPTY_DIVISIONS = 1, NEWTON_MAX = 24, HALVINGS_MAX = 6
 
 /* A part is solved when its normals' half angle is below this (cosine: 8 degrees). */
 #define NARROW_COSINE 0.99
-/* Above this, is_near_fold's figure is far from a fold. A step leads away from a part if it is so many times as long as
- * the part. */
+/* Above this, is_near_fold's figure is far from a fold. */
 #define FOLD 0.25
-#define AWAY 3
+/* Of the second derivative of x / |x|, times |x|^2: 2 / sqrt(3), rounded up. */
+#define BEND 1.15471
 /* In units of the triangle's edges. */
 #define NEWTON_CONVERGED 1e-11
 #define LEAST_STEP 0x1p-5
@@ -80,8 +80,8 @@ static double make_unit(double a[3])
 void caster_view_of(const struct caster_bounds *bounds, const struct caster_pair *pair, struct caster_view *out)
 {
     exact_sub(pair->place, bounds->centre, out->place);
-    out->place_chord = chord_of(bounds->radius, make_unit(out->place));
-    out->lamp_chord = 0;
+    out->place_chord = chord_of(bounds->radius + pair->place_radius, make_unit(out->place));
+    out->lamp_chord = pair->lamp_chord;
     if (pair->infinite) {
         memcpy(out->lamp, pair->lamp, sizeof out->lamp);
     } else {
@@ -346,10 +346,10 @@ static void solve_flat(struct solving *s)
 
 /* ---- triangles with normals of their vertices ------------------------------------------------------ */
 
-/* The constraint at a point of the triangle: (n_i w_i + n_o w_o) x n along two axes, its derivatives, and the
- * determinant of these. */
+/* The constraint at a point of the triangle: (n_i w_i + n_o w_o) x n along two axes, and its derivatives. */
 struct constraint {
     double value[2], by_u[2], by_v[2], size; /* size: |n_i w_i + n_o w_o| |n| */
+    double normal_length, place_distance, lamp_distance;
 };
 
 static void direction_change(const double w[3], double distance, const double edge[3], double out[3])
@@ -372,7 +372,10 @@ static void constrain(const struct solving *s, double u, double v, const double 
     for (int k = 0; k < 3; k++)
         h[k] = s->n_i * w_i[k] + s->n_o * w_o[k];
     exact_cross(h, n, cross);
-    out->size = caster_length(h) * caster_length(n);
+    out->normal_length = caster_length(n);
+    out->place_distance = d_i;
+    out->lamp_distance = d_o;
+    out->size = caster_length(h) * out->normal_length;
     for (int i = 0; i < 2; i++)
         out->value[i] = exact_dot(cross, axis[i]);
     for (int j = 0; j < 2; j++) {
@@ -474,16 +477,43 @@ static int is_near_fold(const struct solving *s, const struct constraint *c)
     return !(2 * fabs(determinant_of(c)) * sqrt(a * b - both * both) > FOLD * sum);
 }
 
-/* Does the first step from the middle lead so far out of the part that it holds no point? Near a fold that would say
- * nothing. */
-static int leads_away(const struct solving *s, const struct part *part, const struct constraint *c)
+/* May the constraint be zero in the part? `c`: at its middle u, v. Within the part it differs from its tangent plane
+ * there by half of its second derivative: that of the unit vector to something at distance d is at most BEND / d^2, the
+ * first 1 / d, and the normal is linear. So it is zero nowhere if a line parts the plane's triangle from zero by more. */
+static int may_be_zero(const struct solving *s, const struct part *part, double u, double v, const struct constraint *c)
 {
-    const double det = determinant_of(c);
-    const double du = -(c->value[0] * c->by_v[1] - c->value[1] * c->by_v[0]) / det;
-    const double dv = -(c->by_u[0] * c->value[1] - c->by_u[1] * c->value[0]) / det;
-    const double size = fabs(part->u[1] - part->u[0]) + fabs(part->u[2] - part->u[0]);
+    double at[3][2], r2 = 0, dn2 = 0, r, dn, i, o, off;
 
-    return fabs(du) + fabs(dv) > AWAY * size && !is_near_fold(s, c);
+    for (int k = 0; k < 3; k++) {
+        const double du = part->u[k] - u, dv = part->v[k] - v;
+        double moved[3] = {0, 0, 0}, turned[3] = {0, 0, 0};
+
+        mad(moved, s->face->e1, du, moved);
+        mad(moved, s->face->e2, dv, moved);
+        mad(turned, s->face->d1, du, turned);
+        mad(turned, s->face->d2, dv, turned);
+        r2 = fmax(r2, exact_dot(moved, moved));
+        dn2 = fmax(dn2, exact_dot(turned, turned));
+        for (int j = 0; j < 2; j++)
+            at[k][j] = c->value[j] + c->by_u[j] * du + c->by_v[j] * dv;
+    }
+    r = sqrt(r2);
+    dn = sqrt(dn2);
+    if (!(2 * r < c->place_distance && 2 * r < c->lamp_distance))
+        return 1;
+    i = s->n_i * r / (c->place_distance - r);
+    o = s->n_o * r / (c->lamp_distance - r);
+    off = BEND / 2 * (i * i / s->n_i + o * o / s->n_o) * (c->normal_length + dn) + (i + o) * dn + 1e-8 * c->size;
+    for (int k = 0; k < 3; k++) {
+        const double *from = at[k], *to = at[(k + 1) % 3], *other = at[(k + 2) % 3];
+        const double x = from[1] - to[1], y = to[0] - from[0];
+        const double edge = x * from[0] + y * from[1], corner = x * other[0] + y * other[1];
+        const double least = fmin(fabs(edge), fabs(corner));
+
+        if ((edge > 0) == (corner > 0) && least * least > off * off * (x * x + y * y))
+            return 0;
+    }
+    return 1;
 }
 
 /* 0: nothing was found, and there may be something. */
@@ -499,7 +529,7 @@ static int solve_part(struct solving *s, const struct part *part)
     frame_of(n, axis[0], axis[1]);
     s->found_count = 0;
     constrain(s, u, v, axis, &c);
-    if (leads_away(s, part, &c))
+    if (!may_be_zero(s, part, u, v, &c))
         return 1;
     middle = determinant_of(&c);
     near_fold = is_near_fold(s, &c);

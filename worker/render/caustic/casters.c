@@ -440,6 +440,8 @@ status casters_new(struct casters **out, const struct render_scene *scene, struc
     }
     if (s == STATUS_OK && casters->count > 0)
         s = casters_look_for_suns(casters, err);
+    if (s == STATUS_OK)
+        s = caster_cells_new(&casters->cells, err);
     if (s != STATUS_OK || casters->count == 0 || (!casters->suns && scene->emitters.punctual_count == 0)) {
         casters_free(casters);
         return s;
@@ -458,6 +460,7 @@ void casters_free(struct casters *casters)
         mem_free(casters->list[i].faces);
     }
     mem_free(casters->list);
+    caster_cells_free(casters->cells);
     mem_free(casters->base);
     mem_free(casters->sunlit);
     mem_free(casters);
@@ -474,7 +477,7 @@ struct casters *casters_without_suns(struct casters *casters)
 
 size_t casters_bytes(const struct casters *casters)
 {
-    size_t bytes = 0;
+    size_t bytes = casters ? caster_cells_bytes(casters->cells) : 0;
 
     for (uint32_t i = 0; casters && i < casters->count; i++)
         bytes += casters->list[i].face_count * sizeof(struct caster_ref) +
@@ -507,33 +510,6 @@ int casters_are_sunlit(const struct casters *casters, uint32_t instance, uint32_
 
 /* ---- finding --------------------------------------------------------------------------------------- */
 
-/* On which side of all faces of the node lies what its points see in a direction, to within a chord? 1: in front, -1:
- * behind, 0: not known. */
-static int side_of(const struct caster_node *node, const double direction[3], double chord)
-{
-    const double along = exact_dot(node->front, direction);
-    /* The chord is not less than the angle's sine; its cosine is taken as not larger than the angle's. */
-    const double least = node->front_sine + node->front_cosine * chord + 1e-9;
-
-    if (node->front_cosine < 0 || chord >= 2)
-        return 0;
-    return along > least ? 1 : along < -least ? -1 : 0;
-}
-
-static int node_may(const struct caster *caster, const struct caster_node *node, const struct caster_pair *pair)
-{
-    struct caster_view view;
-    int place, lamp;
-
-    caster_view_of(&node->bounds, pair, &view);
-    place = side_of(node, view.place, view.place_chord);
-    lamp = side_of(node, view.lamp, view.lamp_chord);
-    return (place * lamp >= 0 && caster->events & 1u << CASTER_REFLECTS && caster_may(&node->bounds, &view, 1, 1)) ||
-           (place * lamp <= 0 && caster->events & 1u << CASTER_REFRACTS &&
-            ((place >= 0 && lamp <= 0 && caster_may(&node->bounds, &view, 1, caster->ior)) ||
-             (place <= 0 && lamp >= 0 && caster_may(&node->bounds, &view, caster->ior, 1))));
-}
-
 static void solve_ref(const struct render_scene *scene, const struct caster *caster, uint32_t i,
                       struct caster_pair *pair, caster_visit *visit, void *user)
 {
@@ -547,15 +523,15 @@ static void solve_ref(const struct render_scene *scene, const struct caster *cas
     caster_solve(caster, face, pair, visit, user);
 }
 
-static void find_in(const struct render_scene *scene, const struct caster *caster, int sun, struct caster_pair *pair,
-                    caster_visit *visit, void *user)
+static void find_below(const struct render_scene *scene, const struct caster *caster, uint32_t at,
+                       struct caster_pair *pair, caster_visit *visit, void *user)
 {
-    uint32_t waiting[DEPTH_MAX], count = 0, at = 0;
+    uint32_t waiting[DEPTH_MAX], count = 0;
 
     for (;;) {
         const struct caster_node *node = &caster->nodes[at];
 
-        if ((!sun || node->sunlit) && node_may(caster, node, pair)) {
+        if (caster_node_may(caster, node, pair)) {
             if (node->count == 0) {
                 waiting[count++] = node->first;
                 at++;
@@ -570,15 +546,25 @@ static void find_in(const struct render_scene *scene, const struct caster *caste
     }
 }
 
-void casters_find(const struct casters *casters, const double place[3], const double lamp[3], enum caster_lamp kind,
+void casters_find(const struct casters *casters, const double place[3], const struct caster_lamp *lamp,
                   caster_visit *visit, void *user)
 {
     struct caster_pair pair;
 
     pair.place = place;
-    pair.lamp = lamp;
-    pair.infinite = kind != CASTER_LAMP_NEAR;
+    pair.lamp = lamp->at;
+    pair.place_radius = pair.lamp_chord = 0;
+    pair.kind = lamp->kind;
+    pair.infinite = lamp->kind != CASTER_LAMP_NEAR;
     pair.met_count = 0;
-    for (uint32_t i = 0; i < casters->count; i++)
-        find_in(casters->scene, &casters->list[i], kind == CASTER_LAMP_SUN, &pair, visit, user);
+    for (uint32_t i = 0; i < casters->count; i++) {
+        const struct caster *caster = &casters->list[i];
+        const uint32_t root = 0, *starts = &root;
+        uint32_t count = 1;
+
+        if (!lamp->moves)
+            starts = caster_cells_find(casters->cells, caster, i, &pair, &count);
+        for (uint32_t k = 0; k < count; k++)
+            find_below(casters->scene, caster, starts[k], &pair, visit, user);
+    }
 }

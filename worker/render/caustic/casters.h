@@ -51,8 +51,8 @@ void casters_free(struct casters *casters);
 /* They are asked for suns no more. NULL, and they are gone: the scene has no other lamps for them. */
 struct casters *casters_without_suns(struct casters *casters);
 size_t casters_bytes(const struct casters *casters); /* NULL: 0 */
-/* May the material be a caster, and what then a triangle of it takes, at most. */
-enum { CASTERS_BYTES_TRIANGLE = 150 };
+/* May the material be a caster, and what then a triangle of it takes, at most; and what all take besides. */
+enum { CASTERS_BYTES_TRIANGLE = 150, CASTER_CELLS_BYTES = 16 << 20 };
 int casters_may_be(const struct scene_material *m);
 
 /* Is the material a caster with that event? *ior: behind its front, relative to before it. */
@@ -63,7 +63,13 @@ int casters_have_suns(const struct casters *casters);
 int casters_are_sunlit(const struct casters *casters, uint32_t instance, uint32_t triangle);
 
 /* Every solution between `place` and the lamp: at the point `lamp`, or in the unit direction `lamp`; of a sun by faces
- * that are sunlit. All in the scene's coordinates. The order depends on the scene alone. */
-enum caster_lamp { CASTER_LAMP_NEAR, CASTER_LAMP_FAR, CASTER_LAMP_SUN };
-void casters_find(const struct casters *casters, const double place[3], const double lamp[3], enum caster_lamp kind,
+ * that are sunlit. All in the scene's coordinates. The order depends on the scene alone. `moves`: the lamp is elsewhere
+ * when it is asked for again. */
+enum caster_lamp_kind { CASTER_LAMP_NEAR, CASTER_LAMP_FAR, CASTER_LAMP_SUN };
+struct caster_lamp {
+    double at[3];
+    enum caster_lamp_kind kind;
+    int moves;
+};
+void casters_find(const struct casters *casters, const double place[3], const struct caster_lamp *lamp,
                   caster_visit *visit, void *user);

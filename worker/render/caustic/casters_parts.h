@@ -50,6 +50,7 @@ struct caster {
 
 struct casters {
     const struct render_scene *scene;
+    struct caster_cells *cells;
     struct caster *list;
     uint32_t count;
     int suns;        /* a sun is seen from a caster */
@@ -57,16 +58,29 @@ struct casters {
     uint8_t *sunlit; /* bits: the triangle's node is sunlit */
 };
 
-/* A place and a lamp. Points on an edge belong to two triangles, and symmetric scenes have many: `met` are those, and
+/* A place and a lamp, or all places within a radius, and all directions of a lamp within a chord. Points on an edge belong to two triangles, and symmetric scenes have many: `met` are those, and
  * each is reported once. */
 enum { CASTER_MET_MAX = 32 };
 struct caster_pair {
     const double *place, *lamp;
+    double place_radius, lamp_chord;
+    enum caster_lamp_kind kind;
     int infinite;
     uint32_t met_count;
     double met[CASTER_MET_MAX][3];
     enum caster_event met_event[CASTER_MET_MAX];
 };
+
+/* May a face of the node send light from the lamp to the place? */
+int caster_node_may(const struct caster *caster, const struct caster_node *node, const struct caster_pair *pair);
+
+/* The nodes, in the tree's order, from which a search has to go down: none where there is no solution. `number`: of
+ * the caster. Owned by the cells. */
+status caster_cells_new(struct caster_cells **out, struct error *err) MUST_CHECK;
+void caster_cells_free(struct caster_cells *cells);
+size_t caster_cells_bytes(const struct caster_cells *cells);
+const uint32_t *caster_cells_find(struct caster_cells *cells, const struct caster *caster, uint32_t number,
+                                  const struct caster_pair *pair, uint32_t *count);
 
 /* Make the face. 0: it has no area, or its vertices' normals disagree by a right angle or more. */
 int caster_face_of(const struct render_scene *scene, const struct caster_ref *ref, struct caster_face *face);

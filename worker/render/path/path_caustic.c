@@ -195,9 +195,8 @@ static void add_solution(void *user, const struct caster_solution *solution)
         health_note(HEALTH_BAD_DENSITIES);
 }
 
-/* One lamp, by the numbers of next-event estimation: each is as likely, and the map's suns count as one. Where it is: see
- * casters_find. */
-static enum caster_lamp choose_lamp(struct caustic *c, struct sample2 point, double place[3])
+/* One lamp, by the numbers of next-event estimation: each is as likely, and the map's suns count as one. */
+static void choose_lamp(struct caustic *c, struct sample2 point, struct caster_lamp *lamp)
 {
     const struct render_scene *scene = c->path->scene;
     const struct emitters *e = &scene->emitters;
@@ -214,17 +213,16 @@ static enum caster_lamp choose_lamp(struct caustic *c, struct sample2 point, dou
         environment_aim_at_windows(scene->environment, light_rescaled(point.u, (real)e->punctual_count / count, 1 / count),
                                    point.v, &c->sun, &pdf);
         c->odds *= pdf;
-        exact_vec(c->sun, place);
-        return CASTER_LAMP_SUN;
+        exact_vec(c->sun, lamp->at);
+        lamp->kind = CASTER_LAMP_SUN;
+        lamp->moves = 0;
+        return;
     }
     c->lamp = e->punctual[number < e->punctual_count ? number : e->punctual_count - 1];
     pose = punctual_pose_at(c->lamp, c->v->s.time, &moved);
-    if (c->lamp->kind == LIGHT_DIRECTIONAL) {
-        exact_vec(vec3_neg(pose->direction), place);
-        return CASTER_LAMP_FAR;
-    }
-    exact_vec(pose->position, place);
-    return CASTER_LAMP_NEAR;
+    lamp->kind = c->lamp->kind == LIGHT_DIRECTIONAL ? CASTER_LAMP_FAR : CASTER_LAMP_NEAR;
+    lamp->moves = pose == &moved;
+    exact_vec(lamp->kind == CASTER_LAMP_FAR ? vec3_neg(pose->direction) : pose->position, lamp->at);
 }
 
 struct vec3 path_caustic(struct path *path, struct path_vertex *v)
@@ -232,19 +230,19 @@ struct vec3 path_caustic(struct path *path, struct path_vertex *v)
     struct caustic c = {.path = path, .v = v};
     const real share = path->scene->caster_share;
     struct sample2 u = sampler_get(path->sampler, v->dimension + VERTEX_LIGHT_POINT);
-    double place[3], lamp[3];
-    enum caster_lamp kind;
+    struct caster_lamp lamp;
+    double place[3];
 
     if (!(u.u < share))
         return c.sum;
     u.u = light_rescaled(u.u, 0, share);
-    kind = choose_lamp(&c, u, lamp);
+    choose_lamp(&c, u, &lamp);
     c.odds *= share;
     if (!(c.odds > 0))
         return c.sum;
     exact_vec(v->s.p, place);
     for (int k = 0; k < 3; k++)
         place[k] += v->s.rest[k];
-    casters_find(path->scene->casters, place, lamp, kind, add_solution, &c);
+    casters_find(path->scene->casters, place, &lamp, add_solution, &c);
     return c.sum;
 }

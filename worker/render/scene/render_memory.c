@@ -67,7 +67,7 @@ static void geometry_need(struct render_need *need, const struct scene *scene, c
     const int casts = !(settings->without & EFFECT_CAUSTICS) && (scene->light_count > 0 || scene->environment.present);
     double open_s, close_s;
     uint64_t baked = 0;
-    int blurs;
+    int blurs, has_casters = 0;
 
     scene_shutter(scene, settings, 0, &open_s, &close_s);
     blurs = close_s > open_s && scene->channel_count > 0 && !(settings->without & EFFECT_MOTION_BLUR);
@@ -81,8 +81,10 @@ static void geometry_need(struct render_need *need, const struct scene *scene, c
         const struct scene_mesh *mesh = &scene->meshes[scene->instances[i].mesh];
         uint64_t vertices = mesh->vertex_count, triangles = mesh->triangle_count;
         need->bvh += BVH_BYTES_INSTANCE;
-        if (casts && casters_may_be(&scene->materials[scene->instances[i].material]))
+        if (casts && casters_may_be(&scene->materials[scene->instances[i].material])) {
             need->bvh += triangles * CASTERS_BYTES_TRIANGLE;
+            has_casters = 1;
+        }
         need->meshes += sizeof(struct render_instance);
         if (!scene_instance_deforms(scene, i))
             continue;
@@ -91,6 +93,7 @@ static void geometry_need(struct render_need *need, const struct scene *scene, c
                         sizeof(float32) * (blurs ? RENDER_STEPS_MAX : 1);
         need->bvh += triangles * (blurs ? BVH_BYTES_MOVING_TRIANGLE : BVH_BYTES_TRIANGLE);
     }
+    need->bvh += has_casters ? CASTER_CELLS_BYTES : 0;
 }
 
 status need_of(struct render_need *need, const struct scene *scene, const struct render_settings *settings,
