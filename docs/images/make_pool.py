@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Write the pool of docs/CAUSTICS.md, a pbrt file: water with ripples under a point light.
+"""Write the pool of docs/CAUSTICS.md, a pbrt file: water with ripples under a point light, or a square lamp of 16 cm.
 
-    docs/images/make_pool.py pool.pbrt
+    docs/images/make_pool.py pool.pbrt [lamp]
 """
 import math
 import sys
 
 SIDE, HALF, LEVEL = 96, 2.0, 1.0
+LAMP, SIZE, POWER = (0.8, 3.6, -0.6), 0.16, (14, 13, 11)
 RIPPLES = ((0.035, 5.1, 1.3, 0), (0.025, -3.7, 6.2, 1), (0.015, 9.5, 8.1, 2), (0.012, -12, 7.3, 0))
 
 
@@ -48,14 +49,24 @@ def quad(*corners):
     return mesh(corners, ((0, 1, 2), (0, 2, 3)))
 
 
+def light(square):
+    def listed(row):
+        return " ".join(f"{value:.6g}" for value in row)
+    x, y, z = LAMP
+    r = SIZE / 2
+    if not square:
+        return [f'LightSource "point" "point3 from" [{listed(LAMP)}] "rgb I" [{listed(POWER)}]']
+    return ["AttributeBegin", f'AreaLightSource "diffuse" "rgb L" [{listed(v / SIZE ** 2 for v in POWER)}]',
+            quad((x - r, y, z - r), (x + r, y, z - r), (x + r, y, z + r), (x - r, y, z + r)), "AttributeEnd"]
+
+
 def main():
     h, rim = HALF, 1.4
     walls = [((-h, -h), (h, -h)), ((-h, -h), (-h, h)), ((h, -h), (h, h)), ((-h, h), (h, h))]
     lines = ['LookAt 0 3.4 4.6  0 0.4 0  0 1 0', 'Camera "perspective" "float fov" [42]',
              'Film "rgb" "integer xresolution" [320] "integer yresolution" [180]',
              'Sampler "independent" "integer pixelsamples" [16]', "WorldBegin",
-             'LightSource "point" "point3 from" [0.8 3.6 -0.6] "rgb I" [14 13 11]',
-             'Material "diffuse" "rgb reflectance" [0.55 0.7 0.75]',
+             *light(sys.argv[2:] == ["lamp"]), 'Material "diffuse" "rgb reflectance" [0.55 0.7 0.75]',
              quad((-h, 0, -h), (-h, 0, h), (h, 0, h), (h, 0, -h))]
     lines += [quad((a, 0, b), (c, 0, d), (c, rim, d), (a, rim, b)) for (a, b), (c, d) in walls]
     lines += ['Material "diffuse" "rgb reflectance" [0.6 0.5 0.4]',

@@ -44,11 +44,19 @@ BEGIN, END = "<!-- make bench-efficiency -->\n", "<!-- end of make bench-efficie
 
 
 class Scene:
-    def __init__(self, kind, path, depth=12, env=None, data=False, without=None, name=None):
+    def __init__(self, kind, path, depth=12, env=None, data=False, without=None, name=None, words=()):
         self.kind, self.depth, self.env, self.without = kind, depth, env, without
         self.path = os.path.join(DATA or "" if data else os.path.join(ROOT, "scenes"), path)
         stem = os.path.splitext(os.path.basename(path))[0]
+        self.words = words
         self.name = name or (os.path.basename(os.path.dirname(path)) if stem == "scene-v4" else stem)
+
+    def prepare(self):
+        """A script that writes the scene becomes what it writes."""
+        if self.path.endswith(".py"):
+            written = os.path.join(KEPT, self.name + ".pbrt")
+            subprocess.run([sys.executable, self.path, written, *self.words], check=True)
+            self.path = written
 
     def environment(self):
         if self.env != "sky":
@@ -67,6 +75,7 @@ SCENES = [
     Scene("room, no portal", "features/window.pbrt", env="sky", without="portal", name="window-sky"),
     Scene("room, no portal", "features/portal.pbrt", without="portal", name="portal-plain"),
     Scene("mirrors, open", "cornell/cornell-mirror.gltf", env="sky", name="cornell-mirror-sky"),
+    Scene("water, lamp", "../docs/images/make_pool.py", name="pool-lamp", words=("lamp",)),
     Scene("textured", "studio/textured-spheres.gltf", env="sky"),
     Scene("textured", "features/normal-map.gltf"),
     Scene("textured", "features/alpha.gltf"),
@@ -284,6 +293,7 @@ def main():
     say("|---|---|---|---|%s" % ("---|" * 2 * len(peers)))
     with tempfile.TemporaryDirectory(prefix="azulejo-bench-") as folder:
         for scene in chosen:
+            scene.prepare()
             release, *theirs = measure(ours, [base] + peers, scene, wide, folder)
             cells = [cell(r) for r in release]
             for peer, ratios in zip(peers, theirs):

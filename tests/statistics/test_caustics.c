@@ -14,7 +14,7 @@
 #include "tests/support/radiance.h"
 #include "worker/render/render_scene.h"
 
-enum { COMPARISONS = 18 };
+enum { COMPARISONS = 30 };
 #define ALBEDO 0.6
 #define WATER 1.33
 #define RADIUS 0.5
@@ -370,13 +370,92 @@ static void test_sun_in_a_mirror(void **state)
     builder_release(&b);
 }
 
+/* ---- lamps with area --------------------------------------------------------------------------- */
+
+/* A ball of triangles, small for what is a unit away. */
+static struct scene_material *small_lamp(struct scene_builder *b, double x, double y, double radius)
+{
+    struct scene_material *m = builder_lambert(b, 0);
+
+    m->emission[0] = 900;
+    m->emission[1] = 800;
+    m->emission[2] = 700;
+    builder_place(b, builder_sphere(b, 8, 1), builder_last_material(b), vec3_splat((real)radius),
+                  vec3_make((real)x, (real)y, 0));
+    return m;
+}
+
+/* Two lamps' images in a mirror, against lamps there. */
+static void test_lamp_off_a_mirror(void **state)
+{
+    struct render_settings settings = shallow(2);
+    struct scene_instance *wall;
+    struct scene_builder a, b;
+
+    (void)state;
+    settings.spp = 64;
+    floor_seen(&a, 0, 1);
+    (void)mirror(&a, 1);
+    wall = builder_place(&a, builder_quad(&a), 1, vec3_splat(1), vec3_splat(0));
+    wall->to_world = (struct transform_d){{{0, -1, 0, 2}, {2, 0, 0, 2}, {0, 0, 2, 0}}};
+    (void)small_lamp(&a, 1, 1.5, 0.05);
+    (void)small_lamp(&a, 0.5, 1.2, 0.03);
+    floor_seen(&b, 0, 1);
+    (void)small_lamp(&b, 1, 1.5, 0.05);
+    (void)small_lamp(&b, 3, 1.5, 0.05);
+    (void)small_lamp(&b, 0.5, 1.2, 0.03);
+    (void)small_lamp(&b, 3.5, 1.2, 0.03);
+    radiance_expect_same(&a, &b, &settings, COMPARISONS, "a lamp off a mirror");
+    builder_release(&a);
+    builder_release(&b);
+}
+
+/* A spot under water, or beside a round mirror, and a small lamp in the air. */
+static struct scene_material *lamp_scene(struct scene_builder *b, int ball)
+{
+    floor_seen(b, ball ? 0.9 : 0, 0.4);
+    if (ball) {
+        (void)mirror(b, 0.9);
+        builder_place(b, builder_sphere(b, 40, 1), 1, vec3_splat((real)RADIUS), vec3_make(0, REAL(0.6), 0));
+        return small_lamp(b, 0.9, 1.9, 0.06);
+    }
+    (void)water(b);
+    builder_place(b, builder_quad(b), 1, vec3_make(20, 1, 20), vec3_make(0, REAL(0.8), 0));
+    return small_lamp(b, 0.3, 2, 0.067);
+}
+
+/* A lamp with a trace of coat is left to the paths that meet it by chance. */
+static void test_asked_or_by_chance(void **state)
+{
+    (void)state;
+    for (int ball = 0; ball < 2; ball++) {
+        struct render_settings settings = shallow(3);
+        struct scene_builder asked, chance;
+        struct render_scene *scene;
+
+        settings.spp = ball ? 1024 : 4096;
+        (void)lamp_scene(&asked, ball);
+        lamp_scene(&chance, ball)->clearcoat = 1e-6f;
+        scene = builder_build(&asked, &settings);
+        assert_non_null(scene->casters);
+        render_scene_free(scene);
+        scene = builder_build(&chance, &settings);
+        assert_null(scene->casters);
+        render_scene_free(scene);
+        radiance_expect_same(&asked, &chance, &settings, COMPARISONS, ball ? "a ball beside a lamp" : "water under a lamp");
+        builder_release(&asked);
+        builder_release(&chance);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_water), cmocka_unit_test(test_lamp_in_water),
                                        cmocka_unit_test(test_sun), cmocka_unit_test(test_mirror),
                                        cmocka_unit_test(test_ball), cmocka_unit_test(test_few_ask),
                                        cmocka_unit_test(test_sun_in_a_mirror),
-                                       cmocka_unit_test(test_sun_off_a_mirror)};
+                                       cmocka_unit_test(test_sun_off_a_mirror),
+                                       cmocka_unit_test(test_lamp_off_a_mirror), cmocka_unit_test(test_asked_or_by_chance)};
 
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

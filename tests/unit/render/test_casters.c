@@ -327,6 +327,8 @@ static void find_by_cells(int metal)
         if (lamp.kind != CASTER_LAMP_NEAR)
             unit(sun);
         memcpy(lamp.at, sun, sizeof sun);
+        memcpy(lamp.middle, sun, sizeof sun);
+        lamp.radius = lamp.kind == CASTER_LAMP_NEAR ? 0.05 : 0;
         for (int k = 0; k < NEAR; k++) {
             struct found by_cell = {0}, by_root = {0};
 
@@ -334,6 +336,8 @@ static void find_by_cells(int metal)
             if (lamp.kind == CASTER_LAMP_SUN) {
                 move_a_little(sun, 0.03, lamp.at);
                 unit(lamp.at);
+            } else if (lamp.kind == CASTER_LAMP_NEAR) {
+                move_a_little(sun, 0.05 / sqrt(3), lamp.at);
             }
             root = lamp;
             root.moves = 1;

@@ -12,7 +12,7 @@
 #include "worker/render/base/sampler.h"
 #include "worker/render/caustic/casters_parts.h"
 
-enum { SLOTS = 1 << 16, PROBES = 8, STARTS_MAX = 1024, DEPTH_MAX = 64 };
+enum { SLOTS = 1 << 16, PROBES = 8, STARTS_MAX = 1024 };
 /* Cells have about the width of the tree's leaves, but there are between so many to a caster's radius; and at least so
  * much of the distance to it. SUN_CELL: the width of a cell of a sun's directions. */
 #define ACROSS_MIN 8.0
@@ -23,7 +23,7 @@ enum { SLOTS = 1 << 16, PROBES = 8, STARTS_MAX = 1024, DEPTH_MAX = 64 };
 #define SMALL 0.5
 
 struct key {
-    double lamp[3]; /* of a sun: its cell */
+    double lamp[3], lamp_radius; /* of a sun: its cell */
     int64_t place[3];
     uint32_t caster, kind;
     int32_t width; /* its binary exponent */
@@ -90,21 +90,23 @@ int caster_node_may(const struct caster *caster, const struct caster_node *node,
 
 /* ---- cells ----------------------------------------------------------------------------------------- */
 
-static void key_of(const struct caster *caster, uint32_t number, const struct caster_pair *pair, struct key *out)
+static void key_of(const struct caster *caster, uint32_t number, const double place[3], const struct caster_lamp *lamp,
+                   struct key *out)
 {
     const struct caster_bounds *all = &caster->nodes[0].bounds;
     double from[3], away, width;
 
     memset(out, 0, sizeof *out);
-    exact_sub(pair->place, all->centre, from);
+    exact_sub(place, all->centre, from);
     away = caster_length(from) - all->radius;
     width = fmax(all->radius / fmin(fmax(sqrt((double)caster->node_count), ACROSS_MIN), ACROSS_MAX), away * OF_DISTANCE);
     out->caster = number;
-    out->kind = (uint32_t)pair->kind;
+    out->kind = (uint32_t)lamp->kind;
     out->width = ilogb(width);
+    out->lamp_radius = lamp->radius;
     for (int k = 0; k < 3; k++) {
-        out->place[k] = (int64_t)floor(ldexp(pair->place[k], -out->width));
-        out->lamp[k] = pair->kind == CASTER_LAMP_SUN ? floor(pair->lamp[k] / SUN_CELL) : pair->lamp[k];
+        out->place[k] = (int64_t)floor(ldexp(place[k], -out->width));
+        out->lamp[k] = lamp->kind == CASTER_LAMP_SUN ? floor(lamp->at[k] / SUN_CELL) : lamp->middle[k];
     }
 }
 
@@ -123,7 +125,7 @@ static uint32_t starts_in(const struct caster *caster, const struct key *key, ui
 {
     struct caster_pair pair = {.kind = key->kind, .infinite = key->kind != CASTER_LAMP_NEAR};
     double place[3], lamp[3], width = ldexp(1, key->width);
-    uint32_t waiting[DEPTH_MAX], left = 0, at = 0, count = 0;
+    uint32_t waiting[CASTER_DEPTH_MAX], left = 0, at = 0, count = 0;
 
     for (int k = 0; k < 3; k++) {
         place[k] = ((double)key->place[k] + 0.5) * width;
@@ -132,6 +134,7 @@ static uint32_t starts_in(const struct caster *caster, const struct key *key, ui
     pair.place = place;
     pair.lamp = lamp;
     pair.place_radius = 0.8661 * width; /* sqrt(3) / 2 */
+    pair.lamp_radius = key->lamp_radius;
     if (key->kind == CASTER_LAMP_SUN) {
         /* Half of the cell's diagonal to its middle, and as much from there to the unit vector. */
         const double length = caster_length(lamp);
@@ -180,14 +183,14 @@ static struct cell *cell_new(struct caster_cells *cells, const struct caster *ca
 }
 
 const uint32_t *caster_cells_find(struct caster_cells *cells, const struct caster *caster, uint32_t number,
-                                  const struct caster_pair *pair, uint32_t *count)
+                                  const double place[3], const struct caster_lamp *lamp, uint32_t *count)
 {
     static const uint32_t root = 0;
     struct key key;
     uint64_t hash;
 
     *count = 1;
-    key_of(caster, number, pair, &key);
+    key_of(caster, number, place, lamp, &key);
     hash = hash_of(&key);
     for (uint32_t i = 0; i < PROBES; i++) {
         _Atomic(struct cell *) *slot = &cells->slots[(hash + i) % SLOTS];

@@ -86,7 +86,7 @@ void caster_view_of(const struct caster_bounds *bounds, const struct caster_pair
         memcpy(out->lamp, pair->lamp, sizeof out->lamp);
     } else {
         exact_sub(pair->lamp, bounds->centre, out->lamp);
-        out->lamp_chord = chord_of(bounds->radius, make_unit(out->lamp));
+        out->lamp_chord = chord_of(bounds->radius + pair->lamp_radius, make_unit(out->lamp));
     }
 }
 

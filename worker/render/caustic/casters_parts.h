@@ -30,6 +30,7 @@ struct caster_ref {
     float32 middle[3]; /* times 3: for sorting */
 };
 
+enum { CASTER_DEPTH_MAX = 64 }; /* of the tree */
 struct caster_node {
     struct caster_bounds bounds;
     double front[3], front_cosine, front_sine; /* likewise of the faces' own normals, as the front has them */
@@ -48,8 +49,20 @@ struct caster {
     uint32_t node_count, face_count;
 };
 
+struct small_lamp {
+    double middle[3], radius; /* a sphere around it */
+};
+struct caster_lamps {
+    struct small_lamp *list;
+    uint32_t count, face_count;
+    uint32_t *of_instance; /* [instances] 1 + its lamp; 0: it is none */
+    struct hit *faces;     /* [face_count] */
+    real *start;           /* [face_count + 1] where each one's share begins */
+};
+
 struct casters {
     const struct render_scene *scene;
+    struct caster_lamps lamps;
     struct caster_cells *cells;
     struct caster *list;
     uint32_t count;
@@ -58,12 +71,12 @@ struct casters {
     uint8_t *sunlit; /* bits: the triangle's node is sunlit */
 };
 
-/* A place and a lamp, or all places within a radius, and all directions of a lamp within a chord. Points on an edge belong to two triangles, and symmetric scenes have many: `met` are those, and
+/* A place and a lamp, or all places and all of a lamp within a radius, and all directions of a lamp within a chord. Points on an edge belong to two triangles, and symmetric scenes have many: `met` are those, and
  * each is reported once. */
 enum { CASTER_MET_MAX = 32 };
 struct caster_pair {
     const double *place, *lamp;
-    double place_radius, lamp_chord;
+    double place_radius, lamp_radius, lamp_chord;
     enum caster_lamp_kind kind;
     int infinite;
     uint32_t met_count;
@@ -80,7 +93,11 @@ status caster_cells_new(struct caster_cells **out, struct error *err) MUST_CHECK
 void caster_cells_free(struct caster_cells *cells);
 size_t caster_cells_bytes(const struct caster_cells *cells);
 const uint32_t *caster_cells_find(struct caster_cells *cells, const struct caster *caster, uint32_t number,
-                                  const struct caster_pair *pair, uint32_t *count);
+                                  const double place[3], const struct caster_lamp *lamp, uint32_t *count);
+
+/* Fill in nodes, refs and faces, of all instances of the material that stand still; face_count is 0 where there are none.
+ * ERR_NO_MEMORY. */
+status caster_build(struct caster *caster, const struct render_scene *scene, uint32_t material, struct error *err) MUST_CHECK;
 
 /* Make the face. 0: it has no area, or its vertices' normals disagree by a right angle or more. */
 int caster_face_of(const struct render_scene *scene, const struct caster_ref *ref, struct caster_face *face);
@@ -91,6 +108,10 @@ void caster_face_finish(struct caster_face *face);
 /* Find out from which nodes the map's suns can be seen, by rays from places on their faces. Sets sunlit and suns.
  * ERR_NO_MEMORY. */
 status casters_look_for_suns(struct casters *casters, struct error *err) MUST_CHECK;
+
+/* Fill in casters->lamps. ERR_NO_MEMORY. */
+status caster_lamps_find(struct casters *casters, struct error *err) MUST_CHECK;
+void caster_lamps_release(struct caster_lamps *lamps);
 
 /* Bounds of a triangle with these corners and normals. */
 void caster_bounds_of(const double (*corner)[3], const double (*normal)[3], struct caster_bounds *out);

@@ -32,6 +32,9 @@ static inline real face_light_area_pdf(const struct light_meeting *met, real are
     return denominator > 0 ? met->odds * met->distance_squared / denominator : 0;
 }
 
+/* Where triangle_light_sample puts these numbers. */
+struct vec3 triangle_light_point(const struct render_scene *scene, const struct hit *light, real time, real u, real v);
+
 /* Number the emissive instances' faces by light_base; returns how many there are. */
 uint64_t face_lights_count(struct render_scene *scene);
 /* faces[count]; the bits of `dark`, zeroed, of those whose emissive texture is black all over. ERR_NO_MEMORY. */

@@ -50,6 +50,17 @@ static struct vec3 triangle_covered(const struct triangle_place *at, struct vec3
     return vec3_scale(radiance, real_min(1, real_max(0, alpha)));
 }
 
+struct vec3 triangle_light_point(const struct render_scene *scene, const struct hit *light, real time, real u, real v)
+{
+    struct vec3 corner[3];
+    real b1, b2;
+
+    triangle_of_instance(scene, &scene->instances[light->instance], light->triangle, time, corner);
+    triangle_point(u, v, &b1, &b2);
+    return vec3_add(corner[0], vec3_add(vec3_scale(vec3_sub(corner[1], corner[0]), b1),
+                                        vec3_scale(vec3_sub(corner[2], corner[0]), b2)));
+}
+
 int triangle_light_sample(const struct render_scene *scene, const void *light_, const struct light_context *context,
                           real u, real v, struct light_sample *out)
 {

@@ -16,8 +16,8 @@ enum { PATHS = 1024 };
  * seldom depends on how the same scene is written. */
 #define SHARE_OF_ALL REAL(0.05)
 #define SHARE_MIN REAL(0.00390625)
-/* Below this share suns are left to the paths that meet them by chance: to ask would cost more than it is worth. */
-#define SUNS_MIN REAL(0.01)
+/* Below this share suns and lamps with area are left to the paths that meet them by chance: to ask would cost more than it is worth. */
+#define CHANCE_BELOW REAL(0.01)
 
 struct pilot {
     struct render_scene *scene;
@@ -106,8 +106,8 @@ status caustic_pilot_run(struct render_scene *scene, struct error *err)
     parallel_for(scene->build_threads, PATHS, 64, trace_paths, pilot);
     scene->settings = settings;
     mean = mean_share(pilot);
-    if (mean < SUNS_MIN)
-        scene->casters = casters_without_suns(scene->casters);
+    if (mean < CHANCE_BELOW)
+        scene->casters = casters_for_points(scene->casters);
     while (scene->caster_share > SHARE_MIN && scene->caster_share / 2 > mean / SHARE_OF_ALL)
         scene->caster_share /= 2;
     failed = atomic_load(&pilot->failed);

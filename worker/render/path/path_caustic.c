@@ -1,11 +1,11 @@
-/* path_caustic: light of a lamp without size, or of the map's suns, that reaches a vertex by way of a smooth surface
+/* path_caustic: light of a small lamp, or of the map's suns, that reaches a vertex by way of a smooth surface
  * (caustic/casters.h).
  *
  * Each solution is followed as a path would go: a ray to the caster meets it, with the volumes, coincident faces,
  * textures and absorption on its way; what its smooth lobes send on towards the lamp counts. No scattered ray meets a
- * lamp without size. A sun is met by chance, by paths that scatter at a vertex, then at a caster, and escape: what they
- * bring of it does not count, because it is asked for here (path_is_cast). So the set of paths is split by a rule and
- * nothing is weighed. Where a caster shades otherwise than its faces say (a bent normal, other indices in front), a sun is
+ * lamp without size. A sun, or a lamp with area, is met by chance, by paths that scatter at a vertex, then at a caster: what
+ * they bring of it does not count, because it is asked for here (path_is_cast, path_lamp_is_cast). So the set of paths is split by a rule and
+ * nothing is weighed. Where a caster shades otherwise than its faces say (a bent normal, other indices in front), these are
  * left to chance, and the light of a lamp without size is missing.
  */
 #include "worker/render/path/path_parts.h"
@@ -20,9 +20,11 @@
 struct caustic {
     struct path *path;
     struct path_vertex *v;
-    const struct punctual *lamp; /* NULL: a sun, in this direction: */
+    const struct punctual *lamp; /* NULL: a face of a small lamp, and the numbers of the point on it: */
+    const struct hit *face;      /* NULL, too: a sun, in this direction: */
+    real face_u, face_v;
     struct vec3 sun;
-    real odds; /* of this lamp; of a sun, times the density of the direction, per sr */
+    real odds; /* of this lamp, or face; of a sun, times the density of the direction, per sr */
     struct vec3 sum;
 };
 
@@ -50,10 +52,10 @@ enum path_chain path_chain_at(const struct path *path, const struct path_vertex 
     if (!delta)
         return path_meets_coincident(&v->crossing, v->sample.wi) || path->depth + 1 >= path->scene->settings.max_depth
                    ? CHAIN_NONE : CHAIN_ASKED;
-    return path->chain == CHAIN_ASKED && casts(path, v, through ? CASTER_REFRACTS : CASTER_REFLECTS) &&
-                   casters_are_sunlit(path->scene->casters, v->s.number, v->s.triangle) &&
-                   !path_meets_coincident(&v->crossing, v->sample.wi)
-               ? CHAIN_CAST : CHAIN_NONE;
+    if (path->chain != CHAIN_ASKED || !casts(path, v, through ? CASTER_REFRACTS : CASTER_REFLECTS) ||
+        path_meets_coincident(&v->crossing, v->sample.wi))
+        return CHAIN_NONE;
+    return casters_are_sunlit(path->scene->casters, v->s.number, v->s.triangle) ? CHAIN_CAST_SUNLIT : CHAIN_CAST;
 }
 
 /* ---- a solution ------------------------------------------------------------------------------- */
@@ -141,6 +143,10 @@ static int sample_lamp(const struct caustic *c, const struct path *way, const st
 
     if (c->lamp)
         return emitters_sample_one(way->scene, c->lamp, &context, c->odds, light);
+    if (c->face) {
+        *light = (struct light_sample){.pdf = c->odds};
+        return triangle_light_sample(way->scene, c->face, &context, c->face_u, c->face_v, light);
+    }
     *light = (struct light_sample){.direction = c->sun, .distance = INFINITY, .pdf = c->odds};
     light->radiance = environment_radiance(way->scene->environment, c->sun);
     return 1;
@@ -195,34 +201,58 @@ static void add_solution(void *user, const struct caster_solution *solution)
         health_note(HEALTH_BAD_DENSITIES);
 }
 
-/* One lamp, by the numbers of next-event estimation: each is as likely, and the map's suns count as one. */
+static void choose_sun(struct caustic *c, real u, real v, struct caster_lamp *lamp)
+{
+    real pdf;
+
+    environment_aim_at_windows(c->path->scene->environment, u, v, &c->sun, &pdf);
+    c->odds *= pdf;
+    exact_vec(c->sun, lamp->at);
+    lamp->kind = CASTER_LAMP_SUN;
+    lamp->moves = 0;
+    lamp->radius = 0;
+}
+
+static void choose_face(struct caustic *c, real u, real v, struct caster_lamp *lamp)
+{
+    real odds;
+
+    c->face = casters_choose_face(c->path->scene->casters, &u, &odds, lamp);
+    c->face_u = u;
+    c->face_v = v;
+    c->odds *= odds;
+    exact_vec(triangle_light_point(c->path->scene, c->face, c->v->s.time, u, v), lamp->at);
+}
+
+/* One lamp, by the numbers of next-event estimation: each is as likely, but the faces of small lamps, which share the odds
+ * of these; the map's suns count as one. */
 static void choose_lamp(struct caustic *c, struct sample2 point, struct caster_lamp *lamp)
 {
     const struct render_scene *scene = c->path->scene;
     const struct emitters *e = &scene->emitters;
-    const int suns = casters_have_suns(scene->casters);
-    const real count = (real)(e->punctual_count + (uint32_t)suns);
+    const uint32_t small = casters_lamp_count(scene->casters), points = e->punctual_count;
+    const real count = (real)(points + small + (uint32_t)casters_have_suns(scene->casters));
     const uint32_t number = (uint32_t)(point.u * count);
     const struct punctual_pose *pose;
     struct punctual_pose moved;
-    real pdf;
 
     c->odds = 1 / count;
-    if (number >= e->punctual_count && suns) {
-        c->lamp = NULL;
-        environment_aim_at_windows(scene->environment, light_rescaled(point.u, (real)e->punctual_count / count, 1 / count),
-                                   point.v, &c->sun, &pdf);
-        c->odds *= pdf;
-        exact_vec(c->sun, lamp->at);
-        lamp->kind = CASTER_LAMP_SUN;
-        lamp->moves = 0;
+    if (number >= points + small && casters_have_suns(scene->casters)) {
+        choose_sun(c, light_rescaled(point.u, (real)(points + small) / count, 1 / count), point.v, lamp);
         return;
     }
-    c->lamp = e->punctual[number < e->punctual_count ? number : e->punctual_count - 1];
+    if (number >= points && small > 0) {
+        c->odds = (real)small / count;
+        choose_face(c, light_rescaled(point.u, (real)points / count, c->odds), point.v, lamp);
+        return;
+    }
+    c->lamp = e->punctual[number < points ? number : points - 1];
     pose = punctual_pose_at(c->lamp, c->v->s.time, &moved);
     lamp->kind = c->lamp->kind == LIGHT_DIRECTIONAL ? CASTER_LAMP_FAR : CASTER_LAMP_NEAR;
     lamp->moves = pose == &moved;
     exact_vec(lamp->kind == CASTER_LAMP_FAR ? vec3_neg(pose->direction) : pose->position, lamp->at);
+    memcpy(lamp->middle, lamp->at, sizeof lamp->middle);
+    lamp->radius = 0;
 }
 
 struct vec3 path_caustic(struct path *path, struct path_vertex *v)

@@ -218,6 +218,8 @@ struct vec3 path_emitted(const struct path *path, const struct surface *s, struc
         return unlit_color(path, s);
     if (!(material->flags & MATERIAL_EMISSIVE) || (!s->front && !material->m.double_sided) || is_unwanted_caustic(path))
         return vec3_splat(0); /* a light source emits on its front only */
+    if (calls_for(scene->effects, EFFECT_CAUSTICS) && path_lamp_is_cast(path, s))
+        return vec3_splat(0);
     PROFILE_STAGE_EFFECT(LIGHT, PROFILE_ACCOUNT(EMISSIVE_MESH));
     face = emitters_face_at(scene, s);
     if (face != EMITTERS_NO_FACE && emitters_is_dark(&scene->emitters, face))

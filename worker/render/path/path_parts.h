@@ -42,7 +42,7 @@
 enum path_sight { SIGHT_NOTHING, SIGHT_SURFACE, SIGHT_MEDIUM };
 
 /* A vertex that asked casters for light, and after it one at a caster: what a sun sends there has been asked for. */
-enum path_chain { CHAIN_NONE, CHAIN_ASKED, CHAIN_CAST };
+enum path_chain { CHAIN_NONE, CHAIN_ASKED, CHAIN_CAST, CHAIN_CAST_SUNLIT };
 
 struct path {
     const struct render_scene *scene;
@@ -173,12 +173,16 @@ void path_crossing_none(struct crossing *crossing);
 int path_bsdf(struct path *path, struct path_vertex *v);
 /* The vertex scatters the path in the sampled direction: its place in the chain. */
 enum path_chain path_chain_at(const struct path *path, const struct path_vertex *v);
-/* Have casters been asked for what the path's ray, which escapes, brings of a sun? */
+/* Have casters been asked for what the path's ray, which escapes, brings of a sun; for what the lamp that it met emits? */
 static inline int path_is_cast(const struct path *path)
 {
-    return path->chain == CHAIN_CAST && environment_windows_pdf(path->scene->environment, path->ray.direction) > 0;
+    return path->chain == CHAIN_CAST_SUNLIT && environment_windows_pdf(path->scene->environment, path->ray.direction) > 0;
 }
-/* Light that the vertex scatters towards wo and that casters send there from a lamp without size, or a sun. The scene
+static inline int path_lamp_is_cast(const struct path *path, const struct surface *s)
+{
+    return path->chain >= CHAIN_CAST && casters_know_lamp(path->scene->casters, s->number);
+}
+/* Light that the vertex scatters towards wo and that casters send there from a small lamp or a sun. The scene
  * has casters. */
 struct vec3 path_caustic(struct path *path, struct path_vertex *v);
 

@@ -64,7 +64,7 @@ static uint64_t mesh_bytes(const struct scene_mesh *mesh)
  * with the copies that are saved, and one that is not shared is baked. */
 static void geometry_need(struct render_need *need, const struct scene *scene, const struct render_settings *settings)
 {
-    const int casts = !(settings->without & EFFECT_CAUSTICS) && (scene->light_count > 0 || scene->environment.present);
+    const int casts = !(settings->without & EFFECT_CAUSTICS);
     double open_s, close_s;
     uint64_t baked = 0;
     int blurs, has_casters = 0;
