@@ -1,7 +1,8 @@
 /* odd_reach: preloaded into a program, says what each of its threads may do with files.
  *
  * At SIGUSR2 the thread that gets it tries every item of ODD_REACH, which are parted by colons: r/PATH is opened to read,
- * w/PATH to write, x/PATH executed in a child. It writes a line for each to standard error:
+ * w/PATH to write, x/PATH executed in a child; at "spin" it stays there for good. It writes a line for each to standard
+ * error:
  *
  *   reach THREAD ITEM ERRNO
  */
@@ -52,6 +53,8 @@ static void on_signal(int number)
         int code, size;
 
         snprintf(item, sizeof item, "%.*s", (int)length, at);
+        while (strcmp(item, "spin") == 0)
+            continue;
         code = item[0] == 'x' ? try_execute(item + 1) : try_open(item + 1, item[0] == 'w' ? O_WRONLY : O_RDONLY);
         size = snprintf(line, sizeof line, "reach %ld %s %d\n", syscall(SYS_gettid), item, code);
         if (write(STDERR_FILENO, line, (size_t)size) != size)

@@ -5,14 +5,17 @@ import http.client
 import json
 import os
 import re
+import resource
 import shutil
 import signal
+import socket
 import stat
 import subprocess
 import sys
 import time
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
+from disk import SmallDisk
 from farm import BIN, PATIENCE, Failure, Farm, Program, Skip, Tests, preloaded, read_bytes, wait_for
 from jobs import LongJob, Outcome, expect, expect_same, wait_mid_frame, wait_slowly
 from page import Page, need_page
@@ -50,10 +53,22 @@ def state_of(pid):
         return ""
 
 
-def begin(farm, *options):
-    """A coordinator with its page, a worker, and the picture of an undisturbed job."""
+def start_by_hand(farm, folder):
+    """A page with a key of its role, of a coordinator with --web-apart."""
+    key = farm.path("web.key")
+    farm.cli("keygen", "--role", "web", "--from", farm.key, "-o", key, expect=0)
+    farm.programs.append(Program("web", [os.path.join(BIN, "azulejo-web"), "--coordinator", farm.address, "--web", "127.0.0.1:0",
+                                         "--folder", folder, "--key", key], farm.path("web.log")))
+
+
+def begin(farm, *options, env=None, by_hand=None):
+    """A coordinator with its page, a worker, and the picture of an undisturbed job. by_hand: the folder of a page that is
+    started so."""
     need_page()
-    page = Page(farm.start_coordinator(*options))
+    coordinator = farm.start_coordinator(*options, env=env)
+    if by_hand:
+        start_by_hand(farm, by_hand)
+    page = Page(coordinator)
     farm.start_worker(threads=1)
     farm.wait_for_workers(1)
     if not LONG.spp:
@@ -245,6 +260,108 @@ def held_up():
         os.kill(web, signal.SIGSTOP)
         wait_for(lambda: web_of(farm) not in (None, web) and answers(page), "another one", 90)
         expect("does not answer" in farm.coordinator.log_text(), farm.coordinator.log_text())
+
+
+@tests.add
+def endless_loop():
+    """a page that computes for good is killed and started again; what is rendered meanwhile has the same bits"""
+    if os.environ.get("SANITIZE"):
+        raise Skip("a sanitizer wants to be loaded first")
+    with Farm() as farm:
+        page, reference = begin(farm, env={"LD_PRELOAD": preloaded("odd_reach.so"), "ODD_REACH": "spin"})
+        number = LONG.submit(farm)
+        wait_mid_frame(farm, number)
+        web = web_of(farm)
+        os.kill(web, signal.SIGUSR2)
+        wait_for(lambda: not answers(page), "it to spin")
+        farm.cli("list", expect=0)
+        finish(farm, number, reference, "a page that spins")
+        wait_for(lambda: web_of(farm) not in (None, web) and answers(page), "another one", 90)
+        expect("does not answer" in farm.coordinator.log_text(), farm.coordinator.log_text())
+
+
+@tests.add
+def out_of_memory():
+    """a page that gets no more memory, asked by sixty browsers, changes no bit, and answers when there is some again"""
+    if os.environ.get("SANITIZE"):
+        raise Skip("a sanitizer reserves addresses of its own")
+    with Farm() as farm:
+        page, reference = begin(farm)
+        number = LONG.submit(farm)
+        wait_mid_frame(farm, number)
+        web = web_of(farm)
+        with open("/proc/%d/statm" % web, encoding="ascii") as source:
+            used = int(source.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+        soft, hard = resource.prlimit(web, resource.RLIMIT_AS)
+        resource.prlimit(web, resource.RLIMIT_AS, (used, hard))
+        body = b"x" * (8 << 20)
+        refused = 0
+        for _ in range(60):
+            try:
+                upload = page.post("/api/v1/imports", limit_s=2).json().get("import")
+                refused += page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % upload, body=body, limit_s=2).status >= 500
+                listen(page)
+            except (OSError, ValueError, AttributeError, Failure, http.client.HTTPException):
+                refused += 1
+        expect(refused > 0, "it had memory enough: the test shows nothing")
+        farm.cli("list", expect=0)
+        if web_of(farm) == web:
+            resource.prlimit(web, resource.RLIMIT_AS, (soft, hard))
+        finish(farm, number, reference, "a page without memory")
+        wait_for(lambda: answers(page), "it to be back", 60)
+        expect(page.get("/api/v1/jobs/%d" % number).json()["jobs"][0]["state"] == "done", "it knows of the end")
+
+
+@tests.add
+def strangers():
+    """1,000 connections that say nothing, or nonsense, hold up no job and not the page of somebody else"""
+    each, addresses = 200, ["127.0.0.%d" % i for i in range(2, 7)]
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < 2048:
+        raise Skip("2,048 descriptors are not permitted")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 2048), hard))
+    with Farm() as farm:
+        page, reference = begin(farm)
+        number = LONG.submit(farm)
+        wait_mid_frame(farm, number)
+        host, port = page.host.rsplit(":", 1)
+        connections, tried = [], 0
+        for address in addresses:
+            for i in range(each):
+                tried += 1
+                try:
+                    connection = socket.create_connection((host, int(port)), timeout=5, source_address=(address, 0))
+                    if i % 2:
+                        connection.sendall(b"\x16\x03\x01\x00\xffGET / HTTP\r\n" * (i % 7 + 1))
+                    connections.append(connection)
+                except OSError:
+                    pass  # turned away
+        expect(tried == 1000 and len(connections) > 100, "%d of %d" % (len(connections), tried))
+        finish(farm, number, reference, "strangers")
+        wait_for(lambda: answers(page), "the page of somebody else", 60)
+        expect(page.get("/api/v1/jobs/%d" % number).json()["jobs"][0]["state"] == "done", "it knows of the end")
+        for connection in connections:
+            connection.close()
+        expect(web_of(farm), "the page goes on")
+
+
+@tests.add
+def full_folder():
+    """an upload that fills the page's disk is refused with the reason, holds up no job, and later ones come again"""
+    with Farm() as farm, SmallDisk(farm, 4 << 20) as disk:
+        if not disk:
+            raise Skip("needs root, to mount a tmpfs")
+        page, reference = begin(farm, "--web-apart", by_hand=disk)
+        number = LONG.submit(farm)
+        wait_mid_frame(farm, number)
+        upload = wait_for(lambda: page.post("/api/v1/imports").json().get("import"), "the page's own connection")
+        answer = page.request("PUT", "/api/v1/imports/%s/files/a.bin" % upload, body=b"x" * (8 << 20))
+        expect(answer.status == 503 and "nearly full" in answer.json()["detail"], answer)
+        expect(page.get("/api/v1/jobs/%d" % number).status == 200, "it answers")
+        finish(farm, number, reference, "a full folder")
+        expect(page.request("DELETE", "/api/v1/imports/%s" % upload).status < 300, "the upload goes")
+        upload = page.post("/api/v1/imports").json()["import"]
+        expect(page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % upload, body=read_bytes(farm.scene())).status == 201, "a later one")
 
 
 @tests.add

@@ -54,14 +54,14 @@ static status check_disk(const char *folder, uint64_t size, struct error *err)
     uint64_t disk, left, keep;
 
     if (statvfs(folder, &info) != 0)
-        return error_set(err, STATUS_ERR_IO, "the coordinator's disk cannot be used: %s", strerror(errno));
+        return error_set(err, STATUS_ERR_IO, "the disk for uploads cannot be used: %s", strerror(errno));
     disk = (uint64_t)info.f_blocks * info.f_frsize;
     left = (uint64_t)info.f_bavail * info.f_frsize;
     keep = disk / 10 < IMPORT_FREE_BYTES ? disk / 10 : IMPORT_FREE_BYTES;
     if (left < keep + size)
         return error_set(err, STATUS_ERR_IO,
-                         "the coordinator's disk is nearly full: %" PRIu64 " MiB are free and %" PRIu64
-                         " MiB must remain; remove jobs first, or submit less",
+                         "the disk for uploads is nearly full: %" PRIu64 " MiB are free and %" PRIu64
+                         " MiB must remain; free room on it, or upload less",
                          left >> 20, keep >> 20);
     return STATUS_OK;
 }
