@@ -95,6 +95,7 @@ static void key_of(const struct caster *caster, uint32_t number, const double pl
 {
     const struct caster_bounds *all = &caster->nodes[0].bounds;
     double from[3], away, width;
+    int exponent;
 
     memset(out, 0, sizeof *out);
     exact_sub(place, all->centre, from);
@@ -102,7 +103,8 @@ static void key_of(const struct caster *caster, uint32_t number, const double pl
     width = fmax(all->radius / fmin(fmax(sqrt((double)caster->node_count), ACROSS_MIN), ACROSS_MAX), away * OF_DISTANCE);
     out->caster = number;
     out->kind = (uint32_t)lamp->kind;
-    out->width = ilogb(width);
+    (void)frexp(width, &exponent);
+    out->width = exponent - 1;
     out->lamp_radius = lamp->radius;
     for (int k = 0; k < 3; k++) {
         out->place[k] = (int64_t)floor(ldexp(place[k], -out->width));
