@@ -58,6 +58,11 @@ def check(farm, page, number, state):
     return job
 
 
+def wait_until_closed(farm, number):
+    """A paused job's frame is closed a moment after its last result; its answers stand still from then on."""
+    wait_for(lambda: farm.job(number)["workers"] == 0 and not farm.job(number)["preview_ready"], "its frame to be closed")
+
+
 def kept(farm, page, number, state, before):
     """What is known of the picture's error outlives the work on it, and a restart of the coordinator."""
     job = check(farm, page, number, state)
@@ -88,7 +93,7 @@ def a_job_that_rests_keeps_its_error():
 
         worker, number, before = begin()
         farm.cli("pause", number, expect=0)
-        wait_for(lambda: farm.job(number)["workers"] == 0 and not farm.job(number)["preview_ready"], "its frame to be closed")
+        wait_until_closed(farm, number)
         page = kept(farm, page, number, "paused", before)
         farm.cli("cancel", number, expect=0)
         farm.wait_for_job(number, "cancelled")
@@ -133,7 +138,7 @@ def every_state_is_one_story():
         check(farm, page, number, "running")
         before = farm.job(number)
         farm.cli("pause", number, expect=0)
-        wait_for(lambda: farm.job(number)["workers"] == 0, "the pause")
+        wait_until_closed(farm, number)
         paused = check(farm, page, number, "paused")
         expect(paused["done_share"] >= 0.8 * before["done_share"] > 0, (paused["done_share"], before["done_share"]))
         expect(paused["core_seconds"] >= before["core_seconds"] > 1, (paused["core_seconds"], before["core_seconds"]))
@@ -235,7 +240,7 @@ def a_pause_does_not_slow_what_follows():
         number = farm.submit(AREA, "--size", "160x120", "--spp", "16384", "--allocation", "uniform")
         wait_for(lambda: farm.job(number)["seconds_left"] > 0 and farm.job(number)["seconds_active"] > 3, "a rate", 60)
         farm.cli("pause", number, expect=0)
-        wait_for(lambda: farm.job(number)["workers"] == 0, "the pause")
+        wait_until_closed(farm, number)
         before = farm.job(number)["seconds_active"]
         time.sleep(15)  # the pause itself is what is tested
         farm.cli("resume", number, expect=0)

@@ -27,12 +27,11 @@ def has_landlock():
     return ctypes.CDLL(None).syscall(LANDLOCK_CREATE_RULESET, None, 0, VERSION) >= 2
 
 
-def upload(page):
+def upload(farm, page):
     """A scene that comes by the page is rendered."""
     number = wait_for(lambda: page.post("/api/v1/imports").json().get("import"), "the page's own connection")
-    with Farm() as other:
-        scene = read_bytes(other.scene())
-    expect(page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % number, body=scene).status == 201, "an upload")
+    answer = page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % number, body=read_bytes(farm.scene()))
+    expect(answer.status == 201, answer)
     answer = page.post("/api/v1/imports/%s" % number, {"scene": "a.gltf", "options": ["--size", "32x24", "--spp", "1"]})
     expect(answer.status in (200, 201, 202), answer)
     wait_for(lambda: page.get("/api/v1/jobs").json()["jobs"][0]["state"] == "done", "the job")
@@ -63,7 +62,7 @@ def page_of_its_own():
         farm.programs.append(web)
         page = Page(farm.coordinator)
         start_worker(farm)
-        upload(page)
+        upload(farm, page)
         expect_kept(web.log_text())
 
 
@@ -74,7 +73,7 @@ def page_of_the_coordinator():
     with Farm() as farm:
         page = Page(farm.start_coordinator("--web", "127.0.0.1:0", prefix=under("azulejo-coordinator.service")))
         start_worker(farm)
-        upload(page)
+        upload(farm, page)
         expect_kept(farm.coordinator.log_text())
 
 
