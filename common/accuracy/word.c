@@ -75,7 +75,8 @@ const char *accuracy_cause(uint64_t effects)
         {EFFECT_CAUSTICS | EFFECT_NESTED_DIELECTRIC | EFFECT_EMISSIVE_MESH,
          "caustics, or lamps inside glass: light that reaches a surface through glass is found by chance only"},
         {EFFECT_CAUSTICS | EFFECT_ENVIRONMENT,
-         "caustics of a small sun: light that reaches a surface by several mirrors or faces of glass is found by chance only"},
+         "caustics of a small sun: light that reaches a surface by several mirrors or faces of glass is found by chance "
+         "only"},
         {EFFECT_CAUSTICS,
          "caustics: light that reaches a surface by several mirrors or faces of glass is found by chance only"},
         {EFFECT_MEDIUM, "light that is scattered in a volume"},

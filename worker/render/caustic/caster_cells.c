@@ -19,7 +19,7 @@ enum { SLOTS = 1 << 16, PROBES = 8, STARTS_MAX = 1024 };
 #define ACROSS_MAX 64.0
 #define OF_DISTANCE (1.0 / 16)
 #define SUN_CELL (1.0 / 64)
-/* A node is small beside a cell if its radius is less than this much of the cell's. */
+/* A node is small if its radius is less than this share of the cell's. */
 #define SMALL 0.5
 
 struct key {
@@ -100,10 +100,10 @@ static void key_of(const struct caster *caster, uint32_t number, const double pl
     memset(out, 0, sizeof *out);
     exact_sub(place, all->centre, from);
     away = caster_length(from) - all->radius;
-    width = fmax(all->radius / fmin(fmax(sqrt((double)caster->node_count), ACROSS_MIN), ACROSS_MAX), away * OF_DISTANCE);
+    width = all->radius / fmin(fmax(sqrt((double)caster->node_count), ACROSS_MIN), ACROSS_MAX);
+    (void)frexp(fmax(width, away * OF_DISTANCE), &exponent);
     out->caster = number;
     out->kind = (uint32_t)lamp->kind;
-    (void)frexp(width, &exponent);
     out->width = exponent - 1;
     out->lamp_radius = lamp->radius;
     for (int k = 0; k < 3; k++) {
@@ -166,18 +166,21 @@ static uint32_t starts_in(const struct caster *caster, const struct key *key, ui
     }
 }
 
-/* NULL: there is no room. */
+/* NULL: there is no room, which is known before the search. */
 static struct cell *cell_new(struct caster_cells *cells, const struct caster *caster, const struct key *key)
 {
-    uint32_t starts[STARTS_MAX];
-    const uint32_t count = starts_in(caster, key, starts);
-    const size_t bytes = sizeof(struct cell) + count * sizeof *starts;
+    uint32_t starts[STARTS_MAX], count;
     struct cell *cell;
+    size_t bytes;
 
-    if (atomic_fetch_add(&cells->bytes, bytes) + bytes > CASTER_CELLS_BYTES || !(cell = mem_alloc(bytes))) {
-        atomic_fetch_sub(&cells->bytes, bytes);
+    if (atomic_load(&cells->bytes) > CASTER_CELLS_BYTES - sizeof *cell - sizeof starts)
         return NULL;
-    }
+    count = starts_in(caster, key, starts);
+    bytes = sizeof *cell + count * sizeof *starts;
+    cell = mem_alloc(bytes);
+    if (!cell)
+        return NULL;
+    atomic_fetch_add(&cells->bytes, bytes);
     cell->key = *key;
     cell->count = count;
     memcpy(cell->starts, starts, count * sizeof *starts);

@@ -1,7 +1,7 @@
 /* caster_lamps: the small lamps, emissive instances of triangles, for whose light casters are asked.
  *
- * A lamp is small if its radius is less than a tenth of the way to the nearest caster: then few of the rays that a caster
- * scatters meet it. Larger ones are met often enough. Its points are chosen by area and emission.
+ * A lamp is small if its radius is less than a tenth of the way to the nearest caster: then few of the rays that a
+ * caster scatters meet it. Larger ones are met often enough. Its points are chosen by area and emission.
  */
 #include <math.h>
 #include <string.h>
@@ -67,7 +67,8 @@ static double distance_of(const struct caster_face *face, const double place[3])
 }
 
 /* Is a face of the caster nearer than that? */
-static int is_nearer(const struct render_scene *scene, const struct caster *caster, const double place[3], double distance)
+static int is_nearer(const struct render_scene *scene, const struct caster *caster, const double place[3],
+                     double distance)
 {
     uint32_t waiting[CASTER_DEPTH_MAX], left = 0, at = 0;
 
@@ -96,40 +97,66 @@ static int is_nearer(const struct render_scene *scene, const struct caster *cast
     }
 }
 
+/* Is it small beside the way to the nearest caster? */
 static int is_small(const struct casters *casters, const struct small_lamp *lamp)
 {
     for (uint32_t i = 0; i < casters->count; i++)
         if (is_nearer(casters->scene, &casters->list[i], lamp->middle, lamp->radius / SMALL))
             return 0;
+    return 1;
+}
+
+static int is_of_caster(const struct casters *casters, const struct render_instance *instance)
+{
+    for (uint32_t i = 0; i < casters->count; i++)
+        if (casters->list[i].material == instance->material)
+            return !instance->motion_steps && !instance->shape;
+    return 0;
+}
+
+/* The same beside the way to one corner of each instance: no tree is needed, and it keeps most large lamps out. */
+static int may_be_small(const struct casters *casters, const struct small_lamp *lamp)
+{
+    const struct render_scene *scene = casters->scene;
+
+    for (uint32_t i = 0; i < scene->instance_count; i++) {
+        double corner[3][3], way[3];
+
+        if (!is_of_caster(casters, &scene->instances[i]) || scene->meshes[scene->instances[i].mesh].triangle_count == 0)
+            continue;
+        triangle_exact_corners(scene, i, 0, 0, corner);
+        exact_sub(corner[0], lamp->middle, way);
+        if (caster_length(way) < lamp->radius / SMALL)
+            return 0;
+    }
     return lamp->radius > 0;
 }
 
-/* The lamps, by the order of their faces, which are together. */
-static status find_lamps(struct caster_lamps *lamps, const struct casters *casters, struct error *err)
+/* An instance's faces are together among the emitters'. */
+status caster_lamps_begin(struct casters *casters, struct error *err)
 {
-    const struct emitters *e = &casters->scene->emitters;
-    uint32_t candidates = 0;
+    const struct render_scene *scene = casters->scene;
+    const struct emitters *e = &scene->emitters;
+    struct caster_lamps *lamps = &casters->lamps;
+    uint32_t tried = 0;
 
-    lamps->of_instance = mem_calloc(casters->scene->instance_count, sizeof *lamps->of_instance);
+    if (e->face_count == 0)
+        return STATUS_OK;
     lamps->list = mem_alloc_array(LAMPS_MAX, sizeof *lamps->list);
-    if (!lamps->of_instance || !lamps->list)
-        return error_no_memory(err, "what casts caustics");
+    NEED(lamps->list, err, "what casts caustics");
     for (uint32_t i = 0; i < e->face_count; i++) {
         const uint32_t number = e->faces[i].instance;
-        struct small_lamp lamp;
+        struct small_lamp lamp = {.instance = number};
 
-        if ((i > 0 && e->faces[i - 1].instance == number) || !may_be_lamp(casters->scene, &casters->scene->instances[number]))
+        if ((i > 0 && e->faces[i - 1].instance == number) || !may_be_lamp(scene, &scene->instances[number]))
             continue;
-        if (candidates++ == LAMPS_MAX) {
+        if (tried++ == LAMPS_MAX) {
             lamps->count = 0;
-            memset(lamps->of_instance, 0, casters->scene->instance_count * sizeof *lamps->of_instance);
             return STATUS_OK;
         }
-        enclose(casters->scene, number, &lamp);
-        if (!is_small(casters, &lamp))
-            continue;
-        lamps->list[lamps->count++] = lamp;
-        lamps->of_instance[number] = lamps->count;
+        enclose(scene, number, &lamp);
+        if (may_be_small(casters, &lamp))
+            lamps->list[lamps->count++] = lamp;
     }
     return STATUS_OK;
 }
@@ -146,39 +173,51 @@ static double weight_of(const struct render_scene *scene, const struct hit *face
     return caster_length(across) * ((double)emission[0] + (double)emission[1] + (double)emission[2]);
 }
 
-status caster_lamps_find(struct casters *casters, struct error *err)
+/* Keep the small ones. */
+static status sort_out(struct casters *casters, struct error *err)
+{
+    struct caster_lamps *lamps = &casters->lamps;
+    uint32_t kept = 0;
+
+    lamps->of_instance = mem_calloc(casters->scene->instance_count, sizeof *lamps->of_instance);
+    NEED(lamps->of_instance, err, "what casts caustics");
+    for (uint32_t i = 0; i < lamps->count; i++) {
+        if (!is_small(casters, &lamps->list[i]))
+            continue;
+        lamps->list[kept++] = lamps->list[i];
+        lamps->of_instance[lamps->list[i].instance] = kept;
+    }
+    lamps->count = kept;
+    return STATUS_OK;
+}
+
+status caster_lamps_finish(struct casters *casters, struct error *err)
 {
     const struct emitters *e = &casters->scene->emitters;
     struct caster_lamps *lamps = &casters->lamps;
-    double sum = 0, all = 0;
     uint32_t count = 0;
+    double *weights;
+    status s;
 
-    if (e->face_count == 0)
+    if (lamps->count == 0)
         return STATUS_OK;
-    TRY(find_lamps(lamps, casters, err));
-    for (uint32_t i = 0; i < e->face_count; i++)
-        count += lamps->of_instance[e->faces[i].instance] > 0 && !emitters_is_dark(e, i);
-    if (lamps->count == 0 || count == 0) {
-        lamps->count = 0;
-        return STATUS_OK;
-    }
-    lamps->faces = mem_alloc_array(count, sizeof *lamps->faces);
-    lamps->start = mem_alloc_array((size_t)count + 1, sizeof *lamps->start);
-    if (!lamps->faces || !lamps->start)
+    TRY(sort_out(casters, err));
+    lamps->faces = mem_alloc_array(e->face_count, sizeof *lamps->faces);
+    weights = mem_alloc_array(e->face_count, sizeof *weights);
+    if (!lamps->faces || !weights) {
+        mem_free(weights);
         return error_no_memory(err, "what casts caustics");
+    }
     for (uint32_t i = 0; i < e->face_count; i++)
         if (lamps->of_instance[e->faces[i].instance] > 0 && !emitters_is_dark(e, i)) {
-            lamps->faces[lamps->face_count++] = e->faces[i];
-            all += weight_of(casters->scene, &e->faces[i]);
+            weights[count] = weight_of(casters->scene, &e->faces[i]);
+            lamps->faces[count++] = e->faces[i];
         }
-    for (uint32_t i = 0; i < count; i++) {
-        lamps->start[i] = (real)(sum / all);
-        sum += weight_of(casters->scene, &lamps->faces[i]);
-    }
-    lamps->start[count] = 1;
-    if (!(all > 0))
+    s = light_table_init(&lamps->table, weights, count, err);
+    mem_free(weights);
+    if (lamps->table.count == 0)
         lamps->count = 0;
-    return STATUS_OK;
+    return s;
 }
 
 void caster_lamps_release(struct caster_lamps *lamps)
@@ -186,7 +225,7 @@ void caster_lamps_release(struct caster_lamps *lamps)
     mem_free(lamps->of_instance);
     mem_free(lamps->list);
     mem_free(lamps->faces);
-    mem_free(lamps->start);
+    light_table_release(&lamps->table);
 }
 
 uint32_t casters_lamp_count(const struct casters *casters) { return casters->lamps.count; }
@@ -196,26 +235,18 @@ int casters_know_lamp(const struct casters *casters, uint32_t instance)
     return casters->lamps.count > 0 && casters->lamps.of_instance[instance] > 0;
 }
 
-const struct hit *casters_choose_face(const struct casters *casters, real *u, real *odds, struct caster_lamp *lamp)
+const struct hit *casters_choose_face(const struct casters *casters, real *u, real *v, real *odds,
+                                      struct caster_lamp *lamp)
 {
     const struct caster_lamps *lamps = &casters->lamps;
     const struct small_lamp *chosen;
-    uint32_t low = 0, high = lamps->face_count;
+    uint32_t face = 0;
 
-    while (high - low > 1) {
-        const uint32_t middle = low + (high - low) / 2;
-
-        if (lamps->start[middle] <= *u)
-            low = middle;
-        else
-            high = middle;
-    }
-    *odds = lamps->start[low + 1] - lamps->start[low];
-    *u = light_rescaled(*u, lamps->start[low], *odds);
-    chosen = &lamps->list[lamps->of_instance[lamps->faces[low].instance] - 1];
+    (void)light_table_choose(&lamps->table, u, v, &face, odds);
+    chosen = &lamps->list[lamps->of_instance[lamps->faces[face].instance] - 1];
     memcpy(lamp->middle, chosen->middle, sizeof lamp->middle);
     lamp->radius = chosen->radius;
     lamp->kind = CASTER_LAMP_NEAR;
     lamp->moves = 0;
-    return &lamps->faces[low];
+    return &lamps->faces[face];
 }

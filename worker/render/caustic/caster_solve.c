@@ -276,7 +276,8 @@ static int place_of(double u, double v)
 /* ---- triangles of one normal ----------------------------------------------------------------------- */
 
 /* The share of the way from the place's foot to the lamp's at which the light crosses a plane that refracts: heights
- * above and below it, and the way between the feet. Snell's law is monotone in it: Newton's steps, and bisection where they leave the interval. */
+ * above and below it, and the way between the feet. Snell's law is monotone in it: Newton's steps, and bisection where
+ * they leave the interval. */
 static double crossing_share(double h_i, double h_o, double way, double n_i, double n_o)
 {
     double low = 0, high = 1, at = h_i / (h_i + h_o);
@@ -477,9 +478,12 @@ static int is_near_fold(const struct solving *s, const struct constraint *c)
     return !(2 * fabs(determinant_of(c)) * sqrt(a * b - both * both) > FOLD * sum);
 }
 
+static double larger(double a, double b) { return a > b ? a : b; } /* fmax would be a function call */
+
 /* May the constraint be zero in the part? `c`: at its middle u, v. Within the part it differs from its tangent plane
- * there by half of its second derivative: that of the unit vector to something at distance d is at most BEND / d^2, the
- * first 1 / d, and the normal is linear. So it is zero nowhere if a line parts the plane's triangle from zero by more. */
+ * there by half of its second derivative: that of the unit vector to something at distance d is at most BEND / d^2,
+ * the first 1 / d, and the normal is linear. So it is zero nowhere if a line parts the plane's triangle from zero by
+ * more. */
 static int may_be_zero(const struct solving *s, const struct part *part, double u, double v, const struct constraint *c)
 {
     double at[3][2], r2 = 0, dn2 = 0, r, dn, i, o, off;
@@ -492,8 +496,8 @@ static int may_be_zero(const struct solving *s, const struct part *part, double 
         mad(moved, s->face->e2, dv, moved);
         mad(turned, s->face->d1, du, turned);
         mad(turned, s->face->d2, dv, turned);
-        r2 = fmax(r2, exact_dot(moved, moved));
-        dn2 = fmax(dn2, exact_dot(turned, turned));
+        r2 = larger(r2, exact_dot(moved, moved));
+        dn2 = larger(dn2, exact_dot(turned, turned));
         for (int j = 0; j < 2; j++)
             at[k][j] = c->value[j] + c->by_u[j] * du + c->by_v[j] * dv;
     }
@@ -508,7 +512,7 @@ static int may_be_zero(const struct solving *s, const struct part *part, double 
         const double *from = at[k], *to = at[(k + 1) % 3], *other = at[(k + 2) % 3];
         const double x = from[1] - to[1], y = to[0] - from[0];
         const double edge = x * from[0] + y * from[1], corner = x * other[0] + y * other[1];
-        const double least = fmin(fabs(edge), fabs(corner));
+        const double least = fabs(edge) < fabs(corner) ? fabs(edge) : fabs(corner);
 
         if ((edge > 0) == (corner > 0) && least * least > off * off * (x * x + y * y))
             return 0;

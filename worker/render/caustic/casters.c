@@ -35,48 +35,72 @@ static unsigned events_of(const struct render_material *material)
 
 /* ---- casters ------------------------------------------------------------------------------------------- */
 
-status casters_new(struct casters **out, const struct render_scene *scene, struct error *err)
+static void list_materials(struct casters *casters)
 {
-    struct casters *casters;
+    for (uint32_t i = 0; i < casters->scene->material_count; i++) {
+        const struct render_material *material = &casters->scene->materials[i];
+        const unsigned events = events_of(material);
+
+        if (events)
+            casters->list[casters->count++] =
+                (struct caster){.material = i, .events = events, .ior = (double)material->m.ior};
+    }
+}
+
+/* Those without faces are left out. */
+static status build_all(struct casters *casters, struct error *err)
+{
+    const uint32_t listed = casters->count;
     status s = STATUS_OK;
 
-    *out = NULL;
-    if (!(scene->effects & EFFECT_CAUSTICS) ||
-        (scene->emitters.punctual_count == 0 && scene->emitters.face_count == 0 &&
-         !(scene->environment && environment_has_windows(scene->environment))))
-        return STATUS_OK;
-    casters = mem_calloc(1, sizeof *casters);
-    if (casters)
-        casters->scene = scene;
-    if (casters)
-        casters->list = mem_calloc(scene->material_count, sizeof *casters->list);
-    if (!casters || !casters->list) {
-        casters_free(casters);
-        return error_no_memory(err, "what casts caustics");
-    }
-    for (uint32_t i = 0; i < scene->material_count && s == STATUS_OK; i++) {
-        const unsigned events = events_of(&scene->materials[i]);
+    casters->count = 0;
+    for (uint32_t i = 0; i < listed && s == STATUS_OK; i++) {
         struct caster *caster = &casters->list[casters->count];
 
-        if (!events)
+        *caster = casters->list[i];
+        s = caster_build(caster, casters->scene, caster->material, err);
+        if (s != STATUS_OK || caster->face_count > 0) {
+            casters->count++;
             continue;
-        *caster = (struct caster){.material = i, .events = events, .ior = (double)scene->materials[i].m.ior};
-        casters->count++;
-        s = caster_build(caster, scene, i, err);
-        if (s == STATUS_OK && caster->face_count == 0) {
-            mem_free(caster->refs);
-            mem_free(caster->nodes);
-            casters->count--;
         }
+        mem_free(caster->refs);
+        mem_free(caster->nodes);
     }
-    if (s == STATUS_OK && casters->count > 0)
-        s = casters_look_for_suns(casters, err);
-    if (s == STATUS_OK && casters->count > 0)
-        s = caster_lamps_find(casters, err);
-    if (s == STATUS_OK)
-        s = caster_cells_new(&casters->cells, err);
-    if (s != STATUS_OK || casters->count == 0 ||
-        (!casters->suns && casters->lamps.count == 0 && scene->emitters.punctual_count == 0)) {
+    return s;
+}
+
+static status find_all(struct casters *casters, int other_lamps, struct error *err)
+{
+    list_materials(casters);
+    TRY(caster_lamps_begin(casters, err));
+    if (!other_lamps && casters->lamps.count == 0) { /* no tree is needed */
+        casters->count = 0;
+        return STATUS_OK;
+    }
+    TRY(build_all(casters, err));
+    if (casters->count == 0)
+        return STATUS_OK;
+    TRY(casters_look_for_suns(casters, err));
+    TRY(caster_lamps_finish(casters, err));
+    return caster_cells_new(&casters->cells, err);
+}
+
+status casters_new(struct casters **out, const struct render_scene *scene, struct error *err)
+{
+    const int points = scene->emitters.punctual_count > 0;
+    const int windows = scene->environment && environment_has_windows(scene->environment);
+    struct casters *casters;
+    status s;
+
+    *out = NULL;
+    if (!(scene->effects & EFFECT_CAUSTICS) || (!points && !windows && scene->emitters.face_count == 0))
+        return STATUS_OK;
+    casters = mem_calloc(1, sizeof *casters);
+    NEED(casters, err, "what casts caustics");
+    casters->scene = scene;
+    casters->list = mem_calloc(scene->material_count, sizeof *casters->list);
+    s = casters->list ? find_all(casters, points || windows, err) : error_no_memory(err, "what casts caustics");
+    if (s != STATUS_OK || casters->count == 0 || (!casters->suns && casters->lamps.count == 0 && !points)) {
         casters_free(casters);
         return s;
     }

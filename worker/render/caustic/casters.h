@@ -74,13 +74,14 @@ struct caster_lamp {
     int moves;
 };
 
-/* The small lamps (caster_lamps.c): instances, of whose faces one is chosen with *u, in [0, 1), which is then a number for
- * a point on it. Fills in all of *lamp but `at`, and the face's odds among all. */
+/* The small lamps (caster_lamps.c): instances, of whose faces one is chosen with *u and *v, in [0, 1), which are then
+ * numbers for a point on it. Fills in all of *lamp but `at`, and the face's odds among all. */
 uint32_t casters_lamp_count(const struct casters *casters);
 int casters_know_lamp(const struct casters *casters, uint32_t instance);
-const struct hit *casters_choose_face(const struct casters *casters, real *u, real *odds, struct caster_lamp *lamp);
+const struct hit *casters_choose_face(const struct casters *casters, real *u, real *v, real *odds,
+                                      struct caster_lamp *lamp);
 
-/* Every solution between `place` and the lamp; of a sun by faces that are sunlit. All in the scene's coordinates. The order
- * depends on the scene alone. */
+/* Every solution between `place` and the lamp; of a sun by faces that are sunlit. All in the scene's coordinates. The
+ * order depends on the scene alone. */
 void casters_find(const struct casters *casters, const double place[3], const struct caster_lamp *lamp,
                   caster_visit *visit, void *user);

@@ -3,6 +3,7 @@
 
 #include "worker/render/base/exact.h"
 #include "worker/render/caustic/casters.h"
+#include "worker/render/light/light_table.h"
 
 static inline double caster_length(const double a[3]) { return sqrt(exact_dot(a, a)); }
 
@@ -50,14 +51,15 @@ struct caster {
 };
 
 struct small_lamp {
+    uint32_t instance;
     double middle[3], radius; /* a sphere around it */
 };
 struct caster_lamps {
     struct small_lamp *list;
-    uint32_t count, face_count;
+    uint32_t count;
     uint32_t *of_instance; /* [instances] 1 + its lamp; 0: it is none */
-    struct hit *faces;     /* [face_count] */
-    real *start;           /* [face_count + 1] where each one's share begins */
+    struct hit *faces;
+    struct light_table table; /* of the faces */
 };
 
 struct casters {
@@ -71,8 +73,8 @@ struct casters {
     uint8_t *sunlit; /* bits: the triangle's node is sunlit */
 };
 
-/* A place and a lamp, or all places and all of a lamp within a radius, and all directions of a lamp within a chord. Points on an edge belong to two triangles, and symmetric scenes have many: `met` are those, and
- * each is reported once. */
+/* A place and a lamp; or all places, and all of a lamp, within a radius, and all directions of a lamp within a chord.
+ * Points on an edge belong to two triangles, and symmetric scenes have many: `met` are those, and each is reported once. */
 enum { CASTER_MET_MAX = 32 };
 struct caster_pair {
     const double *place, *lamp;
@@ -95,9 +97,10 @@ size_t caster_cells_bytes(const struct caster_cells *cells);
 const uint32_t *caster_cells_find(struct caster_cells *cells, const struct caster *caster, uint32_t number,
                                   const double place[3], const struct caster_lamp *lamp, uint32_t *count);
 
-/* Fill in nodes, refs and faces, of all instances of the material that stand still; face_count is 0 where there are none.
- * ERR_NO_MEMORY. */
-status caster_build(struct caster *caster, const struct render_scene *scene, uint32_t material, struct error *err) MUST_CHECK;
+/* Fill in nodes, refs and faces, of all instances of the material that stand still; face_count is 0 where there are
+ * none. ERR_NO_MEMORY. */
+status caster_build(struct caster *caster, const struct render_scene *scene, uint32_t material,
+                    struct error *err) MUST_CHECK;
 
 /* Make the face. 0: it has no area, or its vertices' normals disagree by a right angle or more. */
 int caster_face_of(const struct render_scene *scene, const struct caster_ref *ref, struct caster_face *face);
@@ -109,8 +112,10 @@ void caster_face_finish(struct caster_face *face);
  * ERR_NO_MEMORY. */
 status casters_look_for_suns(struct casters *casters, struct error *err) MUST_CHECK;
 
-/* Fill in casters->lamps. ERR_NO_MEMORY. */
-status caster_lamps_find(struct casters *casters, struct error *err) MUST_CHECK;
+/* Find casters->lamps: those that may be small, before the casters have trees; and of these the small ones, with their
+ * faces. ERR_NO_MEMORY. */
+status caster_lamps_begin(struct casters *casters, struct error *err) MUST_CHECK;
+status caster_lamps_finish(struct casters *casters, struct error *err) MUST_CHECK;
 void caster_lamps_release(struct caster_lamps *lamps);
 
 /* Bounds of a triangle with these corners and normals. */

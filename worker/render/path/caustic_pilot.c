@@ -16,7 +16,8 @@ enum { PATHS = 1024 };
  * seldom depends on how the same scene is written. */
 #define SHARE_OF_ALL REAL(0.05)
 #define SHARE_MIN REAL(0.00390625)
-/* Below this share suns and lamps with area are left to the paths that meet them by chance: to ask would cost more than it is worth. */
+/* Below this share suns and lamps with area are left to the paths that meet them by chance: to ask would cost more than
+ * it is worth. */
 #define CHANCE_BELOW REAL(0.01)
 
 struct pilot {

@@ -3,10 +3,10 @@
  *
  * Each solution is followed as a path would go: a ray to the caster meets it, with the volumes, coincident faces,
  * textures and absorption on its way; what its smooth lobes send on towards the lamp counts. No scattered ray meets a
- * lamp without size. A sun, or a lamp with area, is met by chance, by paths that scatter at a vertex, then at a caster: what
- * they bring of it does not count, because it is asked for here (path_is_cast, path_lamp_is_cast). So the set of paths is split by a rule and
- * nothing is weighed. Where a caster shades otherwise than its faces say (a bent normal, other indices in front), these are
- * left to chance, and the light of a lamp without size is missing.
+ * lamp without size. A sun, or a lamp with area, is met by chance, by paths that scatter at a vertex, then at a caster:
+ * what they bring of it does not count, because it is asked for here (path_is_cast, path_lamp_is_cast). So the set of
+ * paths is split by a rule and nothing is weighed. Where a caster shades otherwise than its faces say (a bent normal,
+ * other indices in front), these are left to chance, and the light of a lamp without size is missing.
  */
 #include "worker/render/path/path_parts.h"
 
@@ -217,15 +217,15 @@ static void choose_face(struct caustic *c, real u, real v, struct caster_lamp *l
 {
     real odds;
 
-    c->face = casters_choose_face(c->path->scene->casters, &u, &odds, lamp);
+    c->face = casters_choose_face(c->path->scene->casters, &u, &v, &odds, lamp);
     c->face_u = u;
     c->face_v = v;
     c->odds *= odds;
     exact_vec(triangle_light_point(c->path->scene, c->face, c->v->s.time, u, v), lamp->at);
 }
 
-/* One lamp, by the numbers of next-event estimation: each is as likely, but the faces of small lamps, which share the odds
- * of these; the map's suns count as one. */
+/* One lamp, by the numbers of next-event estimation: each is as likely, but the faces of small lamps, which share the
+ * odds of these; the map's suns count as one. */
 static void choose_lamp(struct caustic *c, struct sample2 point, struct caster_lamp *lamp)
 {
     const struct render_scene *scene = c->path->scene;

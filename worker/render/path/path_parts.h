@@ -41,7 +41,8 @@
  * merely shine. */
 enum path_sight { SIGHT_NOTHING, SIGHT_SURFACE, SIGHT_MEDIUM };
 
-/* A vertex that asked casters for light, and after it one at a caster: what a sun sends there has been asked for. */
+/* A vertex that asked casters for light, and after it one at a caster: what small lamps send there has been asked for;
+ * on a sunlit face, what a sun sends too. */
 enum path_chain { CHAIN_NONE, CHAIN_ASKED, CHAIN_CAST, CHAIN_CAST_SUNLIT };
 
 struct path {
@@ -173,7 +174,8 @@ void path_crossing_none(struct crossing *crossing);
 int path_bsdf(struct path *path, struct path_vertex *v);
 /* The vertex scatters the path in the sampled direction: its place in the chain. */
 enum path_chain path_chain_at(const struct path *path, const struct path_vertex *v);
-/* Have casters been asked for what the path's ray, which escapes, brings of a sun; for what the lamp that it met emits? */
+/* Have casters been asked for what the path's ray, which escapes, brings of a sun; for what the surface that it met
+ * emits? */
 static inline int path_is_cast(const struct path *path)
 {
     return path->chain == CHAIN_CAST_SUNLIT && environment_windows_pdf(path->scene->environment, path->ray.direction) > 0;
