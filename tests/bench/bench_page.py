@@ -79,6 +79,7 @@ def main():
             pages += [farm.page(browser, link) for _ in range(2)]
             line("coordinator, three pages watch: CPU s/s",
                  "%.3f" % share(coordinator.pid, options.seconds, browser.pump))
+            line("page, three watch, the picture arrives", frame_times(pages[0], options.seconds))
             pages[0].open(farm.origin() + "/#/workers")
             line("page, %d workers scroll" % options.workers, scroll(pages[0], "[data-worker]", options.seconds))
 

@@ -209,6 +209,10 @@ def pixels_are_pixels_of_the_screen():
             expect(all(abs(a - b) <= 1 for a, b in zip(want, rows[44][66])), (want, rows[44][66]))
 
 
+COUNT_DRAWS = """(() => { const {screen} = stage.picture, draw = screen.draw; stage.whole = stage.parts = 0;
+    screen.draw = (panes, view, opacity, all) => { stage[all ? 'whole' : 'parts']++; draw.call(screen, panes, view, opacity, all); }; })()"""
+
+
 def whole_draws(page):
     """How often all was drawn, and how often changed tiles alone."""
     return page.js("[stage.whole, stage.parts]")
@@ -221,8 +225,7 @@ def changed_tiles_are_drawn_alone():
     with Stage() as site, Browser() as browser:
         page = browser.page(site.url(), width=1300, height=800)
         begin(page, light)
-        page.js("""(() => { const {screen} = stage.picture, draw = screen.draw; stage.whole = stage.parts = 0;
-            screen.draw = (panes, view, opacity, all) => { stage[all ? 'whole' : 'parts']++; draw.call(screen, panes, view, opacity, all); }; })()""")
+        page.js(COUNT_DRAWS)
 
         def same(where):
             """What stands there after tiles came, and what is drawn when all is drawn again."""
@@ -250,6 +253,67 @@ def changed_tiles_are_drawn_alone():
         page.wait("stage.picture.map && !stage.picture.mapBusy")
         page.js("stage.picture.mapAsked = Infinity")  # its answer draws all
         same("an overlay")
+
+
+@tests.add
+def what_can_hardly_be_seen_waits():
+    """a measure of the picture that changes by little draws it again when no more tiles come, and one that changes by much at once"""
+    light = soft_light(67, 45)
+    # Of 15 tiles one: the mean changes by 4 and by 0.3 %.
+    bright, brighter = (Light(67, 45, lambda x, y, by=by: tuple(c * by for c in light.rows[y][x])) for by in (1.8, 1.88))
+    look = json.dumps(dict(INFO["output"], tonemap="reinhard02"))
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.js("stage.info = {...stage.info, output: %s}; stage.emit('job')" % look)
+        page.click("~Pixel by pixel")
+        seen(page)
+        page.js("stage.picture.quietMs = 3.6e6")  # an hour
+        page.js(COUNT_DRAWS)
+        idle = "stage.picture.screen.isDone && !stage.picture.screen.waiting.size && stage.parts + stage.whole"
+        send(page, bright, tiles=[6])
+        page.wait(idle)
+        expect(whole_draws(page)[0] == 1, "after a change of 4 %%: %s" % whole_draws(page))
+        page.wait("stage.picture.settled")
+        page.js("stage.whole = stage.parts = 0")
+        for _ in range(3):
+            send(page, brighter, tiles=[6])
+            page.wait(idle)
+        expect(whole_draws(page)[0] == 0 and not page.js("stage.picture.settled"), "after small ones: %s" % whole_draws(page))
+        page.js("stage.picture.settled = true")
+        between = seen(page)
+        page.js("stage.picture.settled = false; stage.picture.quietMs = 0; stage.picture.redraw()")
+        rows = seen(page)
+        expect(whole_draws(page)[0] == 1, "when no tiles come: %s" % whole_draws(page))
+        apart = max(abs(a - b) for r, s in zip(rows, between) for p, q in zip(r, s) for a, b in zip(p, q))
+        expect(apart <= 1, "until then it was off by %d" % apart)
+        page.js("stage.picture.renew()")
+        expect(seen(page) == rows, "all of it is what it should be")
+
+
+# Tiles come every 5 ms for a second: how often they were drawn, and how often that may be.
+STREAM = """(async () => { const begin = performance.now(), body = Uint8Array.from(atob('%s'), c => c.charCodeAt(0)).buffer;
+  while (performance.now() < begin + 1000) { stage.watches.at(-1).to.tiles(body); await new Promise(done => setTimeout(done, 5)); }
+  return [stage.parts, (performance.now() - begin) / 80 + 2]; })()"""
+
+
+@tests.add
+def tiles_are_drawn_twelve_times_a_second():
+    """however many come; and as soon as more than 2,048 wait"""
+    light = soft_light(67, 45)
+    with Stage() as site, Browser() as browser:
+        page = browser.page(site.url(), width=1300, height=800)
+        begin(page, light)
+        page.click("~Pixel by pixel")
+        seen(page)
+        page.js(COUNT_DRAWS)
+        parts, most = page.js(STREAM % base64.b64encode(light.tiles(wanted=[6])).decode())
+        expect(1 <= parts <= most, "drawn %d times, of %.1f" % (parts, most))
+        page.wait("stage.picture.settled", "the last of them")
+        page.js("stage.picture.tilePace.until = performance.now() + 3.6e6")  # an hour
+        page.js("Object.defineProperty(stage.picture.screen, 'isFull', {value: true}); stage.parts = 0")
+        send(page, light, tiles=[6])
+        page.wait("stage.parts", "the tiles to be drawn")
 
 
 @tests.add

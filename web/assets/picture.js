@@ -2,8 +2,9 @@
  *
  *   select --> watching --picture--> size known --tiles--> drawn, at most once an animation frame
  *
- * Tiles that came are drawn alone. All is drawn when people change what they look at, and as often as Pace lets it
- * when what the operator measures of the picture changed: until then the new tiles are shown as the others are.
+ * Tiles that came are drawn alone, twelve times a second at most. All is drawn when people change what they look at, and
+ * as often as Pace lets it when what the operator measures of the picture changed: until then the new tiles are shown as
+ * the others are. A change that could hardly be seen waits until no tiles come for a while.
  *
  * The last picture stays while a connection is lost. Without WebGL 2 the coordinator's preview is shown instead.
  */
@@ -19,12 +20,20 @@ import { makeControls, lookOf, outputOf, sameLook } from './picture/controls.js'
 const MAP_EVERY_MS = 3000;              /* who rendered what: asked while it is shown */
 const MARKS_EVERY_MS = 1000, MARKS_MAX = 5000;
 const DRAWN_AGAIN_MS = 4000;            /* a preview without WebGL */
+const TILES_EVERY_MS = 80;
+const QUIET_MS = 500;
+/* An exposure or a white that differs by so much moves no code of a display by a whole one. */
+const SMALL = 1 / 128;
+
+/* Lists, or numbers, that differ by little. */
+const isNear = (a, b) => (Array.isArray(a) ? a.length === b?.length && a.every((x, i) => isNear(x, b[i]))
+  : a === b || Math.abs(a - b) <= SMALL * Math.max(Math.abs(a), Math.abs(b)));
 
 class Picture {
   constructor(element, context) {
     Object.assign(this, { element, context, pixels: null, layer: 'color', layers: ['color'], overlay: 'none', opacity: 0.6,
       wipe: false, split: 0.5, map: null, mapAsked: 0, orders: new Map(), developed: new Map(), shown: {}, complete: false,
-      drawn: {}, version: 0, tints: 0, pace: new Pace(), timer: 0, settled: false });
+      drawn: {}, version: 0, tints: 0, pace: new Pace(), tilePace: new Pace(TILES_EVERY_MS), quietMs: QUIET_MS, takenAt: 0, timer: 0, soon: 0, settled: false });
     this.draw = this.draw.bind(this);
     this.canvas = h('canvas', { class: 'picture', tabindex: 0, role: 'img', 'aria-label': 'No picture yet', 'data-own-keys': true });
     this.rings = h('canvas', { class: 'rings', hidden: true, 'aria-hidden': 'true' });
@@ -167,6 +176,7 @@ class Picture {
     } catch (why) { this.context.trouble(why); }
     this.layerLook = null;
     this.taken = (this.taken || 0) + 1;
+    this.takenAt = performance.now();
     if (this.overlay === 'samples') this.tintsOld = true;
     this.redraw();
   }
@@ -218,6 +228,7 @@ class Picture {
       return;
     } else {
       this.pace.end();
+      this.tilePace.end();
       this.askMap();
       this.settled = !this.drawWhat() && !this.timer;
     }
@@ -226,20 +237,29 @@ class Picture {
 
   /* Draw what is to be drawn now. False: it was all there. */
   drawWhat() {
-    const { screen, view, pace, drawn } = this, chosen = this.chosen(), isOther = chosen !== drawn.chosen;
-    let all = false;
-    if (isOther || !pace.rest) {
+    const { screen, view, pace, tilePace, drawn } = this, chosen = this.chosen(), isOther = chosen !== drawn.chosen;
+    let all = false, { rest } = pace;
+    if (isOther || !rest) {
       pace.begin();
       if (this.tintsOld) this.paintOverlay();
-      const panes = this.panes(), key = JSON.stringify([this.tints, panes.map((pane) => [pane.exposure, pane.p])]);
-      all = isOther || key !== drawn.key;
-      this.drawn = { chosen, key, panes };
+      const panes = this.panes(), { tints } = this, measures = panes.map((pane) => [pane.exposure, pane.p]);
+      const isSame = !isOther && tints === drawn.tints && JSON.stringify(measures) === JSON.stringify(drawn.measures);
+      const canWait = !isOther && !isSame && tints === drawn.tints && isNear(measures, drawn.measures);
+      rest = canWait ? Math.max(this.takenAt + this.quietMs - performance.now(), 0) : 0;
+      all = !isSame && !rest;
+      if (!rest) this.drawn = { chosen, panes, tints, measures };
       if (!all) pace.end();
       clearTimeout(this.timer);
       this.timer = 0;
-    } else if (!this.timer) this.timer = setTimeout(() => { this.timer = 0; this.redraw(); }, pace.rest);
-    if (this.at && (this.at !== this.shownAt || !this.timer)) this.readAt();
+      if (this.at) this.readAt();
+    } else if (this.at && this.at !== this.shownAt) this.readAt();
+    if (rest && !this.timer) this.timer = setTimeout(() => { this.timer = 0; this.redraw(); }, rest);
     if (!all && !screen.waiting.size) return false;
+    if (!all && !screen.isFull && tilePace.rest) {
+      this.soon = this.soon || setTimeout(() => { this.soon = 0; this.redraw(); }, tilePace.rest);
+      return true;
+    }
+    if (!all) tilePace.begin();
     screen.draw(this.drawn.panes, { x: view.x, y: view.y, scale: view.scale, split: this.split * this.canvas.width }, this.opacity, all);
     this.redraw(); /* to see when it is done, and whether it still is what it should be */
     return true;

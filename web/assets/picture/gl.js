@@ -160,6 +160,9 @@ export class Screen {
 
   changed(tile) { this.waiting.add(tile); }
 
+  /* More wait than are drawn at once? */
+  get isFull() { return this.waiting.size >= UPLOADED_AT_ONCE; }
+
   /* RGBA of each tile. */
   setTints(tiles) {
     const { gl, pixels } = this;
@@ -400,14 +403,15 @@ export class Screen {
 const SHORT_MS = 25, RESTS = 4;
 
 export class Pace {
-  constructor() { this.begun = 0; this.until = 0; }
+  /* `least`: milliseconds from one beginning to the next. */
+  constructor(least = 0) { Object.assign(this, { least, begun: 0, until: 0 }); }
 
   begin() { this.begun = this.begun || performance.now(); }
 
   end() {
     if (!this.begun) return;
     const now = performance.now(), took = now - this.begun;
-    this.until = took > SHORT_MS ? now + RESTS * took : 0;
+    this.until = took > SHORT_MS ? now + RESTS * took : this.begun + this.least;
     this.begun = 0;
   }
 
