@@ -600,6 +600,7 @@ bench-farm: all ## what a farm takes of real jobs beside the last release; fails
 	@python3 -B tests/bench/bench_scale.py --base "$(BASE)" $(FARM_ARGS) farm
 bench-page: all $(BUILD)/tests/bench/bench_scale ## the page in Chromium: first paint, frames, what it costs the coordinator (docs/WEB.md)
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_page.py $(PAGE_ARGS)
+	@BUILD=$(BUILD) python3 -B tests/bench/bench_page.py --faults
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_page_cost.py
 studio-day: $(BUILD)/tests/bench/studio_day ## a simulated day in a studio: who waits how long (docs/OPERATIONS.md)
 	@$(BUILD)/tests/bench/studio_day

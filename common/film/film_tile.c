@@ -6,15 +6,15 @@
 /* Rec. 709 from its primaries, as everywhere. */
 static const double luminance_weights[3] = {0.212656, 0.715158, 0.072186};
 
-/* Add the group's part of the means, exactly as develop_tile (film_develop.c). */
-static void add_group(const struct film *film, uint32_t tile, uint32_t group, double weight, double means[])
+/* The group's means of radiance. */
+static void means_of_group(const struct film *film, uint32_t tile, uint32_t group, double means[])
 {
     const struct film_group *g = &film->tiles[tile].groups[group];
-    size_t values = film_radiance_numbers(film, tile);
-    double samples = film_group_samples(film, tile, group);
+    const size_t values = film_radiance_numbers(film, tile);
+    const double samples = film_group_samples(film, tile, group);
 
     for (size_t i = 0; i < values; i++)
-        means[i] += weight * (film_sum(g, i) / samples);
+        means[i] = film_sum(g, i) / samples;
 }
 
 double film_tile_contrast(const struct film *film, uint32_t tile)
@@ -51,24 +51,22 @@ double film_tile_contrast(const struct film *film, uint32_t tile)
 
 int film_tile_picture(const struct film *film, uint32_t tile, float (*out)[4])
 {
-    double means[TILE_PIXELS_MAX * 3] = {0};
+    double means[GROUPS][TILE_PIXELS_MAX * 3];
     uint32_t pixels = film_tile_pixels(film, tile), there = 0;
 
     for (uint32_t g = 0; g < GROUPS; g++)
-        there += film->tiles[tile].groups[g].passes > 0;
-    if (!there)
-        return 0;
-    for (uint32_t g = 0; g < GROUPS; g++)
         if (film->tiles[tile].groups[g].passes > 0)
-            add_group(film, tile, g, 1.0 / there, means);
-    for (uint32_t p = 0; p < pixels; p++) {
+            means_of_group(film, tile, g, means[there++]);
+    for (uint32_t p = 0; p < pixels && there > 0; p++) {
         double error = there == GROUPS ? 0 : NAN;
         for (uint32_t c = 0; c < 3; c++) {
-            out[p][c] = (float)means[p * 3 + c];
+            const size_t i = p * 3 + c;
+            /* Exactly as develop_tile (film_develop.c) and film_half_difference. */
+            out[p][c] = (float)(there == GROUPS ? 0.5 * means[0][i] + 0.5 * means[1][i] : means[0][i]);
             if (there == GROUPS)
-                error += luminance_weights[c] * film_half_difference(film, tile, p * 3 + c);
+                error += luminance_weights[c] * ((means[0][i] - means[1][i]) / 2);
         }
         out[p][3] = (float)fabs(error);
     }
-    return 1;
+    return there > 0;
 }

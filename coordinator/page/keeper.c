@@ -143,16 +143,21 @@ static void on_late(uv_timer_t *timer)
         keeper_hung(keeper);
 }
 
-static void again(struct keeper *keeper)
+/* It ended, or could not be run: choose how long the next start waits. Returns it in seconds. */
+static double choose_wait(struct keeper *keeper)
 {
     uint64_t ran_ms = (clock_monotonic_ns() - keeper->begun_ns) / NS_PER_MS;
 
-    if (keeper->is_stopped || keeper->why.code != STATUS_OK)
-        return;
     keeper->wait_ms = ran_ms >= KEEPER_STEADY_MS || keeper->wait_ms == 0 ? KEEPER_WAIT_MIN_MS
                       : 2 * keeper->wait_ms < KEEPER_WAIT_MAX_MS        ? 2 * keeper->wait_ms
                                                                          : KEEPER_WAIT_MAX_MS;
-    uv_timer_start(&keeper->timer, on_start_time, keeper->wait_ms, 0);
+    return keeper->wait_ms / 1e3;
+}
+
+static void again(struct keeper *keeper)
+{
+    if (!keeper->is_stopped && keeper->why.code == STATUS_OK)
+        uv_timer_start(&keeper->timer, on_start_time, keeper->wait_ms, 0);
 }
 
 static void on_process_closed(uv_handle_t *handle)
@@ -169,13 +174,14 @@ static void on_process_closed(uv_handle_t *handle)
 static void on_exit_(uv_process_t *process, int64_t exit_status, int number)
 {
     struct keeper *keeper = process->data;
+    const double wait_s = choose_wait(keeper);
     char how[64];
 
     snprintf(how, sizeof how, number ? "signal %" PRId64 : "status %" PRId64, number ? (int64_t)number : exit_status);
     if (!keeper->is_stopped && keeper->was_running)
-        log_warn("the page's program azulejo-web has ended (%s): it is started again; jobs continue", how);
+        log_warn("the page's program azulejo-web has ended (%s): it is started again in %g s; jobs continue", how, wait_s);
     else if (!keeper->is_stopped && number && keeper->killed++ < KEEPER_KILLED_MAX)
-        log_warn("the page's program azulejo-web ended before it listened (%s): it is started again", how);
+        log_warn("the page's program azulejo-web ended before it listened (%s): it is started again in %g s", how, wait_s);
     else if (!keeper->is_stopped)
         error_set(&keeper->why, STATUS_ERR_IO, "the page's program azulejo-web ended before it listened (%s)", how);
     uv_close((uv_handle_t *)process, on_process_closed);
@@ -212,6 +218,7 @@ static void start(struct keeper *keeper)
     }
     if (err.code == STATUS_OK)
         return;
+    choose_wait(keeper);
     if (keeper->was_running)
         log_warn("no page for now: %s", err.text);
     else

@@ -15,7 +15,7 @@ import sys
 import time
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from disk import SmallDisk
+from disk import OddDisk, SmallDisk
 from farm import BIN, PATIENCE, Failure, Farm, Program, Skip, Tests, preloaded, read_bytes, wait_for
 from jobs import LongJob, Outcome, expect, expect_same, wait_mid_frame, wait_slowly
 from page import Page, need_page
@@ -220,6 +220,8 @@ def killed():
             last = web_of(farm)
             os.kill(last, signal.SIGKILL)
             wait_for(lambda: web_of(farm) not in (None, last) and answers(page), "the page")
+        waits = [float(s) for s in re.findall(r"it is started again in (\S+) s; jobs", farm.coordinator.log_text())]
+        expect(len(waits) == 4 and waits[2] == 2 * waits[1] and waits[3] == 2 * waits[2], waits)
         expect(farm.coordinator.stop() == 0, "the coordinator's end")
 
 
@@ -365,6 +367,38 @@ def full_folder():
         expect(page.request("DELETE", "/api/v1/imports/%s" % upload).status < 300, "the upload goes")
         upload = page.post("/api/v1/imports").json()["import"]
         expect(page.request("PUT", "/api/v1/imports/%s/files/a.gltf" % upload, body=read_bytes(farm.scene())).status == 201, "a later one")
+
+
+@tests.add
+def full_in_mid_write():
+    """an upload whose disk fills up while it comes is refused with the reason and leaves nothing; a later one comes"""
+    with Farm() as farm:
+        need_page()
+        disk = OddDisk(farm)
+        page = Page(farm.start_coordinator(env=disk.env))
+        imports = os.path.join(farm.store, "imports")
+        held = lambda: sum(os.path.getsize(os.path.join(folder, f)) for folder, _, files in os.walk(imports) for f in files)
+        number = page.post("/api/v1/imports").json()["import"]
+        path, half = "/api/v1/imports/%s/files/a.bin" % number, b"x" * (4 << 20)
+        connection = http.client.HTTPConnection(page.host, timeout=60)
+        connection.putrequest("PUT", path)
+        connection.putheader("Authorization", "Bearer " + page.token)
+        connection.putheader("Content-Length", str(2 * len(half)))
+        connection.endheaders()
+        connection.send(half)
+        wait_for(lambda: held() > 0, "the first half")
+        disk.fail(errno.ENOSPC, "/imports/")
+        try:
+            connection.send(half)
+        except OSError:
+            pass  # it does not read the rest
+        answer = connection.getresponse()
+        words = answer.read().decode()
+        connection.close()
+        expect(answer.status == 503 and "No space left on device" in words, (answer.status, words))
+        disk.work()
+        wait_for(lambda: held() == 0, "what came of it to be removed")
+        expect(page.request("PUT", path, body=half).status == 201, "a later one")
 
 
 @tests.add
