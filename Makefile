@@ -598,7 +598,7 @@ bench-scale: all $(BUILD)/tests/bench/bench_scale $(BUILD)/tests/bench/bench_ech
 	@python3 -B tests/bench/bench_scale.py $(SCALE_ARGS)
 bench-farm: all ## what a farm takes of real jobs beside the last release; fails beyond the limits: BASE=FOLDER, built (without: beside stored figures); FARM_ARGS="--pairs 5" (docs/SCALE.md)
 	@python3 -B tests/bench/bench_scale.py --base "$(BASE)" $(FARM_ARGS) farm
-bench-page: all $(BUILD)/tests/bench/bench_scale ## the page in Chromium: first paint, frames, what it costs the coordinator (docs/WEB.md)
+bench-page: all $(BUILD)/tests/bench/bench_scale $(ODD_LIBRARIES) ## the page in Chromium: first paint, frames, what it costs the coordinator (docs/WEB.md)
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_page.py $(PAGE_ARGS)
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_page.py --faults
 	@BUILD=$(BUILD) python3 -B tests/bench/bench_page_cost.py
