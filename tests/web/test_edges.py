@@ -367,10 +367,11 @@ def collected_from_the_page():
     with WebFarm() as farm, Browser() as browser:
         farm.start_coordinator("--keep", "1s", "--keep-blobs", "0s", "--keep-failed", "30d", "--age-wait", "0s")
         farm.start_worker()
+        page = farm.page(browser, "#/store")
+        page.wait_text("kept.*1.0 s.*failed jobs.*30.0 d.*No job takes room", "#view")
         job = farm.submit(farm.scene(), "--size", "32x32", "--spp", "4", "--name", "old")
         farm.wait_for_job(job)
-        page = farm.page(browser, "#/store")
-        page.wait_text("kept.*1.0 s.*failed jobs.*30.0 d.*old", "#view")
+        page.wait_text("Jobs that take the most.*old", "#view")  # what is shown follows
 
         def collected():
             page.click("=Collect")

@@ -12,6 +12,7 @@ import { jobLink } from './router.js';
 
 /* ---- the store ------------------------------------------------------------------------------------ */
 
+const STORE_EVERY_MS = 5000;
 const KINDS = [['pictures', 'pictures'], ['films', 'films: samples of unfinished and kept frames'], ['blobs', 'blobs: scenes and textures'], ['database', 'database'], ['reserve', 'reserve for a full disk'], ['trash', 'being freed'], ['other', 'other']];
 
 export function storeView(node) {
@@ -58,7 +59,9 @@ export function storeView(node) {
     else if (await act('remove', old.map((j) => j.job))) read();
   };
   read();
-  return context.on('jobs', (c) => c.loaded && read());
+  const timer = setInterval(() => body.contains(document.activeElement) || document.hidden || read(), STORE_EVERY_MS); /* not under somebody's hands */
+  const off = context.on('jobs', (c) => c.loaded && read());
+  return () => { clearInterval(timer); off(); };
 }
 
 /* ---- who may do what -------------------------------------------------------------------------------- */
