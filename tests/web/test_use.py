@@ -66,7 +66,7 @@ def the_price_is_that_of_the_commands():
         rows = [row for row in made["curve"] if row["core_seconds"] > core]
         expect(len(rows) >= 3, made["curve"])
         for row in rows:  # the page draws straight lines between the curve's points
-            told = page.js("import('/assets/cost.js').then(({costOf}) => costOf(%s, %r))" % (
+            told = page.js("import('/assets/job/cost.js').then(({costOf}) => costOf(%s, %r))" % (
                 json.dumps(history["curves"][0]["points"]), row["display"]))
             for key, want in (("value", row["core_seconds"]), ("lo", row["core_seconds_low"]), ("hi", row["core_seconds_high"])):
                 expect(abs(told[key] / want - 1) < (1e-3 if key == "value" else 0.005), (row, told))
@@ -74,7 +74,7 @@ def the_price_is_that_of_the_commands():
         page.wait_text("/255.* more", ".price")
         text, law = page.text(".price"), history["curves"][0]
         error = float(re.match(r"([\d.]+)/255", text)[1]) * law["stop"]
-        told = page.js("import('/assets/cost.js').then(({costOf}) => costOf(%s, %r))" % (json.dumps(law["points"]), error))
+        told = page.js("import('/assets/job/cost.js').then(({costOf}) => costOf(%s, %r))" % (json.dumps(law["points"]), error))
         least, most = (max(told[key] - core, 0) for key in ("lo", "hi"))
         expect(("too early to say" in text) == (most > law["width"] * least), (text, least, most))
         number = re.search(r"([\d.]+) core-seconds more", text)

@@ -5,7 +5,7 @@ import { live } from './live.js';
 import { state, subscribe, load, loadJob, takeEvent, ended, reason, change, kept } from './state.js';
 import { beginRouter, jobLink, go, parse } from './router.js';
 import { mountQueue, step, focusSearch, setFilter, chosen, pickShown, moveBy, firstShown } from './queue.js';
-import { mountJob, stepFrame } from './job.js';
+import { mountJob, stepFrame } from './job/job.js';
 import { mountStrip, workersView, workerView } from './workers.js';
 import { eventsView } from './log.js';
 import { storeView, accessView } from './admin.js';
@@ -305,7 +305,7 @@ function mount() {
   mountStrip(byId('workers'));
   const { cost, effects } = mountJob(byId('side'));
   /* The queue works also where one of these does not. */
-  for (const [name, file, node] of [['mountPicture', './picture.js', byId('picture')], ['mountCost', './cost.js', cost], ['mountEffects', './effects.js', effects]])
+  for (const [name, file, node] of [['mountPicture', './picture.js', byId('picture')], ['mountCost', './job/cost.js', cost], ['mountEffects', './job/effects.js', effects]])
     import(file).then((part) => part[name](node, context))
       .catch((why) => { console.error(why); node.append(h('p', { class: 'problem' }, `This part of the page failed: ${why.message}`)); });
   beginDrops();

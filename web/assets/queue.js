@@ -8,7 +8,7 @@ import { offered, act, owns, reorder, may } from './verbs.js';
 import { jobLink, go } from './router.js';
 import { lineWords, target, percent } from './format.js';
 import { trouble, say } from './notice.js';
-import { menuOf } from './job.js';
+import { menuOf } from './job/job.js';
 
 const HOLD_MS = 2000;
 const DRAGGED = 'application/x-azulejo-job';

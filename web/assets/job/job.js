@@ -1,12 +1,12 @@
 /* job: the panel beside the picture: how far a job is, how good, when it is good enough; its verbs, frames, files, log. */
-import { h, text, attr, show, children, setMoment, moment, facts, command, clockText, clockNow } from './dom.js';
-import { get, url } from './api.js';
-import { state, ended, share, frameCount, bit, reason, loadJob } from './state.js';
-import { context } from './context.js';
-import { offered, act, owns } from './verbs.js';
-import { jobLink, go } from './router.js';
-import { span, coreTime, display, target, lineWords, interval, endedByDepth, percent, plural, samplesRate, bytes } from './format.js';
-import { where } from './empty.js';
+import { h, text, attr, show, children, setMoment, moment, facts, command, clockText, clockNow } from '../dom.js';
+import { get, url } from '../api.js';
+import { state, ended, share, frameCount, bit, reason, loadJob } from '../state.js';
+import { context } from '../context.js';
+import { offered, act, owns } from '../verbs.js';
+import { jobLink, go } from '../router.js';
+import { span, coreTime, display, target, lineWords, interval, endedByDepth, percent, plural, samplesRate, bytes } from '../format.js';
+import { where } from '../empty.js';
 
 const FRAMES_SHOWN = 240, LINES_KEPT = 400;
 const END = { cap: 'all samples', target: 'the target', time: 'the time limit', cores: 'the core limit', cancel: 'a cancel', schedule: 'its schedule', finish: 'finish', missed: 'the target, which it misses,', rays: 'the limit of rays' };

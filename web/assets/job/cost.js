@@ -2,9 +2,9 @@
  *
  * The coordinator sends points of the curve with the frame's history (CostCurve), so the page knows no law.
  */
-import { h, text, show } from './dom.js';
-import { display, coreTime } from './format.js';
-import { frameCount } from './state.js';
+import { h, text, show } from '../dom.js';
+import { display, coreTime } from '../format.js';
+import { frameCount } from '../state.js';
 
 /* `to` where the curve's `from` is x: a straight line between two points, and beyond the ends. */
 function along(curve, from, to, x) {

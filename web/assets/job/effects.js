@@ -1,6 +1,6 @@
 /* effects: where a job's processor time goes, effect by effect, while it renders. */
-import { h, text, show, property } from './dom.js';
-import { percent } from './format.js';
+import { h, text, show, property } from '../dom.js';
+import { percent } from '../format.js';
 
 const SHOWN = 6;
 
