@@ -86,9 +86,10 @@ def results_a_second(fault, options):
         disturber = threading.Thread(target=disturb, args=(coordinator, fault, over))
         disturber.start()
         try:
-            words = subprocess.run([os.path.join(BUILD, "tests", "bench", "bench_scale"), "run", "--key", farm.key,
-                                    "--coordinator", farm.address, "--pid", str(coordinator.pid), "--workers", str(options.workers),
-                                    "--rate", str(options.rate), "--seconds", str(options.seconds)], stdout=subprocess.PIPE, universal_newlines=True, check=True)
+            words = subprocess.run(
+                [os.path.join(BUILD, "tests", "bench", "bench_scale"), "run", "--key", farm.key, "--coordinator", farm.address,
+                 "--pid", str(coordinator.pid), "--workers", str(options.workers), "--rate", str(options.rate),
+                 "--seconds", str(options.seconds)], stdout=subprocess.PIPE, universal_newlines=True, check=True)
         finally:
             over.set()
             disturber.join()

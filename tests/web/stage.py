@@ -148,7 +148,7 @@ CONTEXT = """(async () => {
       return () => listeners.get(event).delete(fn); },
     keys(map) { stage.keys = {...stage.keys, ...map}; return () => {}; },
   };
-  for (const [id, file, mount] of [['picture', 'picture', 'mountPicture'], ['cost', 'cost', 'mountCost'], ['effects', 'effects', 'mountEffects']]) {
+  for (const [id, file, mount] of [['picture', 'picture', 'mountPicture'], ['cost', 'job/cost', 'mountCost'], ['effects', 'job/effects', 'mountEffects']]) {
     const module = await import('/assets/' + file + '.js');
     stage[id] = module[mount](document.getElementById(id), stage.context);
   }

@@ -272,13 +272,12 @@ def what_can_hardly_be_seen_waits():
         page.js(COUNT_DRAWS)
         idle = "stage.picture.screen.isDone && !stage.picture.screen.waiting.size && stage.parts + stage.whole"
         send(page, bright, tiles=[6])
-        page.wait(idle)
-        expect(whole_draws(page)[0] == 1, "after a change of 4 %%: %s" % whole_draws(page))
-        page.wait("stage.picture.settled")
+        page.wait("stage.whole && stage.picture.settled", "all to be drawn after a change of 4 %")
         page.js("stage.whole = stage.parts = 0")
         for _ in range(3):
             send(page, brighter, tiles=[6])
             page.wait(idle)
+            page.frames(3)
         expect(whole_draws(page)[0] == 0 and not page.js("stage.picture.settled"), "after small ones: %s" % whole_draws(page))
         page.js("stage.picture.settled = true")
         between = seen(page)

@@ -59,7 +59,8 @@ export function storeView(node) {
     else if (await act('remove', old.map((j) => j.job))) read();
   };
   read();
-  const timer = setInterval(() => body.contains(document.activeElement) || document.hidden || read(), STORE_EVERY_MS); /* not under somebody's hands */
+  const inUse = () => body.contains(document.activeElement) || !getSelection().isCollapsed;
+  const timer = setInterval(() => document.hidden || inUse() || read(), STORE_EVERY_MS);
   const off = context.on('jobs', (c) => c.loaded && read());
   return () => { clearInterval(timer); off(); };
 }

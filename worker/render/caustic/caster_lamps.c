@@ -13,7 +13,7 @@
 
 #define SMALL 0.1
 /* Of a scene with more, all are left to chance. */
-enum { LAMPS_MAX = 256 };
+enum { LAMPS_MAX = 256, CORNERS_MAX = 64 };
 
 static int may_be_lamp(const struct render_scene *scene, const struct render_instance *instance)
 {
@@ -114,18 +114,30 @@ static int is_of_caster(const struct casters *casters, const struct render_insta
     return 0;
 }
 
-/* The same beside the way to one corner of each instance: no tree is needed, and it keeps most large lamps out. */
-static int may_be_small(const struct casters *casters, const struct small_lamp *lamp)
+/* A corner of each of the casters' instances, of the first of them if they are many. Returns how many. */
+static uint32_t list_corners(const struct casters *casters, double corners[CORNERS_MAX][3])
 {
     const struct render_scene *scene = casters->scene;
+    uint32_t count = 0;
 
-    for (uint32_t i = 0; i < scene->instance_count; i++) {
-        double corner[3][3], way[3];
+    for (uint32_t i = 0; i < scene->instance_count && count < CORNERS_MAX; i++) {
+        double of_face[3][3];
 
         if (!is_of_caster(casters, &scene->instances[i]) || scene->meshes[scene->instances[i].mesh].triangle_count == 0)
             continue;
-        triangle_exact_corners(scene, i, 0, 0, corner);
-        exact_sub(corner[0], lamp->middle, way);
+        triangle_exact_corners(scene, i, 0, 0, of_face);
+        memcpy(corners[count++], of_face[0], sizeof of_face[0]);
+    }
+    return count;
+}
+
+/* Is it small beside the way to each of these corners? No tree is needed, and it keeps most large lamps out. */
+static int may_be_small(const struct small_lamp *lamp, double (*corners)[3], uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        double way[3];
+
+        exact_sub(corners[i], lamp->middle, way);
         if (caster_length(way) < lamp->radius / SMALL)
             return 0;
     }
@@ -138,10 +150,12 @@ status caster_lamps_begin(struct casters *casters, struct error *err)
     const struct render_scene *scene = casters->scene;
     const struct emitters *e = &scene->emitters;
     struct caster_lamps *lamps = &casters->lamps;
-    uint32_t tried = 0;
+    double corners[CORNERS_MAX][3];
+    uint32_t tried = 0, corner_count;
 
     if (e->face_count == 0)
         return STATUS_OK;
+    corner_count = list_corners(casters, corners);
     lamps->list = mem_alloc_array(LAMPS_MAX, sizeof *lamps->list);
     NEED(lamps->list, err, "what casts caustics");
     for (uint32_t i = 0; i < e->face_count; i++) {
@@ -155,7 +169,7 @@ status caster_lamps_begin(struct casters *casters, struct error *err)
             return STATUS_OK;
         }
         enclose(scene, number, &lamp);
-        if (may_be_small(casters, &lamp))
+        if (may_be_small(&lamp, corners, corner_count))
             lamps->list[lamps->count++] = lamp;
     }
     return STATUS_OK;
