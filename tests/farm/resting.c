@@ -8,7 +8,7 @@
 #include "worker/render/render.h"
 #include "worker/render/render_scene.h"
 
-enum { ENDLESS_SPP = 50000, FIRST_PASSES = 2, RESTS_FOR_ONE = 3, REST_MAX_NS = 200000000 };
+enum { LONG_SPP = 50000, ENDLESS_SPP = 1000000, FIRST_PASSES = 2, RESTS_OF_LONG = 3, RESTS_OF_ENDLESS = 9, REST_MAX_NS = 200000000 };
 
 size_t __real_render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, uint32_t group,
                           uint32_t pass, float32 *sums, struct tail *tail, struct render_stats *stats);
@@ -21,8 +21,8 @@ size_t __wrap_render_tile(const struct render_scene *scene, uint32_t frame, uint
     uint64_t began_ns = clock_thread_cpu_ns(), rest_ns;
     size_t count = __real_render_tile(scene, frame, tile, group, pass, sums, tail, stats);
 
-    if (scene->settings.spp >= ENDLESS_SPP && pass >= FIRST_PASSES) {
-        rest_ns = RESTS_FOR_ONE * (clock_thread_cpu_ns() - began_ns);
+    if (scene->settings.spp >= LONG_SPP && pass >= FIRST_PASSES) {
+        rest_ns = (scene->settings.spp >= ENDLESS_SPP ? RESTS_OF_ENDLESS : RESTS_OF_LONG) * (clock_thread_cpu_ns() - began_ns);
         nanosleep(&(struct timespec){.tv_nsec = (long)(rest_ns < REST_MAX_NS ? rest_ns : REST_MAX_NS)}, NULL);
     }
     return count;

@@ -35,7 +35,7 @@ def beside_the_raw_picture():
     """the raw channels keep their bits, the layer and the PNG have less than a quarter of their squared error"""
     with Farm() as farm:
         for name, options in (("plain", ()), ("clean", ("--denoise", "on")), ("fast", ("--denoise", "fast")),
-                              ("truth", ("--spp", "512"))):
+                              ("truth", ("--spp", "256"))):
             farm.cli("render", BOX, *SIZE, "--size", "96x96", *options, "-o", name, connect=False, expect=0)
         plain, clean, fast = (read_exr(farm.path(n + ".exr")) for n in ("plain", "clean", "fast"))
         expect(sorted(plain.channels) == ["B", "G", "R"], "what is not asked for is not there")

@@ -52,7 +52,7 @@ def text_of(farm, number):
 @tests.add
 def only_worker_killed():
     """the only worker dies: the job waits and says why, nothing is blackened, a new one ends it"""
-    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
+    long_job = LongJob(0.6 if not SLOW else 3.0, "129x97")
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker(threads=2)
@@ -173,7 +173,7 @@ def kernel_that_does_not_fit():
         farm.wait_for_job(number)
         first = Outcome(farm, number, "first")
         # The other way round: the job is in work by one kernel, so the other gets nothing of it.
-        number = farm.submit(farm.scene(), "--size", "256x256", "--spp", "100000")
+        number = farm.submit(farm.scene(), "--size", "96x96", "--spp", "100000")
         wait_mid_frame(farm, number, 0.001)
         peer = OddPeer(farm, hello="kernel=other-kernel-9")
         peer.say("request 2")
@@ -327,7 +327,7 @@ def results_that_break_the_rules():
 @tests.add
 def result_that_differs():
     """a result that differs from the one merged before is counted and logged, and the first is kept"""
-    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
+    long_job = LongJob(0.6 if not SLOW else 3.0, "129x97")
     with Farm() as farm:
         farm.start_coordinator()
         worker = farm.start_worker()

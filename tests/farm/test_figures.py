@@ -163,7 +163,7 @@ def a_history_survives_the_coordinator():
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker(threads=1)
-        number = farm.submit(os.path.join(FEATURES, "glass.gltf"), "--size", "160x120", "--spp", "4096")
+        number = farm.submit(os.path.join(FEATURES, "glass.gltf"), "--size", "96x72", "--spp", "4096")
 
         def points():
             return history_of(farm, number)

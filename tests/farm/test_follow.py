@@ -14,7 +14,7 @@ from jobs import expect
 tests = Tests()
 SMALL = ("--size", "32x32", "--spp", "4")
 # One thread renders a frame in a good part of a second: there is a middle to look at.
-SLOW = ("--size", "160x160", "--spp", "96")
+SLOW = ("--size", "160x160", "--spp", "64")
 
 
 def there(folder):

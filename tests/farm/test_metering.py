@@ -107,7 +107,7 @@ def frames_that_miss_are_named():
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()
-        number = farm.submit(AREA, "--size", "65x49", "--frames", "1-3", "--target-error", "0.5/255", "--core-limit", "1s")
+        number = farm.submit(AREA, "--size", "65x49", "--frames", "1-3", "--target-error", "0.5/255", "--core-limit", "0.4s")
         farm.wait_for_job(number)
         job = farm.job(number)
         expect(job["missed_frame"] == job["worst_frame"] and job["missed"] == job["worst"], job["missed"])

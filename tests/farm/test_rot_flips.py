@@ -1,6 +1,6 @@
 """Random flips and cuts over all kinds of files in a store, seeded: never silent, never unstartable, the remedy in one line.
 
-ROT_ROUNDS (100) says how many, ROT_SEED (1) which."""
+ROT_ROUNDS (70) says how many, ROT_SEED (1) which."""
 import functools
 import json
 import os
@@ -16,7 +16,7 @@ from jobs import expect
 from exr import read_exr
 
 tests = Tests()
-ROUNDS, SEED = int(os.environ.get("ROT_ROUNDS", "100")), int(os.environ.get("ROT_SEED", "1"))
+ROUNDS, SEED = int(os.environ.get("ROT_ROUNDS", "70")), int(os.environ.get("ROT_SEED", "1"))
 SMALL = ["--size", "48x32", "--spp", "4"]
 LEFT_ALONE = ("lock", "hold", "reserve", "audit.log", "queue.sqlite-shm")  # their bytes decide nothing
 REMEDIES = ("azulejo", "again", "--repair", "back-up", "is removed", "made again")

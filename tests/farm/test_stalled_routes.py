@@ -16,7 +16,7 @@ from page import Page
 
 tests = Tests()
 SMALL = ["--size", "32x24", "--spp", "4", "--format", "exr,png"]
-LONG = ["--size", "256x256", "--spp", "200000"]
+LONG = ["--size", "64x64", "--spp", "1000000"]
 LOOK_S = 0.3    # how long others are asked while a request waits
 HANG_S = 4.0    # the disk goes on by itself then: a loop that waits for it is free again, and too late
 SOON_S = 2.0

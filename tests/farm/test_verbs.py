@@ -15,7 +15,7 @@ from page import Page
 from test_one_vocabulary import command, same
 
 tests = Tests()
-LONG = ("--size", "160x96", "--frames", "1-2", "--spp", "160")
+LONG = ("--size", "160x96", "--frames", "1-2", "--spp", "100")
 ENDLESS = ("--size", "320x200", "--spp", "1000000")
 ENDED = ("done", "failed", "cancelled")
 

@@ -438,8 +438,8 @@ NOT_AT_RANDOM = re.compile(r"/api/v1/(events|live|tokens|session)|/imports")
 
 @tests.add
 def at_random():
-    """10,000 requests at random: no failure of the coordinator's, and no growth"""
-    count = 1500 if SLOW else 10000
+    """4,000 requests at random: no failure of the coordinator's, and no growth"""
+    count = 1500 if SLOW else 4000
     with Farm() as farm:
         api = started(farm)
         farm.start_worker()

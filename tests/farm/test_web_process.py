@@ -22,7 +22,7 @@ from page import Page, need_page
 from websocket import Closed, WebSocket
 
 tests = Tests()
-LONG = LongJob(1.5)
+LONG = LongJob(0.8, "129x97")
 LIBRARIES = re.compile(r"libwebsockets|libcurl|libjansson")
 
 
@@ -266,7 +266,7 @@ def held_up():
 
 @tests.add
 def endless_loop():
-    """a page that computes for good is killed and started again; what is rendered meanwhile has the same bits"""
+    """a page that never comes back to its loop is killed and started again; what is rendered meanwhile has the same bits"""
     if os.environ.get("SANITIZE"):
         raise Skip("a sanitizer wants to be loaded first")
     with Farm() as farm:

@@ -143,7 +143,7 @@ def block_and_unblock():
         farm.start_coordinator()
         farm.start_worker("--name", "a")
         farm.wait_for_workers(1)
-        long = LongJob(1)
+        long = LongJob(0.6, "129x97")
         long.measure(farm)
         reference = long.submit(farm)
         farm.wait_for_job(reference)
@@ -324,7 +324,7 @@ def ended_while_others_hold_back():
     with Farm() as farm:
         farm.start_coordinator("--lease-seconds", "3600")
         idle = OddPeer(farm, hello="host=idle")
-        number = farm.submit(farm.scene(), "--size", "64x64", "--spp", "2048")
+        number = farm.submit(farm.scene(), "--size", "64x64", "--spp", "512")
         idle.say("request 4")
         idle.grant()  # nothing beyond the first pass is merged without these units
         farm.start_worker("--name", "a")
@@ -336,7 +336,7 @@ def ended_while_others_hold_back():
         farm.start_worker("--name", "b")
         farm.wait_for_job(number)
         units = named(farm, "b")["units_done"]
-        reference = farm.submit(farm.scene(), "--size", "64x64", "--spp", "2048")
+        reference = farm.submit(farm.scene(), "--size", "64x64", "--spp", "512")
         farm.wait_for_job(reference)
         whole = named(farm, "b")["units_done"] - units
         expect(units + gone(farm, "a")[0]["units_done"] == whole, "units were rendered again: %d, %d" % (units, whole))
@@ -414,7 +414,7 @@ def a_thread_that_hangs():
         farm.start_coordinator("--unit-seconds", "1", "--lease-seconds", "3600")
         farm.start_worker("--name", "a")
         farm.wait_for_workers(1)
-        long = LongJob(1)
+        long = LongJob(0.6, "129x97")
         long.measure(farm)
         reference = long.submit(farm)
         farm.wait_for_job(reference)
@@ -451,7 +451,7 @@ def a_far_coordinator():
             farm.address = near
             farm.wait_for_workers(1)
             pid = farm.workers[0].pid
-            number = farm.submit(os.path.join(ROOT, "scenes/cornell/cornell-area.gltf"), "--size", "960x540",
+            number = farm.submit(os.path.join(ROOT, "scenes/cornell/cornell-area.gltf"), "--size", "720x405",
                                  "--spp", "8")
             seen = []  # (when, computed, computed or waited), each time that it has computed more
             while not seen or farm.job(number)["state"] != "done":
