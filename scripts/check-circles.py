@@ -25,17 +25,18 @@ def objects(build):
                 yield path, source
 
 
-def symbols(path):
-    """(defined, used) names of an object file."""
-    defined, used = set(), set()
-    out = subprocess.run(["nm", "-P", path], check=True, capture_output=True, text=True).stdout
+def symbols(sources):
+    """({name: source that defines it}, {source: names that it uses}) of {object file: source}."""
+    owner, uses = {}, {source: set() for source in sources.values()}
+    out = subprocess.run(["nm", "-A", "-P", *sources], check=True, capture_output=True, text=True).stdout
     for line in out.splitlines():
-        name, kind = line.split()[:2]
+        path, name, kind = line.split()[:3]
+        source = sources[path[:-1]]
         if kind == "U":
-            used.add(name)
+            uses[source].add(name)
         elif kind.isupper():
-            defined.add(name)
-    return defined, used
+            owner[name] = source
+    return owner, uses
 
 
 def circles(graph):
@@ -74,12 +75,10 @@ def circles(graph):
 def main():
     sys.setrecursionlimit(10000)
     build, listed = sys.argv[1], "--list" in sys.argv
-    owner, uses = {}, {}
-    for path, source in objects(build):
-        defined, uses[source] = symbols(path)
-        owner.update((name, source) for name in defined)
-    if not uses:
+    sources = dict(objects(build))
+    if not sources:
         sys.exit("check-circles: no object files below %s/obj: build first" % build)
+    owner, uses = symbols(sources)
     graph = {source: {owner[n] for n in names if n in owner and owner[n] != source}
              for source, names in uses.items()}
     folders = collections.defaultdict(set)

@@ -14,8 +14,7 @@ import sys
 
 STRUCTURES = {"job": "coordinator/job/queue.h"}
 STORE = "coordinator/store"
-WRITES = r"%s->%s((?:\[[^\]]*\]|[.]\w+)*)\s*(?:[-+*/|&^]=|<<=|>>=|=(?!=)|\+\+|--)"
-BEFORE = r"(?:\+\+|--)%s->%s\b"
+WRITES = r"(\+\+|--)?%s->(\w+)((?:\[[^\]]*\]|[.]\w+)*\s*(?:[-+*/|&^]=|<<=|>>=|=(?!=)|\+\+|--))?"
 
 
 def fields(name, path):
@@ -60,9 +59,9 @@ def main():
                 continue
             owner = r"(?<![\w>.])(?:%s)" % "|".join(known) if known else "(?!)"
             owner = r"(?:%s|[>.](?:%s))" % (owner, "|".join(map(re.escape, members)) or "(?!)")
-            for field in rooms:
-                for m in re.finditer(WRITES % (owner, field) + "|" + BEFORE % (owner, field), text):
-                    writers[field].add((path, text.count("\n", 0, m.start()) + 1))
+            for m in re.finditer(WRITES % owner, text):
+                if m[2] in rooms and (m[1] or m[3]):
+                    writers[m[2]].add((path, text.count("\n", 0, m.start()) + 1))
         for field, room in rooms.items():
             if "--list" in sys.argv:
                 print("%-10s %-24s %s" % (name, field, " ".join(sorted({p for p, _ in writers[field]}))))
