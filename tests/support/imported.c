@@ -80,24 +80,35 @@ struct render_settings imported_settings(uint32_t width, uint32_t height, uint32
     return s;
 }
 
-void imported_render_film(const struct render_scene *scene, uint32_t frame, struct film *film,
+void imported_render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, struct film *film,
                           struct render_stats *stats)
 {
     struct error err = {0};
 
+    for (uint32_t g = 0; g < GROUPS; g++)
+        for (uint32_t pass = 0; pass < film_pass_count(film, g); pass++) {
+            float sums[TILE_FLOATS_MAX];
+            struct unit_result unit = {.tile = tile, .group = g, .pass = pass, .sums = sums};
+            enum film_merge_result merged;
+            unit.count = render_tile(scene, frame, tile, g, pass, sums, &unit.tail, stats);
+            if (film_merge(film, &unit, 0, &merged, &err) != STATUS_OK)
+                give_up("film", err.text);
+        }
+}
+
+void imported_want_film(struct film *film)
+{
     film_want_all(film);
-    for (uint32_t g = 0; g < GROUPS; g++) {
+    for (uint32_t g = 0; g < GROUPS; g++)
         film_freeze(film, g, NULL);
-        for (uint32_t tile = 0; tile < film_tile_count(film); tile++)
-            for (uint32_t pass = 0; pass < film_pass_count(film, g); pass++) {
-                float sums[TILE_FLOATS_MAX];
-                struct unit_result unit = {.tile = tile, .group = g, .pass = pass, .sums = sums};
-                enum film_merge_result merged;
-                unit.count = render_tile(scene, frame, tile, g, pass, sums, &unit.tail, stats);
-                if (film_merge(film, &unit, 0, &merged, &err) != STATUS_OK)
-                    give_up("film", err.text);
-            }
-    }
+}
+
+void imported_render_film(const struct render_scene *scene, uint32_t frame, struct film *film,
+                          struct render_stats *stats)
+{
+    imported_want_film(film);
+    for (uint32_t tile = 0; tile < film_tile_count(film); tile++)
+        imported_render_tile(scene, frame, tile, film, stats);
 }
 
 void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,

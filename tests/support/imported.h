@@ -24,10 +24,14 @@ struct render_scene *imported_build(struct import_result *import, const struct r
 /* Settings of a small picture with this many samples. */
 struct render_settings imported_settings(uint32_t width, uint32_t height, uint32_t spp);
 
-/* The mean picture [height][width][3] of one frame. */
 /* Merge every unit that the film's cap allows; counts are added to *stats. */
 void imported_render_film(const struct render_scene *scene, uint32_t frame, struct film *film,
                           struct render_stats *stats);
+/* The same in steps: everything is wanted; a tile's units. */
+void imported_want_film(struct film *film);
+void imported_render_tile(const struct render_scene *scene, uint32_t frame, uint32_t tile, struct film *film,
+                          struct render_stats *stats);
+/* The mean picture [height][width][3] of one frame. */
 void imported_render_scene(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
                            float *picture);
 void imported_render(struct import_result *import, const struct render_settings *settings, uint32_t frame,
