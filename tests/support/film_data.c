@@ -4,21 +4,23 @@
 #include <stdarg.h>
 
 #include <cmocka.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "common/film/matte.h"
 #include "common/math/elementary.h"
 
-static float number_of(uint32_t tile, uint32_t group, uint32_t pass, size_t i)
+float film_data_spread(uint32_t h)
 {
-    uint32_t h = (uint32_t)i * 2654435761u ^ tile * 40503u ^ (pass * GROUPS + group + 1) * 2246822519u;
-
     h ^= h >> 15;
     h *= 2246822519u;
     h ^= h >> 13;
-    return ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
+    return (float)(h | 1u << 31) * float_from_bits((((h * 2654435761u) >> 26) + 67) << 23);
+}
+
+static float number_of(uint32_t tile, uint32_t group, uint32_t pass, size_t i)
+{
+    return film_data_spread((uint32_t)i * 2654435761u ^ tile * 40503u ^ (pass * GROUPS + group + 1) * 2246822519u);
 }
 
 /* A few samples of each pixel met things, of which there are more than a pixel keeps apart. */
@@ -74,16 +76,22 @@ struct unit_result film_data_unit(const struct film *film, uint32_t tile, uint32
     return unit;
 }
 
+enum film_merge_result film_data_give(struct film *film, const struct unit_result *unit)
+{
+    enum film_merge_result result;
+    struct error err = {0};
+
+    if (film_merge(film, unit, 100 + unit->pass, &result, &err) != STATUS_OK)
+        fail_msg("%s", err.text);
+    return result;
+}
+
 enum film_merge_result film_data_merge(struct film *film, uint32_t tile, uint32_t group, uint32_t pass)
 {
     float sums[TILE_FLOATS_MAX];
     struct unit_result unit = film_data_unit(film, tile, group, pass, sums);
-    enum film_merge_result result;
-    struct error err = {0};
 
-    if (film_merge(film, &unit, 100 + pass, &result, &err) != STATUS_OK)
-        fail_msg("%s", err.text);
-    return result;
+    return film_data_give(film, &unit);
 }
 
 struct film *film_data_new(uint32_t width, uint32_t height, uint32_t spp, uint32_t aovs)

@@ -1,6 +1,5 @@
 #include "tests/support/sim_farm.h"
 
-#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -15,6 +14,7 @@
 #include "coordinator/farm/freeze.h"
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/film/store_film.h"
+#include "tests/support/film_data.h"
 
 static void on_revoke(void *user, uint32_t session, uint64_t lease, const char *reason)
 {
@@ -319,12 +319,8 @@ size_t sim_sums(uint32_t width, uint32_t height, uint32_t frame, struct unit_nam
     size_t count = (size_t)PIXEL_FLOATS * rect.width * rect.height;
 
     for (size_t i = 0; i < count; i++) {
-        uint32_t h = (uint32_t)i * 2654435761u ^ name.tile * 40503u ^
-                     (name.pass * GROUPS + name.group + 1) * 2246822519u ^ frame * 97u;
-        h ^= h >> 15;
-        h *= 2246822519u;
-        h ^= h >> 13;
-        out[i] = ldexpf((float)(h | 1u << 31), (int)((h * 2654435761u) >> 26) - 60);
+        out[i] = film_data_spread((uint32_t)i * 2654435761u ^ name.tile * 40503u ^
+                                  (name.pass * GROUPS + name.group + 1) * 2246822519u ^ frame * 97u);
     }
     return count;
 }
