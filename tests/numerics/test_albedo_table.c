@@ -24,19 +24,39 @@ enum { SOME_MEANS = 13 };
 
 static double square(double x) { return x * x; }
 
+static double fifth(double x) { return square(square(x)) * x; }
+
+struct azimuth {
+    double cosine, sine;
+};
+
+/* The midpoints of so many equal steps over half a turn, at most POINTS: computed once. */
+static const struct azimuth *azimuths(int steps)
+{
+    static struct azimuth known[POINTS + 1][POINTS];
+    struct azimuth *of = known[steps];
+
+    for (int j = 0; j < steps && of[0].cosine == 0; j++) {
+        const int last = steps - 1 - j; /* first comes last: it tells that all are there */
+        of[last] = (struct azimuth){cos(M_PI * (last + 0.5) / steps), sin(M_PI * (last + 0.5) / steps)};
+    }
+    return of;
+}
+
 /* Directional albedo of GGX with unit Fresnel, *all, and with (1 - v.h)^5, *schlick: the
  * midpoint rule over the visible normals, whose weight is G2 / G1. */
 static void ggx_albedo(double mu, double alpha, int points, double *all, double *schlick)
 {
     double wo_x = sqrt(1 - mu * mu), length = hypot(alpha * wo_x, mu);
     double x = alpha * wo_x / length, z = mu / length, root_o = length;
+    const struct azimuth *phi = azimuths(points);
 
     *all = *schlick = 0;
     for (int i = 0; i < points; i++)
         for (int j = 0; j < points; j++) {
-            double height = (1 - (i + 0.5) / points) * (1 + z) - z, phi = M_PI * (j + 0.5) / points;
+            double height = (1 - (i + 0.5) / points) * (1 + z) - z;
             double sine = sqrt(fmax(0, 1 - height * height));
-            double h[3] = {alpha * (sine * cos(phi) + x), alpha * sine * sin(phi), height + z};
+            double h[3] = {alpha * (sine * phi[j].cosine + x), alpha * sine * phi[j].sine, height + z};
             double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
             double cosine = (wo_x * h[0] + mu * h[2]) / norm;
             double mu_i = 2 * cosine * h[2] / norm - mu, root_i, weight;
@@ -45,7 +65,7 @@ static void ggx_albedo(double mu, double alpha, int points, double *all, double 
             root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
             weight = mu_i * (mu + root_o) / (mu_i * root_o + mu * root_i);
             *all += weight;
-            *schlick += weight * pow(1 - cosine, 5);
+            *schlick += weight * fifth(1 - cosine);
         }
     *all /= points * points;
     *schlick /= points * points;
@@ -57,12 +77,13 @@ static double ggx_loss(double mu, double alpha, int points)
 {
     double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu);
     double x = alpha * wo_x / root_o, z = mu / root_o, sum = 0;
+    const struct azimuth *phi = azimuths(points);
 
     for (int i = 0; i < points; i++)
         for (int j = 0; j < points; j++) {
-            double t = (i + 0.5) / points, phi = M_PI * (j + 0.5) / points;
+            double t = (i + 0.5) / points;
             double height = t * t * (1 + z) - z, sine = sqrt(fmax(0, 1 - height * height));
-            double h[3] = {alpha * (sine * cos(phi) + x), alpha * sine * sin(phi), height + z};
+            double h[3] = {alpha * (sine * phi[j].cosine + x), alpha * sine * phi[j].sine, height + z};
             double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
             double cosine = (wo_x * h[0] + mu * h[2]) / norm;
             double mu_i = 2 * cosine * h[2] / norm - mu, root_i, weight = 0;
@@ -158,15 +179,16 @@ static double stretched_loss(double mu, double cos2_azimuth, double ax, double a
     double x = ax * w[0], y = ay * w[1], root_o = sqrt(x * x + y * y + mu * mu), z = mu / root_o;
     double sum = 0;
     enum { N = 48 };
+    const struct azimuth *phi = azimuths(N);
 
     x /= root_o;
     y /= root_o;
     *schlick = 0;
     for (int i = 0; i < N; i++)
         for (int j = 0; j < 2 * N; j++) {
-            double t = (i + 0.5) / N, height = t * t * (1 + z) - z, phi = M_PI * (j + 0.5) / N;
-            double s = sqrt(fmax(0, 1 - height * height));
-            double h[3] = {ax * (s * cos(phi) + x), ay * (s * sin(phi) + y), height + z};
+            double t = (i + 0.5) / N, height = t * t * (1 + z) - z;
+            double s = sqrt(fmax(0, 1 - height * height)) * (j < N ? 1 : -1);
+            double h[3] = {ax * (s * phi[j % N].cosine + x), ay * (s * phi[j % N].sine + y), height + z};
             double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
             double c = 2 * (w[0] * h[0] + w[1] * h[1] + w[2] * h[2]) / norm;
             double v[3] = {c * h[0] / norm - w[0], c * h[1] / norm - w[1], c * h[2] / norm - w[2]};
@@ -176,7 +198,7 @@ static double stretched_loss(double mu, double cos2_azimuth, double ax, double a
                 weight = v[2] * (mu + root_o) / (v[2] * root_o + mu * root_i);
             }
             sum += 2 * t * (1 - weight);
-            *schlick += 2 * t * weight * pow(1 - 0.5 * c, 5) / (2 * N * N);
+            *schlick += 2 * t * weight * fifth(1 - 0.5 * c) / (2 * N * N);
         }
     return sum / (2 * N * N);
 }
@@ -238,13 +260,13 @@ static double fresnel(double c, double eta)
 }
 
 /* Light that a rough interface of relative index eta (0: a mirror) loses along mu at one visible
- * normal, whose cap's height is u and azimuth v, both 0..1. */
-static double interface_lost(double mu, double alpha, double eta, double u, double v)
+ * normal, whose cap's height is u, 0..1. */
+static double interface_lost(double mu, double alpha, double eta, double u, struct azimuth phi)
 {
-    double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu);
-    double x = alpha * wo_x / root_o, z = mu / root_o, height = u * (1 + z) - z, phi = M_PI * v;
+    double wo_x = sqrt(1 - mu * mu), root_o = sqrt(alpha * wo_x * alpha * wo_x + mu * mu);
+    double x = alpha * wo_x / root_o, z = mu / root_o, height = u * (1 + z) - z;
     double s = sqrt(fmax(0, 1 - height * height)), mu_i, root_i, t, kept = 0;
-    double h[3] = {alpha * (s * cos(phi) + x), alpha * s * sin(phi), height + z};
+    double h[3] = {alpha * (s * phi.cosine + x), alpha * s * phi.sine, height + z};
     double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]), hz = h[2] / norm;
     double c = (wo_x * h[0] + mu * h[2]) / norm, f = eta > 0 ? fresnel(c, eta) : 1;
 
@@ -270,11 +292,12 @@ static double interface_loss(double mu, double alpha, double r, int side)
 {
     double eta = interface_eta(r, side), sum = 0;
     enum { N = 96 };
+    const struct azimuth *phi = azimuths(N);
 
     for (int i = 0; i < N; i++)
         for (int j = 0; j < N; j++) {
             double v = (i + 0.5) / N;
-            sum += 2 * v * interface_lost(mu, alpha, eta, v * v, (j + 0.5) / N);
+            sum += 2 * v * interface_lost(mu, alpha, eta, v * v, phi[j]);
         }
     return sum / (N * N);
 }
@@ -327,11 +350,22 @@ static double interface_lost_mean(int side, int row, int index)
     double r = interface_r((double)index / (ALBEDO_INTERFACE_LOST_INDICES - 1));
     double eta = interface_eta(r, side);
     enum { POINTS_OF_MEAN = 300000 };
+    static struct {
+        double a, b;
+        struct azimuth phi;
+    } points[POINTS_OF_MEAN];
 
+    for (int i = 0; i < POINTS_OF_MEAN && points[0].a == 0; i++) { /* the first comes last */
+        const int k = POINTS_OF_MEAN - 1 - i;
+        const double phi = M_PI * recurrence(k, 0.5497004779019703);
+        points[k].phi = (struct azimuth){cos(phi), sin(phi)};
+        points[k].b = recurrence(k, 0.6710436067037893);
+        points[k].a = recurrence(k, 0.8191725133961645);
+    }
     for (int i = 0; i < POINTS_OF_MEAN; i++) {
-        double a = recurrence(i, 0.8191725133961645), b = recurrence(i, 0.6710436067037893);
+        double a = points[i].a, b = points[i].b;
         sum += 12 * a * a * a * a * a * b * /* mu = a^3 */
-               interface_lost(a * a * a, alpha, eta, b * b, recurrence(i, 0.5497004779019703));
+               interface_lost(a * a * a, alpha, eta, b * b, points[i].phi);
     }
     return sum / POINTS_OF_MEAN / alpha;
 }
@@ -356,13 +390,14 @@ static void exact_above(double mu, double alpha, int points, const double *r, in
 {
     double wo_x = sqrt(1 - mu * mu), root_o = hypot(alpha * wo_x, mu), all = 0;
     double x = alpha * wo_x / root_o, z = mu / root_o;
+    const struct azimuth *phi = azimuths(points);
 
     memset(above, 0, (size_t)count * sizeof *above);
     for (int i = 0; i < points; i++)
         for (int j = 0; j < points; j++) {
-            double height = (1 - (i + 0.5) / points) * (1 + z) - z, phi = M_PI * (j + 0.5) / points;
+            double height = (1 - (i + 0.5) / points) * (1 + z) - z;
             double sine = sqrt(fmax(0, 1 - height * height));
-            double h[3] = {alpha * (sine * cos(phi) + x), alpha * sine * sin(phi), height + z};
+            double h[3] = {alpha * (sine * phi[j].cosine + x), alpha * sine * phi[j].sine, height + z};
             double norm = sqrt(h[0] * h[0] + h[1] * h[1] + h[2] * h[2]);
             double cosine = fmin(1, (wo_x * h[0] + mu * h[2]) / norm);
             double mu_i = 2 * cosine * h[2] / norm - mu, root_i, weight, schlick;
@@ -370,7 +405,7 @@ static void exact_above(double mu, double alpha, int points, const double *r, in
                 continue;
             root_i = sqrt(alpha * alpha * (1 - mu_i * mu_i) + mu_i * mu_i);
             weight = mu_i * (mu + root_o) / (mu_i * root_o + mu * root_i);
-            schlick = square(square(1 - cosine)) * (1 - cosine);
+            schlick = fifth(1 - cosine);
             all += weight;
             for (int k = 0; k < count; k++)
                 above[k] +=
