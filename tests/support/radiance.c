@@ -107,17 +107,23 @@ void radiance_expect_rgb(struct scene_builder *b, const struct render_settings *
         judge(&s[c], channels, expected[c], what, channel_names[c]);
 }
 
-void radiance_expect_same(struct scene_builder *a, struct scene_builder *b, const struct render_settings *settings,
-                          unsigned channels, const char *what)
+void radiance_expect_same_at(struct scene_builder *a, const struct render_settings *at_a, struct scene_builder *b,
+                             const struct render_settings *at_b, unsigned channels, const char *what)
 {
     struct running_stats first[3], second[3];
 
-    radiance_measure(a, settings, first);
-    radiance_measure(b, settings, second);
+    radiance_measure(a, at_a, first);
+    radiance_measure(b, at_b, second);
     for (int c = 0; c < 3; c++) {
         second[c].sum_squares += first[c].sum_squares; /* the variance of the difference of both means */
         judge(&second[c], channels, first[c].mean, what, channel_names[c]);
     }
+}
+
+void radiance_expect_same(struct scene_builder *a, struct scene_builder *b, const struct render_settings *settings,
+                          unsigned channels, const char *what)
+{
+    radiance_expect_same_at(a, settings, b, settings, channels, what);
 }
 
 void radiance_expect(struct scene_builder *b, const struct render_settings *settings, unsigned channels,

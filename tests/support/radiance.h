@@ -28,6 +28,10 @@ void radiance_expect(struct scene_builder *b, const struct render_settings *sett
 void radiance_expect_same(struct scene_builder *a, struct scene_builder *b, const struct render_settings *settings,
                           unsigned channels, const char *what);
 
+/* The same with settings of their own: the one that has less noise may do with fewer samples. */
+void radiance_expect_same_at(struct scene_builder *a, const struct render_settings *at_a, struct scene_builder *b,
+                             const struct render_settings *at_b, unsigned channels, const char *what);
+
 /* One comparison: a value computed from each frame's mean picture [height][width][3]. */
 typedef double radiance_measure_fn(const double *picture, const struct render_settings *settings, const void *user);
 void radiance_expect_value(struct scene_builder *b, const struct render_settings *settings, unsigned comparisons,
