@@ -61,7 +61,7 @@ static void turn(struct invariance *inv, unsigned number, int mirrored)
         way.flags = in_matrix ? WAY_IN_MATRIX : 0;
         invariance_turn(4 * number + 2 * (unsigned)mirrored + in_matrix, mirrored, way.turn);
         snprintf(what, sizeof what, "%s turned%s", in_matrix ? "node" : "vertices", mirrored ? " and mirrored" : "");
-        invariance_check(inv, what, &way, INVARIANT_NOISE);
+        invariance_check(inv, what, &way, INVARIANT_TURNED);
     }
 }
 
@@ -71,7 +71,7 @@ static void everything(struct invariance *inv, unsigned number)
     way.scale = 0.037;
     memcpy(way.shift, (double[3]){12345.678, -777.7, 3.1}, sizeof way.shift);
     invariance_turn(100 + number, 0, way.turn);
-    invariance_check(inv, "node scaled, turned and moved", &way, INVARIANT_NOISE);
+    invariance_check(inv, "node scaled, turned and moved", &way, INVARIANT_TURNED);
 }
 
 /* `mirrored`: if another model (no option mirrors the sky of a glTF). */

@@ -17,8 +17,8 @@ static void group_sums(const struct render_scene *scene, const struct render_set
     }
 }
 
-void groups_render(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
-                   double *mean, double *variance, struct render_stats *stats)
+void groups_render_apart(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
+                         double *mean, double *apart, struct render_stats *stats)
 {
     static double sums[GROUPS][TILE_FLOATS_MAX];
     const int both = group_samples(settings->spp, 1) > 0;
@@ -33,8 +33,16 @@ void groups_render(const struct render_scene *scene, const struct render_setting
             double a = sums[0][i] / group_samples(settings->spp, 0);
             double b = both ? sums[1][i] / group_samples(settings->spp, 1) : a;
             mean[at] = (a + b) / 2;
-            if (variance)
-                variance[at] = (a - b) * (a - b) / 4;
+            if (apart)
+                apart[at] = (a - b) / 2;
         }
     }
+}
+
+void groups_render(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
+                   double *mean, double *variance, struct render_stats *stats)
+{
+    groups_render_apart(scene, settings, frame, mean, variance, stats);
+    for (size_t i = 0; variance && i < (size_t)settings->width * settings->height * 3; i++)
+        variance[i] *= variance[i];
 }

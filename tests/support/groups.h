@@ -8,3 +8,6 @@
  * Both arrays are the caller's. */
 void groups_render(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
                    double *mean, double *variance, struct render_stats *stats);
+/* The same with half of what the first group has more than the second: the variance is its square. */
+void groups_render_apart(const struct render_scene *scene, const struct render_settings *settings, uint32_t frame,
+                         double *mean, double *apart, struct render_stats *stats);

@@ -26,31 +26,34 @@ enum {
     ACROSS = SIDE / BLOCK,
     BLOCKS = ACROSS * ACROSS,
     VALUES = SIDE * SIDE * 3,
-    REFERENCE_SAMPLES = 4, /* times those of a case */
-    REFERENCE_SEED = 100,
-    CASE_SEED = 1,
+    LEVELS = INVARIANT_TURNED + 1,
+    SEED = 1,
+    OTHER_SEED = 100,
 };
 /* Of the difference of a pixel's two groups. */
 #define PIXEL_DEGREES 1
 /* Two pictures that differ by less than this share are the same but for rounding, in pixels but this
  * share of them. */
 #define ROUNDING_SHARE 1e-3
-#define PIXELS_SHARE 0.03
+#define PIXELS_SHARE 0.015
+/* What floats cannot say of a block, or of the picture, is no difference. */
+#define NO_SHARE 1e-5
 #define FOLDER "scenes/features"
 
 struct picture {
-    double mean[VALUES], variance[VALUES];
+    double mean[VALUES], apart[VALUES]; /* half the difference of its groups */
 };
 
 struct invariance {
     const char *scene;
     struct model model;
     struct model_way way;
-    int has_other; /* the second is made when it is wanted */
-    struct picture same_seed, other_seed;
+    int has[LEVELS]; /* its reference is made when it is wanted */
+    struct picture reference[LEVELS];
 };
 
-static uint32_t samples = 32;
+/* Of a case and of its reference. */
+static uint32_t samples[LEVELS][2] = {{8, 8}, {16, 16}, {16, 16}, {32, 128}};
 static int table;
 
 void invariance_arguments(int argc, char **argv)
@@ -59,7 +62,8 @@ void invariance_arguments(int argc, char **argv)
         if (strcmp(argv[i], "--table") == 0)
             table = 1;
         else if (atoi(argv[i]) >= 4)
-            samples = (uint32_t)atoi(argv[i]);
+            for (int k = 0; k < 2 * LEVELS; k++)
+                samples[k / 2][k % 2] = (uint32_t)atoi(argv[i]) * (k == 2 * INVARIANT_TURNED + 1 ? 4 : 1);
         else {
             fprintf(stderr, "\"%s\": arguments are --table and the samples a pixel, at least 4\n", argv[i]);
             exit(2);
@@ -207,13 +211,13 @@ static void take_picture(const struct model *m, const struct model_way *way, uin
     settings.env_sampling = ENV_SAMPLING_IMPORTANCE; /* what is learned of a scaled scene has other rounding errors: other noise */
     import_model(m, way, &import);
     scene = imported_build(&import, &settings, 0);
-    groups_render(scene, &settings, 0, out->mean, out->variance, &stats);
+    groups_render_apart(scene, &settings, 0, out->mean, out->apart, &stats);
     assert_int_equal(stats.work.dropped_samples, 0);
     render_scene_free(scene);
     import_result_release(&import);
     if (determinant(way->turn) < 0) {
         turn_over(out->mean);
-        turn_over(out->variance);
+        turn_over(out->apart);
     }
 }
 
@@ -225,7 +229,6 @@ struct invariance *invariance_new(const char *scene, model_scene *model, const s
     inv->scene = scene;
     inv->way = *reference;
     model(&inv->model);
-    take_picture(&inv->model, reference, CASE_SEED, samples, &inv->same_seed);
     return inv;
 }
 
@@ -237,19 +240,27 @@ void invariance_free(struct invariance *inv)
 
 /* ---- comparing two ---------------------------------------------------------------------------- */
 
-/* The mean of some pixels' channel, its variance, and the sum of squares for the degrees of freedom. */
+/* The difference of some pixels' channel, its variance, and the sum of squares for the degrees of freedom. */
 struct estimate {
     double sum, variance, squares;
-    int pixels;
+    double reference;
 };
 
-static void estimate_add(struct estimate *e, const struct picture *p, int at)
+/* Of a pixel. */
+static void add_variance(struct estimate *e, double apart)
 {
-    e->sum += p->mean[at];
-    e->variance += p->variance[at];
+    e->variance += apart * apart;
     /* The square of a variance with d degrees of freedom is on average 1 + 2 / d times as large. */
-    e->squares += p->variance[at] * p->variance[at] / (PIXEL_DEGREES + 2);
-    e->pixels++;
+    e->squares += apart * apart * apart * apart / (PIXEL_DEGREES + 2);
+}
+
+static void estimate_add(struct estimate *e, const struct picture *a, const struct picture *b, int at, int paired)
+{
+    e->sum += a->mean[at] - b->mean[at];
+    e->reference += b->mean[at];
+    add_variance(e, a->apart[at] - (paired ? b->apart[at] : 0));
+    if (!paired)
+        add_variance(e, b->apart[at]);
 }
 
 struct difference {
@@ -257,19 +268,17 @@ struct difference {
     double share;      /* of the reference's mean */
 };
 
-static struct difference welch(const struct estimate *a, const struct estimate *b)
+static struct difference student(const struct estimate *e)
 {
     struct difference d = {1, 0, 0};
-    double apart = fabs(a->sum - b->sum), variance = a->variance + b->variance;
-    double squares = a->squares + b->squares;
+    double apart = fabs(e->sum);
 
     if (apart == 0)
         return d;
-    d.share = apart / fmax(fabs(b->sum), DBL_MIN);
-    /* What floats cannot say is no difference. */
-    if (apart <= 1e-6 * fabs(b->sum))
+    d.share = apart / fmax(fabs(e->reference), DBL_MIN);
+    if (d.share <= NO_SHARE)
         return d;
-    d.p_value = variance > 0 ? 2 * student_cdf(-apart / sqrt(variance), variance * variance / squares) : 0;
+    d.p_value = e->variance > 0 ? 2 * student_cdf(-apart / sqrt(e->variance), e->variance * e->variance / e->squares) : 0;
     d.z = d.p_value <= 1e-300 ? 37 : d.p_value >= 1 ? 0 : -normal_quantile(d.p_value / 2);
     return d;
 }
@@ -281,27 +290,24 @@ struct result {
     unsigned numbers_apart;        /* not equal to the bit */
 };
 
-static void compare_blocks(const struct picture *a, const struct picture *b, struct result *out)
+static void compare_blocks(const struct picture *a, const struct picture *b, int paired, struct result *out)
 {
     for (int c = 0; c < 3; c++) {
-        struct estimate all[2] = {{0, 0, 0, 0}, {0, 0, 0, 0}};
+        struct estimate all = {0};
+        struct difference d;
         for (int k = 0; k < BLOCKS; k++) {
-            struct estimate of[2] = {{0, 0, 0, 0}, {0, 0, 0, 0}};
-            struct difference d;
+            struct estimate of = {0};
             for (int i = 0; i < BLOCK * BLOCK; i++) {
                 int y = k / ACROSS * BLOCK + i / BLOCK, x = k % ACROSS * BLOCK + i % BLOCK;
-                int at = (y * SIDE + x) * 3 + c;
-                estimate_add(&of[0], a, at);
-                estimate_add(&of[1], b, at);
-                estimate_add(&all[0], a, at);
-                estimate_add(&all[1], b, at);
+                estimate_add(&of, a, b, (y * SIDE + x) * 3 + c, paired);
+                estimate_add(&all, a, b, (y * SIDE + x) * 3 + c, paired);
             }
-            d = welch(&of[0], &of[1]);
+            d = student(&of);
             if (d.p_value < out->block.p_value)
                 out->block = d;
             out->deviation = fmax(out->deviation, d.share);
         }
-        struct difference d = welch(&all[0], &all[1]);
+        d = student(&all);
         if (d.p_value < out->mean.p_value || c == 0)
             out->mean = d;
     }
@@ -327,7 +333,7 @@ static void compare_bits(const struct picture *a, const struct picture *b, struc
 
 static void put_row(const struct invariance *inv, const char *what, enum invariance_level level, const struct result *r)
 {
-    static const char *const levels[] = {"bits", "rounding", "noise"};
+    static const char *const levels[] = {"bits", "rounding", "noise", "noise"};
 
     printf("| %s | %s | %s | ", inv->scene, what, levels[level]);
     if (r->numbers_apart == 0)
@@ -362,22 +368,30 @@ static void judge(const struct invariance *inv, const char *what, enum invarianc
     figure_within(name, r->mean.z, 0, limit, words);
 }
 
+static const struct picture *reference_of(struct invariance *inv, enum invariance_level level)
+{
+    if (!inv->has[level])
+        take_picture(&inv->model, &inv->way, level == INVARIANT_TURNED ? OTHER_SEED : SEED, samples[level][1],
+                     &inv->reference[level]);
+    inv->has[level] = 1;
+    return &inv->reference[level];
+}
+
 void invariance_check(struct invariance *inv, const char *what, const struct model_way *way,
                       enum invariance_level level)
 {
     static unsigned tests;
     struct picture *picture = mem_calloc(1, sizeof *picture);
+    const struct picture *reference;
     struct result result = {.block = {1, 0, 0}, .mean = {1, 0, 0}};
 
     assert_non_null(picture);
     tests += 3 * (BLOCKS + 1);
     assert_true(tests <= INVARIANCE_TESTS / 4); /* there are four programs */
-    take_picture(&inv->model, way, CASE_SEED, samples, picture);
-    if (level != INVARIANT_BITS && !inv->has_other)
-        take_picture(&inv->model, &inv->way, REFERENCE_SEED, samples * REFERENCE_SAMPLES, &inv->other_seed);
-    inv->has_other |= level != INVARIANT_BITS;
-    compare_bits(picture, &inv->same_seed, &result);
-    compare_blocks(picture, level == INVARIANT_BITS ? &inv->same_seed : &inv->other_seed, &result);
+    reference = reference_of(inv, level);
+    take_picture(&inv->model, way, SEED, samples[level][0], picture);
+    compare_bits(picture, reference, &result);
+    compare_blocks(picture, reference, level != INVARIANT_TURNED, &result);
     mem_free(picture);
     if (table)
         put_row(inv, what, level, &result);
