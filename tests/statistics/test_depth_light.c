@@ -68,7 +68,7 @@ static void furnace(struct scene_builder *b, float albedo)
     wall = builder_lambert(b, albedo);
     for (int c = 0; c < 3; c++)
         wall->emission[c] = 1;
-    builder_place(b, builder_sphere(b, 12, 0), 0, vec3_splat(1), vec3_splat(0));
+    builder_place(b, builder_sphere(b, 4, 0), 0, vec3_splat(1), vec3_splat(0));
     builder_camera(b, vec3_splat(0), vec3_make(0, 0, 1), 1);
 }
 
