@@ -177,7 +177,7 @@ def pictures_of_every_kind():
 @tests.add
 def the_same_on_every_farm():
     """one worker, three, and a coordinator killed in mid-frame give the same file; so do extend and adaptive jobs"""
-    long = LongJob(0.7, "97x61")
+    long = LongJob(1.5, "97x61")
     options = ("--aov", "cryptomatte,alpha")
     with Farm() as farm:
         def finish(number, name):

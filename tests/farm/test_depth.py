@@ -13,7 +13,7 @@ from page import Page
 
 tests = Tests()
 SMALL = ("--size", "48x40", "--spp", "16")
-LONG = LongJob(0.6, "129x97")
+LONG = LongJob(1)
 LINE = r"depth +light ended by depth: ([\d.]+) % of the picture \(--max-depth (\d+); (\d+) would leave ([\d.]+) %\)\n"
 
 

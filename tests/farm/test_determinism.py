@@ -85,7 +85,7 @@ def textured_spheres():
 
 # ---- a job that is disturbed in the middle -------------------------------------------------
 
-LONG = LongJob(1.6 if not SLOW else 4.0, "65x49" if SLOW else "193x121")
+LONG = LongJob(3.0 if not SLOW else 4.0, "65x49" if SLOW else "193x121")
 
 
 def begin(farm, workers=1, coordinator=()):

@@ -52,7 +52,7 @@ def text_of(farm, number):
 @tests.add
 def only_worker_killed():
     """the only worker dies: the job waits and says why, nothing is blackened, a new one ends it"""
-    long_job = LongJob(0.6 if not SLOW else 3.0, "129x97")
+    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker(threads=2)
@@ -327,7 +327,7 @@ def results_that_break_the_rules():
 @tests.add
 def result_that_differs():
     """a result that differs from the one merged before is counted and logged, and the first is kept"""
-    long_job = LongJob(0.6 if not SLOW else 3.0, "129x97")
+    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
     with Farm() as farm:
         farm.start_coordinator()
         worker = farm.start_worker()

@@ -15,7 +15,7 @@ FAULTY = os.path.join(BUILD, "faults", "bin")
 SOUND = programs.BIN
 NAN_RADIANCE, NAN_BASIS = 1, 8  # rows of FAULT_MAP
 SMALL = ("--size", "40x24", "--spp", "6")
-LONG = LongJob(0.6, "129x97")
+LONG = LongJob(1)
 
 
 def strikes(x, y, sample):

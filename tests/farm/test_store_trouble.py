@@ -117,7 +117,7 @@ def twenty_jobs_and_a_full_disk():
 def interrupted(farm, fill, clear, end):
     """In mid-frame the disk goes wrong and the coordinator ends; it starts on the bad disk, and what was
     rendered is there. Returns the job's number once it is done, and its undisturbed twin's outcome."""
-    long_job = LongJob(0.6 if not SLOW else 3.0, "129x97")
+    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
     farm.start_coordinator()
     farm.start_worker()
     farm.wait_for_workers(1)
@@ -315,7 +315,7 @@ def blob_that_cannot_be_read():
 @tests.add
 def results_are_kept_and_sent_again():
     """results whose film cannot be opened after a restart stay with their worker, which delivers them later"""
-    long_job = LongJob(0.6 if not SLOW else 3.0, "129x97")
+    long_job = LongJob(1.0 if not SLOW else 3.0, "129x97")
     with Farm() as farm:
         disk = OddDisk(farm)
         farm.start_coordinator(env=disk.env)

@@ -22,7 +22,7 @@ from page import Page, need_page
 from websocket import Closed, WebSocket
 
 tests = Tests()
-LONG = LongJob(0.8, "129x97")
+LONG = LongJob(1.5)
 LIBRARIES = re.compile(r"libwebsockets|libcurl|libjansson")
 
 
