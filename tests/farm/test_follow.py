@@ -8,7 +8,7 @@ import struct
 import time
 
 from exr import read_exr
-from farm import Farm, Skip, Tests, read_bytes, wait_for
+from farm import Farm, Skip, Tests, read_bytes, readable, wait_for
 from jobs import expect
 
 tests = Tests()
@@ -61,6 +61,8 @@ def a_frozen_coordinator():
         early["fetch"].communicate()
         early["fetch"] = farm.start_cli("fetch", number, "-o", "old/", "--follow")
         wait_for(lambda: farm.job(number)["state"] == "queued", "the job")
+        for name in ("log", "top"):  # in the midst of its first handshake a client would lose its connection
+            expect(readable(early[name].stdout.fileno(), 60), name)
         farm.coordinator.signal(signal.SIGSTOP)
         late = {k: farm.start_cli(*v, "--timeout", "2") for k, v in commands.items()}
         once = farm.cli("list", "--timeout", "2")
