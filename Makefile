@@ -208,8 +208,8 @@ $(BUILD)/obj/gen/%.o: $(GEN)/%.c
 ifeq ($(SANITIZE)$(DEBUG),)
 $(BUILD)/obj/tests/%.o: CFLAGS += -g1
 $(BUILD)/obj/tests/unit/%.o: CFLAGS += -O1
-# Of 290 programs each would hold the libraries' debug information: nine tenths of their size, half of the linker's time.
-# A debugger wants DEBUG=1. gold takes half as long as ld; Debian's binutils have both.
+# Without -S each of 290 programs holds the libraries' debug information: three quarters of its size, half of the linker's
+# time. For a debugger there is DEBUG=1. gold takes half as long as ld; Debian's binutils have both.
 TEST_LDFLAGS := -Wl,-S $(shell command -v ld.gold >/dev/null && echo -fuse-ld=gold)
 endif
 

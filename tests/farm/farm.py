@@ -335,7 +335,7 @@ class Farm:
         return self.start_coordinator(*options, listen=self.address, env=env)
 
     def start_worker(self, *options, key=None, threads=1, env=None, cache=None, rests=True):
-        """rests: it renders jobs that never end a quarter of the time (resting.c)."""
+        """rests: it renders jobs that are there to be in work some of the time only (resting.c)."""
         number = len(self.workers) + 1
         program = RESTING if rests and Tests.running and BIN == SOUND else os.path.join(BIN, "azulejo-worker")
         argv = [program, "--coordinator", self.address,

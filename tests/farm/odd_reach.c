@@ -1,8 +1,8 @@
 /* odd_reach: preloaded into a program, says what each of its threads may do with files.
  *
  * At SIGUSR2 the thread that gets it tries every item of ODD_REACH, which are parted by colons: r/PATH is opened to read,
- * w/PATH to write, x/PATH executed in a child; at "spin" it stays there for good. It writes a line for each to standard
- * error:
+ * w/PATH to write, x/PATH executed in a child; at "spin" it computes for good, at "hang" it sleeps for good. It
+ * writes a line for each to standard error:
  *
  *   reach THREAD ITEM ERRNO
  */
@@ -14,7 +14,6 @@
 #include <string.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 static int try_open(const char *path, int flags)
@@ -55,7 +54,9 @@ static void on_signal(int number)
 
         snprintf(item, sizeof item, "%.*s", (int)length, at);
         while (strcmp(item, "spin") == 0)
-            nanosleep(&(struct timespec){.tv_nsec = 10000000}, NULL); /* for nobody: others have the core */
+            continue;
+        while (strcmp(item, "hang") == 0)
+            sleep(1);
         code = item[0] == 'x' ? try_execute(item + 1) : try_open(item + 1, item[0] == 'w' ? O_WRONLY : O_RDONLY);
         size = snprintf(line, sizeof line, "reach %ld %s %d\n", syscall(SYS_gettid), item, code);
         if (write(STDERR_FILENO, line, (size_t)size) != size)

@@ -270,14 +270,14 @@ def endless_loop():
     if os.environ.get("SANITIZE"):
         raise Skip("a sanitizer wants to be loaded first")
     with Farm() as farm:
-        page, reference = begin(farm, env={"LD_PRELOAD": preloaded("odd_reach.so"), "ODD_REACH": "spin"})
+        page, reference = begin(farm, env={"LD_PRELOAD": preloaded("odd_reach.so"), "ODD_REACH": "hang"})
         number = LONG.submit(farm)
         wait_mid_frame(farm, number)
         web = web_of(farm)
         os.kill(web, signal.SIGUSR2)
-        wait_for(lambda: not answers(page), "it to spin")
+        wait_for(lambda: not answers(page), "it to hang")
         farm.cli("list", expect=0)
-        finish(farm, number, reference, "a page that spins")
+        finish(farm, number, reference, "a page that hangs")
         wait_for(lambda: web_of(farm) not in (None, web) and answers(page), "another one", 90)
         expect("does not answer" in farm.coordinator.log_text(), farm.coordinator.log_text())
 
