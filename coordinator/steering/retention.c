@@ -97,8 +97,12 @@ static status plan_ages(struct planning *p, const struct retention_policy *polic
         const struct retention_job *job = p->candidates[i].job;
         int failed = job->failed && policy->keep_failed_s >= 0;
         int64_t keep_s = retention_keep_s(policy, job->failed), age_s = now_s - job->ended_at;
-        if (!job->ended || job->busy || keep_s < 0 || age_s < keep_s)
+        if (!job->ended || keep_s < 0 || age_s < keep_s)
             continue;
+        if (job->busy) {
+            p->plan->in_use++;
+            continue;
+        }
         s = add_step(p, &p->candidates[i], 1, RETENTION_AGE, freed);
         if (s == STATUS_OK) {
             struct retention_step *step = &p->plan->steps[p->plan->count - 1];
@@ -175,7 +179,7 @@ status retention_make(struct retention_plan *plan, const struct retention_policy
     uint64_t freed = 0;
     status s = p.candidates ? STATUS_OK : error_no_memory(err, "a plan of what to remove");
 
-    plan->count = 0;
+    plan->count = plan->in_use = 0;
     plan->used = used;
     plan->limit = limit;
     for (size_t i = 0; i < count && s == STATUS_OK; i++)

@@ -69,6 +69,7 @@ struct retention_step {
 struct retention_plan {
     struct retention_step *steps;
     size_t count, capacity;
+    size_t in_use;        /* jobs that would go by age, but are in use at the moment */
     uint64_t used, limit; /* of the store, for the text */
 };
 void retention_plan_release(struct retention_plan *plan);

@@ -210,8 +210,10 @@ static int is_limited(const struct retention_policy *p)
     return p->store_limit > 0 || p->store_share > 0 || p->owner_limit > 0;
 }
 
-static uint64_t period_ns(const struct retention_policy *p)
+static uint64_t period_ns(const struct retention_policy *p, size_t in_use)
 {
+    if (in_use > 0)
+        return COLLECTOR_BUSY_MS * NS_PER_MS;
     if (is_limited(p))
         return COLLECTOR_PERIOD_MS * NS_PER_MS;
     return (p->keep_s >= 0 || p->keep_failed_s >= 0 ? COLLECTOR_AGES_MS : COLLECTOR_IDLE_MS) * NS_PER_MS;
@@ -232,7 +234,7 @@ static void end_round(struct server *server, uint64_t now_ns)
     c->round_removed = 0;
     c->rounds = 0;
     if (may_remove(c)) {
-        uint64_t left_ns = c->ages_wait ? age_clock_left_ns(&c->clock) : 0, period = period_ns(&c->policy);
+        uint64_t left_ns = c->ages_wait ? age_clock_left_ns(&c->clock) : 0, period = period_ns(&c->policy, c->plan.in_use);
         c->next_ns = now_ns + (left_ns > 0 && left_ns < period ? left_ns : period);
     }
     answer(server, STATUS_OK, &none);
@@ -297,6 +299,7 @@ static void take_steps(struct server *server, uint64_t now_ns)
         c->removed_jobs += result == COLLECT_JOB;
         c->removed_films += result == COLLECT_FILMS;
         c->round_removed |= result == COLLECT_JOB;
+        c->plan.in_use += s == STATUS_OK && result == COLLECT_NOTHING;
         note_held(c, s, &err);
     }
     if (s != STATUS_OK)

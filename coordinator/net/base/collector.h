@@ -4,6 +4,8 @@
  *                                                  ^                          |
  *                                                  +--jobs were removed: their blobs may go--+
  *
+ * A job is in use while its end is not on disk yet, while its pictures are made, and while they are read.
+ *
  * A round measures the store's folders. Blobs are swept (sweep.h) if somebody asked for it, if a job was removed, once
  * a day, and if the store exceeds its limit. Ages count by a clock that can be right (age_clock.h). Removing happens on
  * the loop's thread, where it is known what each job needs at that moment. A coordinator that is killed in between has
@@ -20,7 +22,7 @@ enum {
     COLLECTOR_PERIOD_MS = 60000,  /* between rounds, if the room is limited; */
     COLLECTOR_AGES_MS = 600000,   /* if only ages are; */
     COLLECTOR_IDLE_MS = 86400000, /* otherwise, for blobs */
-    COLLECTOR_BUSY_MS = 10000,    /* after a frame was done, if the room is limited */
+    COLLECTOR_BUSY_MS = 10000,    /* after a frame was done, if the room is limited; after jobs that are due were in use */
     COLLECTOR_STEPS = 8,          /* jobs a tick */
     COLLECTOR_ASKED_MAX = 64,
     COLLECTOR_ROUNDS_MAX = 1000, /* in a row */

@@ -65,12 +65,15 @@ static void jobs_go_by_age_and_state(void **state)
     struct retention_policy policy = RETENTION_POLICY_DEFAULT;
     struct retention_job jobs[] = {ended(1, 31), ended(2, 30), ended(3, 29), ended(4, 8),
                                    ended(5, 6),  active(6),    ended(7, 99)};
+    struct retention_plan plan;
 
     (void)state;
     jobs[3].failed = jobs[4].failed = 1;
     jobs[6].busy = 1;
     policy.keep_s = 30 * DAY;
-    expect_plan(make(&policy, jobs, 7, 0, 0), "1j 2j");
+    plan = make(&policy, jobs, 7, 0, 0);
+    assert_int_equal(plan.in_use, 1);
+    expect_plan(plan, "1j 2j");
     policy.keep_failed_s = 7 * DAY;
     expect_plan(make(&policy, jobs, 7, 0, 0), "1j 2j 4j");
     policy.keep_s = -1;
