@@ -52,7 +52,7 @@ struct agent {
     uint32_t failures;                             /* connections lost or failed since the last Welcome */
     char trouble[sizeof((struct error *)0)->text]; /* the reason, as last logged */
 
-    char name[WORKER_NAME_BYTES_MAX + 1]; /* as the coordinator said last; "": not yet */
+    char name[WORKER_LABEL_BYTES_MAX + 1]; /* as the coordinator said last; "": not yet */
     uint64_t instance;                    /* of this process */
     struct duty duty;
     struct usage usage;
@@ -332,7 +332,7 @@ static void on_welcome(struct agent *a, const Azulejo__Wire__Welcome *welcome)
                  a->failures == 1 ? "" : "s");
     a->failures = 0;
     a->trouble[0] = 0;
-    if (worker_name_is_valid(welcome->name))
+    if (worker_label_is_valid(welcome->name))
         snprintf(a->name, sizeof a->name, "%s", welcome->name);
     log_info("%s: joined as session %u, called %s, with %u threads, %zu results to send again",
              channel_peer(a->channel), welcome->session, a->name, a->options.threads, a->outbox.count);

@@ -197,7 +197,7 @@ int main(int argc, char **argv)
          "instruction sets to offer, of sse2,avx2,avx512 (default: what the processor has)", 0, 0,
          NULL},
         {"name", 'n', OPTION_STRING, &name, "NAME",
-         "its name on the farm (default: the host's, with a number if several run there)", 0, 0, NULL},
+         "its name on the farm, after that of its key (default: the host's, with a number if several run there)", 0, 0, NULL},
         {"hours", 0, OPTION_STRING, &hours, "RANGES",
          "take work only at these local times, as in 20:00-08:00 or 12:00-13:00,20:00-08:00", 0, 0, NULL},
         {"when-idle", 0, OPTION_FLAG, &when_idle, NULL,

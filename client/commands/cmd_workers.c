@@ -137,12 +137,15 @@ static void print_outcome(const char *name, const struct verb *verb, const Azule
         printf("worker %s: %s, not connected\n", name, list->n_marks ? "blocked" : "free");
         return;
     }
-    printf("worker %s: %s", name, worker_state_name(list->workers[0]->state));
-    if (verb->number == AZULEJO__WIRE__WORKER_VERB__WORKER_DRAIN && list->workers[0]->units_leased)
-        printf(", %u units left", list->workers[0]->units_leased);
-    else if (list->workers[0]->note[0])
-        printf(": %s", message_text(note, sizeof note, list->workers[0]->note));
-    printf("\n");
+    for (size_t i = 0; i < list->n_workers; i++) {
+        const Azulejo__Wire__WorkerInfo *w = list->workers[i];
+        printf("worker %s: %s", w->name, worker_state_name(w->state));
+        if (verb->number == AZULEJO__WIRE__WORKER_VERB__WORKER_DRAIN && w->units_leased)
+            printf(", %u units left", w->units_leased);
+        else if (w->note[0])
+            printf(": %s", message_text(note, sizeof note, w->note));
+        printf("\n");
+    }
 }
 
 static int is_of_the_worker(status code)

@@ -6,6 +6,7 @@
 #include "common/base/memory.h"
 #include "coordinator/farm/freeze.h"
 #include "coordinator/farm/roster.h"
+#include "protocol/worker_name.h"
 
 /* ---- who -------------------------------------------------------------------------------------- */
 
@@ -49,7 +50,7 @@ status distrusted_numbers(const struct farm *farm, const char *label, struct buf
     status s = farm->store ? store_deliverers_of(farm->store, label, append, numbers, err) : STATUS_OK;
 
     for (uint32_t i = 0; i < farm->worker_count && s == STATUS_OK; i++)
-        if (farm->workers[i]->deliverer.number && strcmp(farm->workers[i]->label, label) == 0)
+        if (farm->workers[i]->deliverer.number && worker_label_is_of(farm->workers[i]->label, label))
             s = append(numbers, farm->workers[i]->deliverer.number, err);
     return s;
 }

@@ -11,7 +11,7 @@
 
 /* After farm_init, before a film is opened. farm_release frees it. ERR_IO, ERR_NO_MEMORY. */
 status distrusted_load(struct farm *farm, struct error *err) MUST_CHECK;
-/* The deliverers that have, or had, that name: numbers of 32 bits, appended. ERR_IO, ERR_NO_MEMORY. */
+/* The deliverers that have, or had, that name or key (worker_label_is_of): numbers of 32 bits, appended. ERR_IO, ERR_NO_MEMORY. */
 status distrusted_numbers(const struct farm *farm, const char *label, struct buffer *numbers, struct error *err) MUST_CHECK;
 /* Do not believe what these have delivered so far; `since`: as in struct distrusted. ERR_NO_MEMORY: not all are noted, and
  * it may be repeated. */

@@ -24,7 +24,7 @@ enum {
     FRAMES_OPEN_MAX = 16,        /* films in memory */
     FRAMES_OPEN_PER_JOB = 3,     /* of those, of one job; also counts frames being developed */
     WORKERS_MAX = 20000,
-    WORKER_NAME_MAX = 127,
+    WORKER_NAME_MAX = 191,
     DELIVERER_TEXT_MAX = 256,
     PROGRESS_SAVE_MS = 2000,     /* how often a running job's counters go to the store */
     WORKER_SAVE_MS = 10000,      /* and what a worker did */
@@ -96,6 +96,8 @@ struct roster {
     uint32_t taken_to;                     /* 0: not known */
     struct worker_mark *marks;
     size_t mark_count, mark_capacity;
+    int (*is_key)(const void *keys, const char *name); /* Has a worker used a key of that name? NULL: none has. */
+    const void *keys;
 };
 
 struct freezing;

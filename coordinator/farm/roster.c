@@ -9,7 +9,7 @@
 #include "common/base/memory.h"
 #include "protocol/worker_name.h"
 
-_Static_assert((int)WORKER_LABEL_MAX == (int)WORKER_NAME_BYTES_MAX, "the store keeps whole names");
+_Static_assert((int)WORKER_LABEL_MAX == (int)WORKER_LABEL_BYTES_MAX, "the store keeps whole names");
 
 /* ---- names ----------------------------------------------------------------------------------- */
 
@@ -55,39 +55,55 @@ void roster_leave(struct farm *farm, struct farm_worker *worker)
 }
 
 /* A host's name as a name of a worker. */
-static void name_of_host(char out[WORKER_LABEL_MAX + 1], const char *host)
+static void name_of_host(char out[WORKER_NAME_BYTES_MAX + 1], const char *host)
 {
     size_t length = 0;
 
-    for (; *host && length < WORKER_LABEL_MAX - 6; host++) {
+    for (; *host && length < WORKER_NAME_BYTES_MAX - 6; host++) {
         int fits = isascii((unsigned char)*host) && (isalnum((unsigned char)*host) || strchr("._-", *host));
         out[length] = fits ? *host : '-';
         length += length > 0 || out[0] != '-';
     }
     out[length] = 0;
     if (!worker_name_is_valid(out))
-        snprintf(out, WORKER_LABEL_MAX + 1, "worker");
+        snprintf(out, WORKER_NAME_BYTES_MAX + 1, "worker");
+}
+
+/* Is it the key of others? Then who has no key of its own cannot be called so. */
+static int is_proved_by_others(const struct farm *farm, const char *key, const char *label)
+{
+    return !key[0] && farm->roster.is_key && farm->roster.is_key(farm->roster.keys, label);
+}
+
+static void number_name(char out[WORKER_NAME_BYTES_MAX + 1], const char *base, int is_key, uint32_t number)
+{
+    if (number == 1)
+        snprintf(out, WORKER_NAME_BYTES_MAX + 1, "%s", base);
+    else if (is_key)
+        snprintf(out, WORKER_NAME_BYTES_MAX + 1, "%u", number);
+    else
+        snprintf(out, WORKER_NAME_BYTES_MAX + 1, "%.57s-%u", base, number);
 }
 
 /* The first of HOST, HOST-2, ... that is free. Many workers of one host join at once: numbers that
  * were taken a moment ago are not looked at again. */
-static void make_name(struct roster *roster, const struct farm *farm, const char *host, char out[WORKER_LABEL_MAX + 1])
+static void make_name(struct farm *farm, const struct worker_claim *claim, char out[WORKER_LABEL_MAX + 1])
 {
-    char base[WORKER_LABEL_MAX + 1];
+    struct roster *roster = &farm->roster;
+    char base[WORKER_NAME_BYTES_MAX + 1], name[sizeof base], first[WORKER_LABEL_MAX + 1];
     uint32_t number = 1;
 
-    name_of_host(base, host);
-    if (roster->taken_to && strcmp(roster->taken_base, base) == 0)
+    name_of_host(base, claim->host);
+    worker_label_make(first, claim->key, base);
+    if (roster->taken_to && strcmp(roster->taken_base, first) == 0)
         number = roster->taken_to + 1;
     for (;; number++) {
-        if (number == 1)
-            snprintf(out, WORKER_LABEL_MAX + 1, "%s", base);
-        else
-            snprintf(out, WORKER_LABEL_MAX + 1, "%.57s-%u", base, number);
-        if (!roster_find(farm, out))
+        number_name(name, base, strcmp(base, claim->key) == 0, number);
+        worker_label_make(out, claim->key, name);
+        if (!roster_find(farm, out) && !is_proved_by_others(farm, claim->key, out))
             break;
     }
-    memcpy(roster->taken_base, base, sizeof base);
+    memcpy(roster->taken_base, first, sizeof first);
     roster->taken_to = number;
 }
 
@@ -104,6 +120,17 @@ static struct worker_mark *mark_find(struct roster *roster, const char *name)
 const struct worker_mark *roster_mark(const struct farm *farm, const char *name)
 {
     return mark_find((struct roster *)&farm->roster, name);
+}
+
+/* The mark that holds for it: its own, or else the block of its key. */
+static struct worker_mark *mark_for(struct roster *roster, const char *label)
+{
+    struct worker_mark *own = mark_find(roster, label);
+
+    for (size_t i = 0; i < roster->mark_count && (!own || !own->blocked); i++)
+        if (roster->marks[i].blocked && worker_label_is_of(label, roster->marks[i].name))
+            return &roster->marks[i];
+    return own;
 }
 
 static void mark_remove(struct roster *roster, struct worker_mark *mark)
@@ -147,7 +174,7 @@ void roster_release(struct farm *farm)
 /* What people did to that name, if it was not to an earlier process. */
 static void apply_mark(struct farm *farm, struct farm_worker *worker)
 {
-    struct worker_mark *mark = mark_find(&farm->roster, worker->label);
+    struct worker_mark *mark = mark_for(&farm->roster, worker->label);
     struct error err = {0};
 
     if (!mark)
@@ -173,26 +200,46 @@ static void replace(struct farm *farm, struct farm_worker *old)
     farm_wake(farm);
 }
 
-status roster_join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish, int chosen,
+/* What it would be called if its wish is granted; "": it has none, or one that its key does not prove. */
+static void wished_name(const struct worker_claim *claim, char out[WORKER_LABEL_MAX + 1])
+{
+    const char *wish = claim->wish, *at = strchr(wish, '@');
+
+    out[0] = 0;
+    if (wish[0] && !at)
+        worker_label_make(out, claim->key, wish);
+    else if (at && claim->key[0] && worker_label_is_of(wish, claim->key))
+        worker_label_make(out, claim->key, at + 1);
+}
+
+status roster_join(struct farm *farm, struct farm_worker *worker, const struct worker_claim *claim,
                    struct farm_worker **replaced, struct error *err)
 {
-    struct farm_worker *holder = wish[0] ? roster_find(farm, wish) : NULL;
-    char name[WORKER_LABEL_MAX + 1];
+    char name[WORKER_LABEL_MAX + 1], wish[WORKER_LABEL_MAX + 1];
+    struct farm_worker *holder;
+    int is_others;
 
+    wished_name(claim, wish);
+    holder = wish[0] ? roster_find(farm, wish) : NULL;
+    is_others = is_proved_by_others(farm, claim->key, wish);
     *replaced = NULL;
+    if (is_others && claim->chosen)
+        return error_set(err, STATUS_ERR_LIMIT,
+                         "the name '%s' belongs to the workers with the key of that name; give this one that key, or another "
+                         "--name", wish);
     if (holder && holder->instance == worker->instance)
         *replaced = holder;
-    else if (holder && chosen)
+    else if (holder && claim->chosen)
         return error_set(err, STATUS_ERR_LIMIT,
                          "the name '%s' belongs to a worker that is connected already (%s, process %u); "
                          "give this one another --name, or wait until that one has left",
                          wish, holder->deliverer.host, holder->deliverer.process);
     if (*replaced)
         replace(farm, holder);
-    if (wish[0] && (!holder || *replaced))
+    if (wish[0] && !is_others && (!holder || *replaced))
         snprintf(name, sizeof name, "%s", wish);
     else
-        make_name(&farm->roster, farm, host, name);
+        make_name(farm, claim, name);
     take_name(farm, worker, name);
     apply_mark(farm, worker);
     return STATUS_OK;
@@ -240,13 +287,10 @@ static status set_mark(struct farm *farm, const char *name, int blocked, uint64_
 }
 
 /* Nothing but the log needs it: the words of what was done. */
-static void tell(struct farm *farm, struct farm_worker *worker, const char *name, const char *what, const char *who)
+static void tell(struct farm *farm, struct farm_worker *worker, const char *what, const char *who)
 {
     char text[WORKER_LINE_SIZE];
 
-    log_info("worker %s: %s by %s", name, what, who);
-    if (!worker)
-        return;
     worker_line_add(farm, worker, "%s by %s", what, who);
     snprintf(text, sizeof text, "this worker is %s by %.120s", what, who);
     farm->events.notice(farm->events.user, worker->held.session, text);
@@ -254,8 +298,6 @@ static void tell(struct farm *farm, struct farm_worker *worker, const char *name
 
 static void hold(struct farm *farm, struct farm_worker *worker, enum worker_hold how, const char *who)
 {
-    if (!worker)
-        return;
     worker->hold = how;
     snprintf(worker->held_by, sizeof worker->held_by, "%s", who);
     workforce_counts(farm, worker);
@@ -279,34 +321,70 @@ static status drain(struct farm *farm, struct farm_worker *worker, const char *w
     if (worker->hold == WORKER_DRAINED)
         return STATUS_OK;
     TRY(set_mark(farm, worker->label, 0, worker->instance, who, err));
+    log_info("worker %s: drained by %s", worker->label, who);
     hold(farm, worker, WORKER_DRAINED, who);
-    tell(farm, worker, worker->label, "drained", who);
+    tell(farm, worker, "drained", who);
     return STATUS_OK;
 }
 
-static status block(struct farm *farm, struct farm_worker *worker, const char *name, const char *who, struct error *err)
+/* The next connected worker of that name or key after `worker`, from NULL on. */
+static struct farm_worker *next_of(const struct farm *farm, const struct farm_worker *worker, const char *name)
+{
+    uint32_t bucket = worker ? bucket_of(worker->label) : 0;
+    struct farm_worker *next = worker ? worker->same_bucket : farm->roster.by_name[0];
+
+    while (!next || !worker_label_is_of(next->label, name)) {
+        if (next)
+            next = next->same_bucket;
+        else if (++bucket < ROSTER_BUCKETS)
+            next = farm->roster.by_name[bucket];
+        else
+            return NULL;
+    }
+    return next;
+}
+
+int roster_knows(const struct farm *farm, const char *name)
+{
+    int found = next_of(farm, NULL, name) != NULL;
+
+    for (size_t i = 0; i < farm->roster.mark_count && !found; i++)
+        found = worker_label_is_of(farm->roster.marks[i].name, name);
+    return found;
+}
+
+static status block(struct farm *farm, const char *name, const char *who, struct error *err)
 {
     const struct worker_mark *mark = roster_mark(farm, name);
 
     if (mark && mark->blocked)
         return STATUS_OK;
     TRY(set_mark(farm, name, 1, 0, who, err));
-    hold(farm, worker, WORKER_BLOCKED, who);
-    if (worker)
-        revoke_all(farm, worker);
-    tell(farm, worker, name, "blocked", who);
+    log_info("worker %s: blocked by %s", name, who);
+    for (struct farm_worker *w = next_of(farm, NULL, name); w; w = next_of(farm, w, name)) {
+        hold(farm, w, WORKER_BLOCKED, who);
+        revoke_all(farm, w);
+        tell(farm, w, "blocked", who);
+    }
     return STATUS_OK;
 }
 
-static status lift(struct farm *farm, struct farm_worker *worker, struct worker_mark *mark, const char *what,
-                   const char *who, struct error *err)
+/* Those of the mark's name are free, unless another mark is theirs. */
+static status lift(struct farm *farm, struct worker_mark *mark, const char *what, const char *who, struct error *err)
 {
     char name[WORKER_LABEL_MAX + 1];
 
     snprintf(name, sizeof name, "%s", mark->name);
     TRY(clear_mark(farm, mark, err));
-    hold(farm, worker, WORKER_FREE, "");
-    tell(farm, worker, name, what, who);
+    log_info("worker %s: %s by %s", name, what, who);
+    for (struct farm_worker *w = next_of(farm, NULL, name); w; w = next_of(farm, w, name)) {
+        const struct worker_mark *left = mark_for(&farm->roster, w->label);
+        if (w->hold == WORKER_FREE)
+            continue;
+        hold(farm, w, !left ? WORKER_FREE : left->blocked ? WORKER_BLOCKED : WORKER_DRAINED, left ? left->who : "");
+        if (!left)
+            tell(farm, w, what, who);
+    }
     return STATUS_OK;
 }
 
@@ -314,7 +392,7 @@ static status resume(struct farm *farm, struct farm_worker *worker, struct worke
                      struct error *err)
 {
     if (mark && !mark->blocked)
-        return lift(farm, worker, mark, "resumed", who, err);
+        return lift(farm, mark, "resumed", who, err);
     if (worker && worker->mode == WORKER_MODE_PAUSED)
         return error_set(err, STATUS_ERR_REFUSED,
                          "worker %s paused itself (%s): that ends at its own machine (its hours, its load, or "
@@ -325,25 +403,27 @@ static status resume(struct farm *farm, struct farm_worker *worker, struct worke
 
 status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, const char *who, struct error *err)
 {
-    struct worker_mark *mark = mark_find(&farm->roster, name);
+    struct worker_mark *mark = mark_for(&farm->roster, name);
     struct farm_worker *worker = roster_find(farm, name);
 
-    if (!worker_name_is_valid(name))
+    if (!worker_label_is_valid(name))
         return error_set(err, STATUS_ERR_INPUT,
-                         "'%.64s' is not a worker's name: these have 1 to %d letters, digits, '.', '_' and '-'", name,
-                         WORKER_LABEL_MAX);
+                         "'%.64s' is not a worker's name: these have 1 to %d letters, digits, '.', '_' and '-', after 'KEY@' "
+                         "where the worker has a key of its own", name, WORKER_NAME_BYTES_MAX);
     if (verb == WORKER_VERB_BLOCK)
-        return block(farm, worker, name, who, err);
+        return block(farm, name, who, err);
     if (!worker && !mark)
         return error_set(err, STATUS_ERR_NOT_FOUND, "no worker '%s' is connected, and the name is not blocked", name);
     if (verb == WORKER_VERB_UNBLOCK) {
         if (mark && !mark->blocked)
             return error_set(err, STATUS_ERR_REFUSED, "worker %s is drained, not blocked: 'resume' it", name);
-        return mark ? lift(farm, worker, mark, "unblocked", who, err) : STATUS_OK;
+        if (mark && strcmp(mark->name, name) != 0)
+            return error_set(err, STATUS_ERR_REFUSED, "worker %s is blocked with all of its key: unblock '%s'", name, mark->name);
+        return mark ? lift(farm, mark, "unblocked", who, err) : STATUS_OK;
     }
     if (mark && mark->blocked)
-        return error_set(err, STATUS_ERR_REFUSED, "worker %s is blocked by %s and gets no work: 'unblock' ends that",
-                         name, mark->who);
+        return error_set(err, STATUS_ERR_REFUSED, "worker %s is blocked by %s and gets no work: unblocking '%s' ends that",
+                         name, mark->who, mark->name);
     if (verb == WORKER_VERB_RESUME)
         return resume(farm, worker, mark, who, err);
     if (!worker)
@@ -352,19 +432,35 @@ status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, 
     return drain(farm, worker, who, err);
 }
 
+void roster_culprit(const struct farm *farm, const char *name, char out[WORKER_LABEL_MAX + 1])
+{
+    const struct farm_worker *worker = roster_find(farm, name);
+    char key[WORKER_LABEL_MAX + 1];
+    int shared = 0, liars = 1;
+
+    snprintf(key, sizeof key, "%.*s", (int)worker_label_key(name), name);
+    for (const struct farm_worker *w = next_of(farm, NULL, key); w; w = next_of(farm, w, key))
+        shared |= w != worker && (!worker || w->machine != worker->machine);
+    for (size_t i = 0; i < farm->roster.mark_count; i++)
+        liars += farm->roster.marks[i].blocked && worker_label_is_of(farm->roster.marks[i].name, key);
+    snprintf(out, WORKER_LABEL_MAX + 1, "%s", shared && liars < ROSTER_LIARS_OF_KEY ? name : key);
+}
+
 void roster_block_liar(struct farm *farm, struct farm_worker *worker, uint64_t job, const char *why)
 {
     const struct job *of = queue_find(&farm->queue, job);
+    char name[WORKER_LABEL_MAX + 1];
     struct error err = {0};
 
+    roster_culprit(farm, worker->label, name);
     log_error("worker %s is blocked: it sent a result that cannot be: %s; check its machine's memory and processor, then "
               "'azulejo workers unblock %s'",
-              worker->label, why, worker->label);
+              worker->label, why, name);
     worker_line_add(farm, worker, "blocked: a result that cannot be: %s", why);
     if (of)
         farm_note(farm, of, NULL, "worker %s is blocked: it sent a result that cannot be: %s", worker->label, why);
-    if (roster_steer(farm, worker->label, WORKER_VERB_BLOCK, "the coordinator: an impossible result", &err) != STATUS_OK)
-        log_error("worker %s cannot be blocked: %s", worker->label, err.text);
+    if (roster_steer(farm, name, WORKER_VERB_BLOCK, "the coordinator: an impossible result", &err) != STATUS_OK)
+        log_error("worker %s cannot be blocked: %s", name, err.text);
 }
 
 /* ---- a worker -------------------------------------------------------------------------------- */

@@ -5,6 +5,10 @@
  * makes the name from the host's: HOST, HOST-2, HOST-3, the first that is free. A process keeps its
  * name when it connects again, also if its old connection is not known to be lost yet.
  *
+ * The name of a worker with a key of its own begins with that key's (protocol/worker_name.h): KEY@HOST, KEY@HOST-2; on the
+ * host KEY it is KEY, KEY@2. So the first part of a name is proved, and no other key's holder has it, nor one of a key that is
+ * shared. A block of KEY is one of all names that begin with it.
+ *
  *             | works      paused by itself  draining, drained  blocked    not connected
  *   drain     | DRAINED    DRAINED           (same)             refused    not found
  *   resume    | (same)     refused           works              refused    not found*
@@ -27,23 +31,35 @@ enum worker_verb { WORKER_VERB_DRAIN, WORKER_VERB_RESUME, WORKER_VERB_BLOCK, WOR
 status roster_load(struct farm *farm, struct error *err) MUST_CHECK;
 void roster_release(struct farm *farm);
 
-/* Give the worker, which is about to be added, its name and what people did to that. `wish`: "" or a
- * valid name; `chosen`: by a person. *replaced: the same process under an older connection, which has
- * lost its name and its leases, and must be ended; NULL: none. ERR_LIMIT: another has the name. */
-status roster_join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish, int chosen,
+/* What a worker says of itself, and what its key proves. */
+struct worker_claim {
+    const char *host, *wish; /* "" or a valid name */
+    int chosen;              /* the wish is a person's */
+    const char *key;         /* the name of its key; "": others share it */
+};
+/* Give the worker, which is about to be added, its name and what people did to that. *replaced: the same process under an
+ * older connection, which has lost its name and its leases, and must be ended; NULL: none. ERR_LIMIT: another has the
+ * name. */
+status roster_join(struct farm *farm, struct farm_worker *worker, const struct worker_claim *claim,
                    struct farm_worker **replaced, struct error *err) MUST_CHECK;
 /* The worker leaves: its name is free. */
 void roster_leave(struct farm *farm, struct farm_worker *worker);
 /* The connected worker of that name; NULL: none. */
 struct farm_worker *roster_find(const struct farm *farm, const char *name);
+/* Is one connected, or marked, that worker_label_is_of that name? */
+int roster_knows(const struct farm *farm, const char *name);
 const struct worker_mark *roster_mark(const struct farm *farm, const char *name); /* NULL: none */
 
 /* A person's verb. ERR_INPUT: not a name; ERR_REFUSED, ERR_NOT_FOUND: see above, with what to do
  * instead; ERR_IO, ERR_NO_MEMORY: nothing changed. */
-/* The worker sent what no machine in order can send: it is blocked by name, and its leases go to others. */
-void roster_block_liar(struct farm *farm, struct farm_worker *worker, uint64_t job, const char *why);
 status roster_steer(struct farm *farm, const char *name, enum worker_verb verb, const char *who,
                     struct error *err) MUST_CHECK;
+enum { ROSTER_LIARS_OF_KEY = 3 };
+/* Who is to be blocked for what the worker of that name sent: its key, so that another name does not help it. Where other
+ * machines have the same key at the moment, only the name, until it would be the key's ROSTER_LIARS_OF_KEY'th. */
+void roster_culprit(const struct farm *farm, const char *name, char out[WORKER_LABEL_MAX + 1]);
+/* The worker sent what no machine in order can send: its culprit is blocked, and its leases go to others. */
+void roster_block_liar(struct farm *farm, struct farm_worker *worker, uint64_t job, const char *why);
 
 /* May the worker be lent work? */
 int worker_takes_work(const struct farm_worker *worker);

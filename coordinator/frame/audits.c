@@ -1,5 +1,7 @@
 #include "coordinator/frame/audits.h"
 
+#include "protocol/worker_name.h"
+
 uint64_t audit_mix(uint64_t x)
 {
     x ^= x >> 33;
@@ -23,12 +25,26 @@ int audit_votes_agree(const struct audit_vote *a, const struct audit_vote *b)
     return a->has_digest && b->has_digest ? digest_equal(&a->digest, &b->digest) : a->hash == b->hash;
 }
 
+int audit_votes_share_key(const struct audit_vote *votes, uint32_t count)
+{
+    for (uint32_t i = 1; i < count; i++)
+        if (!worker_labels_share_key(votes[i].label, votes[0].label))
+            return 0;
+    return 1;
+}
+
+/* The voices for an answer. */
 static uint32_t agreeing(const struct audit_vote *votes, uint32_t count, const struct audit_vote *with)
 {
+    int by_name = audit_votes_share_key(votes, count);
     uint32_t same = 0;
 
-    for (uint32_t i = 0; i < count; i++)
-        same += audit_votes_agree(&votes[i], with) != 0;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t k = by_name ? i : 0;
+        while (k < i && !(worker_labels_share_key(votes[k].label, votes[i].label) && audit_votes_agree(&votes[k], with)))
+            k++;
+        same += k == i && audit_votes_agree(&votes[i], with);
+    }
     return same;
 }
 

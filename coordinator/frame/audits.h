@@ -5,7 +5,8 @@
  *                                    |--AUDIT_VOTES_MAX votes and no such answer--> OPEN
  *
  * Two workers that agree on a lie outvote one that does not, so the first two that agree against a third do not decide while
- * other workers could be asked. */
+ * other workers could be asked. And a key has one voice, however many workers it has: votes of workers that share one
+ * (protocol/worker_name.h) count once for each answer, unless all votes are of that key. */
 #pragma once
 
 #include "common/base/digest.h"
@@ -38,6 +39,8 @@ enum audit_verdict {
     AUDIT_DECIDED, /* *right is one of the right votes */
     AUDIT_OPEN,
 };
-/* `others`: workers that could still be asked. */
+/* `others`: voices that could still be asked. */
 enum audit_verdict audit_judge(const struct audit_vote *votes, uint32_t count, uint32_t others, uint32_t *right);
 int audit_votes_agree(const struct audit_vote *a, const struct audit_vote *b);
+/* Are all of workers of one key? */
+int audit_votes_share_key(const struct audit_vote *votes, uint32_t count);

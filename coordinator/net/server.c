@@ -345,6 +345,8 @@ static void init_handles(struct server *server)
     server->prepare.data = server->terminate.data = server->interrupt.data = server;
 }
 
+static int is_workers_key(const void *keys, const char *name) { return keyring_is_worker(keys, name); }
+
 status server_run(const struct server_options *options, struct error *err)
 {
     struct server *server = mem_calloc(1, sizeof *server);
@@ -377,6 +379,8 @@ status server_run(const struct server_options *options, struct error *err)
     THEN(s, keyring_open(&server->keyring, options->store, err));
     THEN(s, farm_init(&server->farm, options->store, options->lease_ns, &events, clock_wall_s(), err));
     if (s == STATUS_OK) {
+        server->farm.roster.is_key = is_workers_key;
+        server->farm.roster.keys = &server->keyring;
         server->farm.discards_films = options->discards_films;
         server->farm.hang_ns = options->hang_ns;
         server->farm.order.rules = options->order;

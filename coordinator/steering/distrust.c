@@ -144,7 +144,7 @@ status distrust_worker(struct farm *farm, const char *name, int64_t since, const
     struct search search = {farm, &numbers, report};
     status s = distrusted_numbers(farm, name, &numbers, err);
 
-    if (s == STATUS_OK && numbers.size == 0 && !roster_find(farm, name) && !roster_mark(farm, name))
+    if (s == STATUS_OK && numbers.size == 0 && !roster_knows(farm, name))
         s = error_set(err, STATUS_ERR_NOT_FOUND,
                       "no worker '%.64s' is connected, and none of that name has delivered a result that is known: 'azulejo "
                       "workers --gone' lists those that left", name);

@@ -135,12 +135,14 @@ status store_share_save_later(struct store *store, const struct owner_share *sha
 /* Read the shares of all owners. ERR_IO, ERR_NO_MEMORY. */
 status store_shares_load(struct store *store, struct order *order, struct error *err) MUST_CHECK;
 
+enum { WORKER_LABEL_MAX = 127 }; /* bytes of a worker's name on its farm (protocol/worker_name.h) */
+
 /* A worker that delivers results. Numbers start at 1 and are never reused. */
 struct deliverer {
     uint32_t number, process;
     char host[64], software[64];
     int64_t first_seen; /* seconds since 1970, UTC */
-    char label[64];     /* its name on the farm; of older stores as it was found, if at all */
+    char label[WORKER_LABEL_MAX + 1]; /* its name on the farm; of older stores as it was found, if at all */
 };
 /* The last stored number; 0: none. */
 status store_deliverers_last(struct store *store, uint32_t *last, struct error *err) MUST_CHECK;
@@ -151,7 +153,6 @@ status store_deliverer_find(struct store *store, uint32_t number, struct deliver
 
 enum {
     WORKERS_GONE_MAX = 1000,     /* processes of workers that left, of which what they did is kept */
-    WORKER_LABEL_MAX = 63,       /* bytes of a worker's name */
     WORKER_LINES_MAX = 16,       /* of its log, the newest */
     WORKER_LINE_SIZE = 208,
 };
@@ -221,7 +222,7 @@ struct distrusted {
     uint32_t number;
     int64_t since; /* of frames that are done, those done from then on; seconds since 1970, UTC */
 };
-/* Call visit for the numbers of each deliverer of that name. ERR_IO, ERR_NO_MEMORY. */
+/* Call visit for the numbers of each deliverer that worker_label_is_of that name. ERR_IO, ERR_NO_MEMORY. */
 status store_deliverers_of(struct store *store, const char *label,
                            status (*visit)(void *user, uint32_t number, struct error *err), void *user,
                            struct error *err) MUST_CHECK;

@@ -12,7 +12,8 @@ status store_deliverers_of(struct store *store, const char *label,
 {
     struct sql_rows rows =
         sql_read(store,
-                 "SELECT number FROM deliverers d WHERE label=?1 OR (label='' AND ?1=(SELECT name FROM workers w"
+                 "SELECT number FROM deliverers d WHERE label=?1 OR (instr(?1, '@')=0 AND"
+                 " substr(label, 1, length(?1)+1)=?1||'@') OR (label='' AND ?1=(SELECT name FROM workers w"
                  " WHERE w.host=d.host AND w.process=d.process ORDER BY joined_at DESC LIMIT 1))",
                  SQL_VALUES(sql_text(label)), "the deliverers cannot be read", err);
 

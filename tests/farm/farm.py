@@ -349,6 +349,12 @@ class Farm:
 
     # ---- the client ----------------------------------------------------------------------
 
+    def named_key(self, name, role, *options):
+        """The file of a key of that name."""
+        path = self.path("%s-%s%s.key" % (name, role, "".join(options)))
+        self.cli("key", "new", name, "--role", role, "--key", self.key, "-o", path, *options, expect=0, connect=False)
+        return path
+
     def cli_argv(self, *args, connect=True, key=None):
         argv = [os.path.join(BIN, "azulejo")] + [str(a) for a in args]
         if connect and self.address and args[0] in (

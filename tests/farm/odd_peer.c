@@ -8,7 +8,7 @@
  * one line a message. The tests in test_faults.py hold the conversation. Commands:
  *
  *   hello [version=N] [role=N] [threads=N] [isa=MASK] [arithmetic=HEX] [kernel=WORD] [host=WORD]
- *         [name=WORD] [instance=N]
+ *         [name=WORD] [chosen=1] [instance=N]
  *   request UNITS             a LeaseRequest
  *   result [KEY=VALUE]...     a TileResult for a unit of the last grant: unit=INDEX (0), and what
  *                             to say instead of the truth: lease, epoch, job, frame, tile, group, pass,
@@ -163,6 +163,7 @@ static void say_hello(struct peer *p, char *const words[], int count)
 
     hello.protocol_version = (uint32_t)number_of(words, count, "version", PROTOCOL_VERSION);
     hello.name = (char *)(value_of(words, count, "name") ? value_of(words, count, "name") : "");
+    hello.name_chosen = number_of(words, count, "chosen", 0) != 0;
     hello.instance = number_of(words, count, "instance", 0);
     hello.role = (Azulejo__Wire__Role)number_of(words, count, "role", (uint64_t)tls_role(p->tls));
     hello.software = (char *)"odd_peer";

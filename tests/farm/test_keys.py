@@ -20,10 +20,7 @@ LONG = ("--size", "64x64", "--spp", "100000", "--format", "exr")
 
 
 def make(farm, name, role, *options):
-    """A key's file."""
-    path = farm.path("%s-%s%s.key" % (name, role, "".join(options)))
-    farm.cli("key", "new", name, "--role", role, "--key", farm.key, "-o", path, *options, expect=0, connect=False)
-    return path
+    return farm.named_key(name, role, *options)
 
 
 def shared(farm, role):
@@ -217,6 +214,42 @@ def a_key_is_no_coordinator():
             odd.wait()
             said = odd.rest + odd.process.stdout.read()
             expect(b"open" not in said and b"hello" not in said, "nothing reaches it: %s" % said)
+
+
+@tests.add
+def names_of_workers():
+    """the name of a worker begins with its key's, which nobody else can have; what people do to that means all of the key"""
+    def states(with_key=None):
+        return {w["name"]: w["state"] for w in farm.cli("workers", "--json", expect=0).json()["workers"]}
+
+    with Farm() as farm:
+        farm.start_coordinator()
+        node, other = make(farm, "node", "worker"), make(farm, "other", "worker")
+        peers = [OddPeer(farm, hello="host=node", key=node) for _ in range(2)]
+        peers.append(OddPeer(farm, hello="host=ws3", key=node))
+        peers.append(OddPeer(farm, hello="host=ws3 name=gpu chosen=1", key=node))
+        peers.append(OddPeer(farm, hello="host=ws4 name=node@gpu", key=other))  # as it was called with another key
+        peers.append(OddPeer(farm, hello="host=node", key=other))
+        peers.append(OddPeer(farm, hello="host=node"))  # of the farm's key
+        expect(sorted(states()) == ["node", "node-2", "node@2", "node@gpu", "node@ws3", "other@node", "other@ws4"], states())
+        taken = OddPeer(farm, hello=None)
+        taken.say("hello host=ws5 name=other chosen=1")
+        expect("belongs to the workers with the key" in taken.wait_line("failure "), "not refused")
+        farm.cli("workers", "block", "node", expect=0)
+        expect(sorted(n for n, s in states().items() if s == "blocked") == ["node", "node@2", "node@gpu", "node@ws3"], states())
+        expect(farm.cli("workers", "show", "node", "--json", expect=0).json()["workers"][0]["name"] == "node", "another one")
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        OddPeer(farm, hello="host=new", key=node)
+        OddPeer(farm, hello="host=new", key=other)
+        expect(states() == {"node@new": "blocked", "other@new": "idle"}, states())
+        farm.cli("workers", "block", "node@new", expect=0)
+        farm.cli("workers", "unblock", "node", expect=0)
+        expect(states()["node@new"] == "blocked", states())
+        farm.cli("workers", "unblock", "node@new", expect=0)
+        expect(states()["node@new"] == "idle", states())
+        result = farm.cli("key", "new", "ana@ws3", "--role", "worker", "--key", farm.key, connect=False)
+        expect(result.code == 2 and "'@'" in result.err, result)
 
 
 @tests.add

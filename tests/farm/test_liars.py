@@ -76,10 +76,10 @@ LIAR = os.path.join(BUILD, "tests", "farm", "liar")
 FRAME = ["--size", "160x96", "--spp", "16"]  # 60 tiles, 480 units
 
 
-def start_liar(farm, name, share, **how):
+def start_liar(farm, name, share, key=None, **how):
     """A worker as any other, which lies about a share of its units (liar.c)."""
     env = dict(os.environ, LIAR_SHARE=str(share), **{"LIAR_" + k.upper(): str(v) for k, v in how.items()})
-    liar = Program("liar " + name, [LIAR, "--coordinator", farm.address, "--key", farm.key, "--threads", "1", "--name", name,
+    liar = Program("liar " + name, [LIAR, "--coordinator", farm.address, "--key", key or farm.key, "--threads", "1", "--name", name,
                                     "--cache", farm.path("cache-" + name)], farm.path(name + ".log"), env=env)
     farm.programs.append(liar)
     return liar
@@ -208,6 +208,73 @@ def one_bit():
 def two_that_agree():
     """two liars that tell the same lie are blocked beside three honest workers, and no honest one is"""
     lies(100, ("second", "third", "fourth"), (), liars=("liar", "accomplice"), alone=False)
+
+
+@tests.add
+def two_with_one_key():
+    """two liars of one key that tell the same lie are one voice: an honest worker does not lose to them; with a second one the
+    key is blocked, whatever a worker of it calls itself"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        keys = {name: farm.named_key(name, "worker") for name in ("first", "second", "eve")}
+        farm.start_worker("--name", "first", key=keys["first"])
+        good = farm.submit(farm.scene(), *FRAME)
+        farm.wait_for_job(good)
+        bits = picture(farm, good, "good")
+        for name in ("left", "right"):
+            start_liar(farm, name, 100, key=keys["eve"])
+        farm.wait_for_workers(3)
+        names = {w["name"] for w in farm.cli("workers", "--json", expect=0).json()["workers"]}
+        expect(names == {"first", "eve@left", "eve@right"}, names)
+        jobs = []
+        while "workers eve@" not in farm.coordinator.log_text() and "workers first, eve@" not in farm.coordinator.log_text():
+            expect(len(jobs) < 20, "nobody doubts them")
+            jobs.append(farm.submit(farm.scene(), *FRAME))
+            farm.wait_for_job(jobs[-1])
+        expect(not blocked(farm), blocked(farm))  # one word against one
+        farm.start_worker("--name", "second", key=keys["second"])
+        wait_for(lambda: blocked(farm), "a third voice to decide")
+        expect(set(blocked(farm)) == {"eve"}, blocked(farm))
+        right_pictures(farm, jobs, bits)
+        start_liar(farm, "honest", 100, key=keys["eve"])
+        farm.wait_for_workers(5)
+        states = {w["name"]: w["state"] for w in farm.cli("workers", "--json", expect=0).json()["workers"]}
+        expect(all((state == "blocked") == name.startswith("eve@") for name, state in states.items()), states)
+        expect(len(states) == 5, states)
+        more = farm.submit(farm.scene(), *FRAME)
+        farm.wait_for_job(more)
+        right_pictures(farm, [more], bits)
+
+
+@tests.add
+def one_machine_of_a_key():
+    """where machines share a key, a machine that computes wrongly is blocked alone, and the others go on"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        key = farm.named_key("render", "worker")
+        honest = [OddPeer(farm, hello="host=machine-%d" % i, key=key) for i in range(2)]
+        liar = OddPeer(farm, hello="host=machine-9", key=key)
+        number = farm.submit(farm.scene(), *SMALL)
+        liar.say("request 1")
+        liar.grant()
+        liar.say("result fill=nan")
+        wait_for(lambda: blocked(farm), "a block")
+        expect(set(blocked(farm)) == {"render@machine-9"}, blocked(farm))
+        honest[0].say("request 1")
+        expect(honest[0].grant()["job"] == number, "the others get no work")
+        for place in (8, 7):  # the third of a key is the key's
+            other = OddPeer(farm, hello="host=machine-%d" % place, key=key)
+            other.say("request 1")
+            other.grant()
+            other.say("result fill=nan")
+            wait_for(lambda n=place: len(blocked(farm)) == 10 - n, "the next block")
+        expect(set(blocked(farm)) == {"render@machine-9", "render@machine-8", "render"}, blocked(farm))
+        expect("blocked" in {w["state"] for w in farm.cli("workers", "--json", expect=0).json()["workers"]}, "the others work")
+        refused = farm.cli("workers", "unblock", "render@machine-1")
+        expect(refused.code == 5 and "unblock 'render'" in refused.err, refused)
+        farm.cli("workers", "unblock", "render", expect=0)
+        states = {w["name"]: w["state"] for w in farm.cli("workers", "--json", expect=0).json()["workers"]}
+        expect(set(states) == {"render@machine-0", "render@machine-1"} and "blocked" not in states.values(), states)
 
 
 @tests.add

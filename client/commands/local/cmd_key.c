@@ -11,6 +11,7 @@
 #include "common/base/buffer.h"
 #include "common/base/duration.h"
 #include "protocol/message.h"
+#include "protocol/worker_name.h"
 
 enum { KEEP_DEFAULT_S = 7 * 86400 };
 
@@ -36,6 +37,8 @@ static status make(const struct connection_options *where, const char *name, con
                          KEY_NAME_MAX);
     snprintf(id.name, sizeof id.name, "%s", name);
     (void)key_identity_set_role(&id, w->role);
+    if (id.role == FARM_ROLE_WORKER && !worker_name_is_valid(name))
+        return error_set(err, STATUS_ERR_USAGE, "'%s' cannot be the name of a worker's key: there is no '@' in it", name);
     s = connection_options_resolve(where, host, &port, &farm, err);
     if (s == STATUS_OK && !farm.is_farm)
         s = error_set(err, STATUS_ERR_INPUT, "--key: not the farm's key, which alone makes others; it is on the coordinator");

@@ -87,6 +87,13 @@ status keyring_check(const struct keyring *ring, const struct key_identity *id, 
 
 static uint32_t role_bit(const struct key_identity *id) { return 1u << id->may; }
 
+int keyring_is_worker(const struct keyring *ring, const char *name)
+{
+    const struct key_row *row = find(ring, name);
+
+    return row && row->roles & 1u << WEB_ROLE_NONE;
+}
+
 const struct key_row *keyring_used(struct keyring *ring, const struct key_identity *id, int64_t now_s)
 {
     struct key_row *row = find(ring, id->name), made;

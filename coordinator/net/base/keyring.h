@@ -38,6 +38,8 @@ void keyring_release(struct keyring *ring);
 /* May a connection have that key now? ERR_REFUSED says why not, and what to do. */
 status keyring_check(const struct keyring *ring, const struct key_identity *id, int64_t now_s,
                      struct error *err) MUST_CHECK;
+/* Has a worker used a key of that name? */
+int keyring_is_worker(const struct keyring *ring, const char *name);
 /* It is used. The row that is to be written, which the next call may move; NULL: nothing is. */
 const struct key_row *keyring_used(struct keyring *ring, const struct key_identity *id, int64_t now_s);
 

@@ -11,6 +11,7 @@
 #include "coordinator/net/server.h"
 #include "coordinator/net/base/session_table.h"
 #include "protocol/message.h"
+#include "protocol/worker_name.h"
 
 struct render_request {
     struct render_request *next;
@@ -74,15 +75,18 @@ static int may_render(const struct job *job, const struct render_request *q, con
     return worker->isa_mask >> q->isa & 1;
 }
 
-/* Is another worker to be preferred? */
+/* How much is another worker to be preferred? 2: it is one of those, 1: it has the key of one. */
 static int is_unwanted(const struct render_request *q, const struct farm_worker *worker)
 {
     const Azulejo__Wire__RenderRequest *m = q->message->render_request;
+    int most = 0;
 
-    for (size_t i = 0; i < m->n_not_by; i++)
+    for (size_t i = 0; i < m->n_not_by && most < 2; i++)
         if (strcmp(m->not_by[i], worker->label) == 0)
-            return 1;
-    return 0;
+            most = 2;
+        else if (worker_labels_share_key(m->not_by[i], worker->label))
+            most = 1;
+    return most;
 }
 
 static int is_better(const struct render_request *q, const struct session *s, uint32_t requests,
@@ -90,7 +94,7 @@ static int is_better(const struct render_request *q, const struct session *s, ui
 {
     int unwanted = is_unwanted(q, s->worker), its = is_unwanted(q, than->worker);
 
-    return unwanted != its ? its : busy(s, requests) < busy(than, its_requests);
+    return unwanted != its ? unwanted < its : busy(s, requests) < busy(than, its_requests);
 }
 
 /* NULL: there is none, for the reason in *err. */

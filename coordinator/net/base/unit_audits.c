@@ -14,6 +14,7 @@
 #include "coordinator/net/base/session_table.h"
 #include "coordinator/steering/distrust.h"
 #include "protocol/message.h"
+#include "protocol/worker_name.h"
 
 struct unit_audit {
     struct unit_audit *next;
@@ -191,6 +192,14 @@ static int has_voted(const struct unit_audit *a, const char *label)
     return 0;
 }
 
+static int key_has_voted(const struct unit_audit *a, const char *label)
+{
+    for (uint32_t i = 0; i < a->votes; i++)
+        if (worker_labels_share_key(a->vote[i].label, label))
+            return 1;
+    return 0;
+}
+
 /* It waits, again or for ever more. Who was asked is charged what it says that it took, and no more than passed; all that passed
  * if it built the scene. */
 static void end_asking(struct server *server, struct unit_audit *a, uint64_t said_ns, uint64_t now_ns)
@@ -221,27 +230,49 @@ static int has_time(const struct farm_worker *worker)
 }
 
 /* Of those that may render it, were asked nothing and have time for it: by lot, also among those who lack the scene. Two that
- * have a job alone would judge each other. */
+ * have a job alone would judge each other. A worker of a key that has answered is asked where no other is free, and not at all
+ * where answers of several keys differ: it would add no voice. */
 static struct session *choose(struct server *server, const struct job *job, const struct unit_audit *a)
 {
     struct unit_audits *audits = &server->audits;
-    struct session *chosen = NULL;
-    uint32_t seen = 0;
+    struct session *chosen[2] = {NULL, NULL}; /* of a key that has answered; of another one */
+    uint32_t seen[2] = {0, 0};
+    int others = 0, is_doubted = a->votes > 1;
 
-    for (struct session *s = server->sessions; s; s = s->next)
-        if (may_vote(s, job, a) && !s->worker->is_auditing && has_time(s->worker) &&
-            audit_mix(audits->secret ^ ++audits->lots) % ++seen == 0)
-            chosen = s;
-    return chosen;
+    for (struct session *s = server->sessions; s; s = s->next) {
+        int other, is_free;
+        if (!may_vote(s, job, a))
+            continue;
+        other = !key_has_voted(a, s->worker->label);
+        is_free = !s->worker->is_auditing && has_time(s->worker);
+        others |= other;
+        if (is_free && audit_mix(audits->secret ^ ++audits->lots) % ++seen[other] == 0)
+            chosen[other] = s;
+    }
+    if (chosen[1] || (is_doubted && (others || !audit_votes_share_key(a->vote, a->votes))))
+        return chosen[1];
+    return chosen[0];
 }
 
+/* The keys that could still be asked; of a farm whose workers share one, these. */
 static uint32_t count_others(struct server *server, const struct job *job, const struct unit_audit *a)
 {
-    uint32_t count = 0;
+    uint32_t keys = 0, same = 0;
 
-    for (struct session *s = server->sessions; s; s = s->next)
-        count += may_vote(s, job, a) != 0;
-    return count;
+    for (struct session *s = server->sessions; s; s = s->next) {
+        const struct session *earlier = server->sessions;
+        if (!may_vote(s, job, a))
+            continue;
+        if (key_has_voted(a, s->worker->label)) {
+            same++;
+            continue;
+        }
+        while (earlier != s && !(earlier->worker && worker_labels_share_key(earlier->worker->label, s->worker->label) &&
+                                 may_vote(earlier, job, a)))
+            earlier = earlier->next;
+        keys += earlier == s;
+    }
+    return keys > 0 || !audit_votes_share_key(a->vote, a->votes) ? keys : same;
 }
 
 /* 0: not now. */
@@ -290,9 +321,13 @@ static void condemn(struct server *server, const struct unit_audit *a, const cha
     struct farm *farm = &server->farm;
     const struct job *job = queue_find(&farm->queue, a->job);
     struct distrust_report report = {0};
+    char name[WORKER_LABEL_MAX + 1];
     struct error err = {0};
     size_t again = 0;
-    status s = distrust_worker(farm, label, 0, "the coordinator: an audit", &report, &err);
+    status s;
+
+    roster_culprit(farm, label, name);
+    s = distrust_worker(farm, name, 0, "the coordinator: an audit", &report, &err);
 
     for (size_t i = 0; i < report.count; i++)
         again += report.frames[i].fate == DISTRUST_AGAIN;
@@ -300,10 +335,10 @@ static void condemn(struct server *server, const struct unit_audit *a, const cha
         log_error("worker %s is blocked: job %llu, frame %u, tile %u, group %u, pass %u has other bits on two other workers; of the "
                   "%zu frames that it took part in %zu are rendered again ('azulejo distrust %s' lists the others); check its "
                   "machine's memory and processor, then 'azulejo workers unblock %s'", label, id_of(a), a->frame, a->unit.tile,
-                  a->unit.group, a->unit.pass, report.count, again, label, label);
+                  a->unit.group, a->unit.pass, report.count, again, name, name);
     else
         log_error("worker %s gave wrong results, but cannot be distrusted: %s; do it: 'azulejo distrust %s'", label,
-                  err.text, label);
+                  err.text, name);
     if (job)
         farm_note(farm, job, NULL, "worker %s is blocked: two others give frame %u, tile %u other bits; its frames are "
                   "rendered again", label, a->frame, a->unit.tile);

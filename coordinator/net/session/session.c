@@ -77,7 +77,7 @@ static void name_for_people(struct farm_worker *worker, const struct session *se
     if (strcmp(worker->label, session->host) == 0)
         snprintf(worker->name, sizeof worker->name, "%s, process %u", session->host, session->process);
     else
-        snprintf(worker->name, sizeof worker->name, "%.63s (%.40s, process %u)", worker->label, session->host,
+        snprintf(worker->name, sizeof worker->name, "%.127s (%.40s, process %u)", worker->label, session->host,
                  session->process);
 }
 
@@ -96,6 +96,7 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
 {
     struct server *server = session->server;
     const char *other = strcmp(server->precision, "float") == 0 ? "double" : "float";
+    const struct worker_claim claim = {session->host, hello->name, hello->name_chosen, channel_identity(session->channel)->name};
     struct farm_worker *worker, *replaced;
     status s;
 
@@ -117,9 +118,11 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
     if (!hello->kernel[0] || strlen(hello->kernel) > RAY_TRACER_NAME_MAX)
         return error_set(err, STATUS_ERR_PROTOCOL, "a worker must name its ray tracer in 1..%d bytes",
                          RAY_TRACER_NAME_MAX);
-    if (hello->name[0] && !worker_name_is_valid(hello->name))
+    if (hello->name[0] && !worker_label_is_valid(hello->name))
         return error_set(err, STATUS_ERR_PROTOCOL, "a worker's name has 1 to %d letters, digits, '.', '_' and '-'",
-                         WORKER_LABEL_MAX);
+                         WORKER_NAME_BYTES_MAX);
+    if (claim.key[0] && !worker_name_is_valid(claim.key))
+        return error_set(err, STATUS_ERR_REFUSED, "the name of a worker's key has no '@', which this one has: %s", claim.key);
     worker = mem_calloc(1, sizeof *worker);
     NEED(worker, err, "a worker");
     worker->instance = hello->instance ? hello->instance : (uint64_t)server->farm.wall_s << 32 | session->id;
@@ -138,7 +141,7 @@ static status make_worker(struct session *session, const Azulejo__Wire__Hello *h
     snprintf(worker->deliverer.host, sizeof worker->deliverer.host, "%s", session->host);
     snprintf(worker->deliverer.software, sizeof worker->deliverer.software, "%s", session->software);
     worker->deliverer.process = session->process;
-    s = roster_join(&server->farm, worker, session->host, hello->name, hello->name_chosen, &replaced, err);
+    s = roster_join(&server->farm, worker, &claim, &replaced, err);
     if (s == STATUS_OK && replaced)
         end_replaced(server, replaced);
     if (s == STATUS_OK) {
@@ -400,7 +403,7 @@ static void take_line(struct session *session, const Azulejo__Wire__Notice *noti
         worker_line_add(&server->farm, session->worker, "%.*s", WORKER_LINE_SIZE - 1, event.text);
     if (!notice->job || !queue_find(&server->farm.queue, notice->job))
         return;
-    snprintf(event.who, sizeof event.who, "%s", session->worker->name);
+    snprintf(event.who, sizeof event.who, "%.127s", session->worker->name);
     farm_event(&server->farm, &event);
 }
 

@@ -11,6 +11,7 @@
 #include "coordinator/net/base/session_table.h"
 #include "coordinator/net/base/workers_list.h"
 #include "protocol/message.h"
+#include "protocol/worker_name.h"
 
 _Static_assert((int)WORKER_MODE_PAUSED == (int)AZULEJO__WIRE__WORKER_MODE__MODE_PAUSED &&
                    (int)WORKER_MODE_LEAVING == (int)AZULEJO__WIRE__WORKER_MODE__MODE_LEAVING,
@@ -119,9 +120,10 @@ struct worker_answer {
     } * *gone;
     size_t gone_capacity, gone_count;
     Azulejo__Wire__WorkerGone **gone_pointers;
-    Azulejo__Wire__WorkerLine lines[WORKER_LINES_MAX], *line_pointers[WORKER_LINES_MAX];
+    struct own_lines {
+        Azulejo__Wire__WorkerLine lines[WORKER_LINES_MAX], *pointers[WORKER_LINES_MAX];
+    } * own_lines; /* of each worker; NULL: they are not wanted */
     char (*notes)[640];
-    int with_lines;
     const struct farm *farm;
 };
 
@@ -132,6 +134,7 @@ static void answer_release(struct worker_answer *a)
     mem_free(a->gone);
     mem_free(a->gone_pointers);
     mem_free(a->notes);
+    mem_free(a->own_lines);
     mem_free(a->mark_pointers);
     mem_free(a->marks);
     mem_free(a->info_pointers);
@@ -177,10 +180,11 @@ static void note_of(const struct farm_worker *worker, char *out, size_t size)
     }
 }
 
-static void fill_worker(struct worker_answer *a, Azulejo__Wire__WorkerInfo *info, char note[640], struct session *s,
-                        uint64_t now_ns)
+static void fill_worker(struct worker_answer *a, size_t at, struct session *s, uint64_t now_ns)
 {
+    Azulejo__Wire__WorkerInfo *info = &a->infos[at];
     struct farm_worker *worker = s->worker;
+    char *note = a->notes[at];
 
     azulejo__wire__worker_info__init(info);
     note_of(worker, note, 640);
@@ -208,17 +212,19 @@ static void fill_worker(struct worker_answer *a, Azulejo__Wire__WorkerInfo *info
         info->status = s->report->worker_status;
         info->status_age_s = (double)(now_ns - s->told_ns) / 1e9;
     }
-    if (!a->with_lines)
+    if (!a->own_lines)
         return;
-    fill_lines(a->lines, a->line_pointers, worker->lines, worker->line_count);
-    info->lines = a->line_pointers;
+    fill_lines(a->own_lines[at].lines, a->own_lines[at].pointers, worker->lines, worker->line_count);
+    info->lines = a->own_lines[at].pointers;
     info->n_lines = worker->line_count;
 }
 
-/* Is it one that was asked for? `job` 0 and `name` "" mean any. */
-static int is_wanted(const struct farm_worker *worker, const char *name, uint64_t job)
+/* Is it one that was asked for? `job` 0 and `name` "" mean any, and a key's name, which no worker has, all of the key. */
+static int is_wanted(const struct farm *farm, const struct farm_worker *worker, const char *name, uint64_t job)
 {
-    return worker && !worker->is_replaced && (!name[0] || strcmp(name, worker->label) == 0) &&
+    return worker && !worker->is_replaced &&
+           (!name[0] || strcmp(name, worker->label) == 0 ||
+            (worker_label_is_of(worker->label, name) && !roster_find(farm, name))) &&
            (job == 0 || (worker->held.units > 0 && worker->held.job == job));
 }
 
@@ -230,12 +236,13 @@ static status take_workers(struct worker_answer *a, struct server *server, const
     a->infos = mem_alloc_array(room, sizeof *a->infos);
     a->info_pointers = mem_alloc_array(room, sizeof(Azulejo__Wire__WorkerInfo *));
     a->notes = mem_alloc_array(room, sizeof *a->notes);
-    NEED(a->infos && a->info_pointers && a->notes, err, "a list of workers");
+    a->own_lines = name[0] ? mem_alloc_array(room, sizeof *a->own_lines) : NULL;
+    NEED(a->infos && a->info_pointers && a->notes && (!name[0] || a->own_lines), err, "a list of workers");
     for (struct session *s = server->sessions; s && a->list.n_workers < room; s = s->next) {
         size_t at = a->list.n_workers;
-        if (!is_wanted(s->worker, name, job))
+        if (!is_wanted(&server->farm, s->worker, name, job))
             continue;
-        fill_worker(a, &a->infos[at], a->notes[at], s, now_ns);
+        fill_worker(a, at, s, now_ns);
         a->info_pointers[at] = &a->infos[at];
         a->list.n_workers++;
     }
@@ -253,7 +260,7 @@ static status take_marks(struct worker_answer *a, struct farm *farm, const char 
     for (size_t i = 0; i < roster->mark_count; i++) {
         struct worker_mark *mark = &roster->marks[i];
         Azulejo__Wire__WorkerMark *out = &a->marks[a->list.n_marks];
-        if (name[0] && strcmp(name, mark->name) != 0)
+        if (name[0] && strcmp(name, mark->name) != 0 && !(mark->blocked && worker_label_is_of(name, mark->name)))
             continue;
         azulejo__wire__worker_mark__init(out);
         out->name = mark->name;
@@ -275,7 +282,7 @@ static status take_gone(void *user, const struct worker_row *row, struct error *
 
     if (connected && connected->instance == row->instance)
         return STATUS_OK; /* it has connected again, and its row will say so soon */
-    if (a->with_lines && a->gone_count == GONE_OF_NAME_MAX)
+    if (a->own_lines && a->gone_count == GONE_OF_NAME_MAX)
         return STATUS_OK;
     if (!MEM_GROW(a->gone, a->gone_capacity, a->gone_count + 1) || !(gone = mem_calloc(1, sizeof *gone)))
         return error_no_memory(err, "a list of workers");
@@ -296,7 +303,7 @@ static status take_gone(void *user, const struct worker_row *row, struct error *
     m->samples_done = row->samples;
     m->core_seconds = (double)row->cpu_ns / 1e9;
     m->why = gone->row.why;
-    if (a->with_lines) {
+    if (a->own_lines) {
         fill_lines(gone->lines, gone->line_pointers, gone->row.lines, row->line_count);
         m->lines = gone->line_pointers;
         m->n_lines = row->line_count;
@@ -323,7 +330,6 @@ status workers_list(struct server *server, const char *name, uint64_t job, int w
 
     NEED(a, err, "a list of workers");
     azulejo__wire__worker_list__init(&a->list);
-    a->with_lines = name[0] != 0;
     a->farm = &server->farm;
     s = take_workers(a, server, name, job, now_ns, err);
     THEN(s, take_marks(a, &server->farm, name, err));

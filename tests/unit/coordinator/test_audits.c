@@ -74,6 +74,40 @@ static void a_hash_is_compared_where_a_digest_is_missing(void **state)
     assert_false(audit_votes_agree(&votes[1], &votes[2]));
 }
 
+/* Votes of workers that share a key. */
+static void a_key_has_one_voice(void **state)
+{
+    static const struct {
+        const char *labels[AUDIT_VOTES_MAX], *answers;
+        uint32_t others;
+        enum audit_verdict verdict;
+        char right;
+    } table[] = {
+        {{"eve@1", "ann", "eve@2"}, "aba", 0, AUDIT_MORE, 0},           /* eve says a, ann says b */
+        {{"eve@1", "eve@2", "ann"}, "aab", 0, AUDIT_MORE, 0},
+        {{"eve@1", "ann", "bob"}, "abb", 0, AUDIT_DECIDED, 'b'},
+        {{"eve@1", "ann", "bob", "eve"}, "abba", 0, AUDIT_DECIDED, 'b'}, /* eve alone is the same key */
+        {{"eve@1", "ann", "bob", "eve-2"}, "abba", 0, AUDIT_MORE, 0},    /* and eve-2 another one */
+        {{"eve@1", "eve@2"}, "aa", 3, AUDIT_AGREES, 0},
+        {{"eve@1", "eve@2", "eve@3"}, "abb", 0, AUDIT_DECIDED, 'b'}, /* a farm of one key: each worker speaks */
+        {{"eve@1", "eve@2", "ann"}, "abb", 0, AUDIT_DECIDED, 'b'},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
+        struct audit_vote votes[AUDIT_VOTES_MAX];
+        uint32_t count = (uint32_t)strlen(table[i].answers), right = 0;
+        enum audit_verdict verdict;
+        for (uint32_t k = 0; k < count; k++) {
+            votes[k] = vote((uint64_t)table[i].answers[k]);
+            snprintf(votes[k].label, sizeof votes[k].label, "%s", table[i].labels[k]);
+        }
+        verdict = audit_judge(votes, count, table[i].others, &right);
+        if (verdict != table[i].verdict || (verdict == AUDIT_DECIDED && table[i].answers[right] != table[i].right))
+            fail_msg("row %zu: %d", i, (int)verdict);
+    }
+}
+
 /* ---- after how many units liars are found ----------------------------------------------------------- */
 
 enum { WORKERS_MOST = 8, TRIALS = 200 };
@@ -194,6 +228,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(answers_decide),
         cmocka_unit_test(a_hash_is_compared_where_a_digest_is_missing),
+        cmocka_unit_test(a_key_has_one_voice),
         cmocka_unit_test(liars_are_found_within_a_stated_number_of_units),
         cmocka_unit_test(audits_cost_a_hundredth),
     };

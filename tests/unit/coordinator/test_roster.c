@@ -14,9 +14,9 @@
 
 static uint32_t sessions;
 
-/* Joins or, with STATUS_ERR_LIMIT, does not. */
-static status join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish, int chosen,
-                   uint64_t instance, struct farm_worker **replaced)
+/* Joins or, with STATUS_ERR_LIMIT, does not. `key`: the name of its key; "": others share it. */
+static status join_with(struct farm *farm, struct farm_worker *worker, const char *key, const char *host, const char *wish,
+                        int chosen, uint64_t instance, struct farm_worker **replaced)
 {
     struct error err = {0};
     status s;
@@ -26,10 +26,16 @@ static status join(struct farm *farm, struct farm_worker *worker, const char *ho
     worker->threads = 1;
     worker->instance = instance;
     snprintf(worker->deliverer.host, sizeof worker->deliverer.host, "%s", host);
-    s = roster_join(farm, worker, host, wish, chosen, replaced, &err);
+    s = roster_join(farm, worker, &(struct worker_claim){host, wish, chosen, key}, replaced, &err);
     if (s == STATUS_OK)
         assert_int_equal(farm_worker_add(farm, worker, &err), STATUS_OK);
     return s;
+}
+
+static status join(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish, int chosen,
+                   uint64_t instance, struct farm_worker **replaced)
+{
+    return join_with(farm, worker, "", host, wish, chosen, instance, replaced);
 }
 
 static void joins_as(struct farm *farm, struct farm_worker *worker, const char *host, const char *wish,
@@ -68,6 +74,106 @@ static void hosts_make_names(void **state)
         farm_worker_remove(farm, &w[i], 0, 0);
     joins_as(farm, &w[7], "render", "render-2", 9, "render-2");
     farm_worker_remove(farm, &w[7], 0, 0);
+}
+
+static int key_is_node(const void *keys, const char *name)
+{
+    (void)keys;
+    return strcmp(name, "node") == 0;
+}
+
+/* The first part of a name is that of the key, which nobody else has. */
+static void keys_prove_names(void **state)
+{
+    static const struct {
+        const char *key, *host, *wish;
+        int chosen;
+        const char *name; /* NULL: refused */
+    } table[] = {
+        {"node", "node", "", 0, "node"},
+        {"node", "node", "", 0, "node@2"},
+        {"node", "ws3", "", 0, "node@ws3"},
+        {"node", "ws3", "", 0, "node@ws3-2"},
+        {"node", "ws3", "gpu", 1, "node@gpu"},
+        {"node", "ws3", "gpu", 1, NULL},             /* taken */
+        {"node", "ws3", "node@7", 0, "node@7"},      /* as it was called before */
+        {"node", "ws3", "other@7", 0, "node@ws3-3"}, /* with another key */
+        {"other", "node", "node", 0, "other@node"},
+        {"other", "node", "node@ws3", 0, "other@node-2"},
+        {"", "node", "", 0, "node-2"},
+        {"", "ws3", "node", 1, NULL},
+        {"", "ws3", "node", 0, "ws3"},
+        {"", "ws3", "node@9", 0, "ws3-2"},
+        {"node-2", "h", "", 0, "node-2@h"},
+    };
+    enum { COUNT = sizeof table / sizeof *table };
+    struct sim *sim = *state;
+    struct farm *farm = &sim->farm;
+    struct farm_worker w[COUNT], *replaced;
+    char longest[64], name[WORKER_LABEL_MAX + 1];
+
+    farm->roster.is_key = key_is_node;
+    for (size_t i = 0; i < COUNT; i++) {
+        status s = join_with(farm, &w[i], table[i].key, table[i].host, table[i].wish, table[i].chosen, i + 1, &replaced);
+        assert_int_equal(s, table[i].name ? STATUS_OK : STATUS_ERR_LIMIT);
+        assert_string_equal(s == STATUS_OK ? w[i].label : "", table[i].name ? table[i].name : "");
+    }
+    for (size_t i = 0; i < COUNT; i++)
+        if (table[i].name)
+            farm_worker_remove(farm, &w[i], 0, 0);
+    memset(longest, 'k', 63);
+    longest[63] = 0;
+    assert_int_equal(join_with(farm, &w[0], longest, "h", longest + 1, 1, 1, &replaced), STATUS_OK);
+    snprintf(name, sizeof name, "%s@%s", longest, longest + 1);
+    assert_string_equal(w[0].label, name);
+    farm_worker_remove(farm, &w[0], 0, 0);
+    farm->roster.is_key = NULL;
+}
+
+/* Who is blocked for a lie: all of the key, unless other machines have it. */
+static void a_key_answers_for_its_workers(void **state)
+{
+    struct sim_stored *f = *state;
+    struct farm *farm = &f->sim->farm;
+    struct farm_worker w[5], *replaced;
+    struct error err = {0};
+    char name[WORKER_LABEL_MAX + 1];
+
+    for (int i = 0; i < 5; i++) {
+        static const char *const hosts[] = {"a", "b", "c", "d", "a"};
+        assert_int_equal(join_with(farm, &w[i], i == 3 ? "lone" : "k", hosts[i], "", 0, (uint64_t)i + 1, &replaced), STATUS_OK);
+        w[i].machine = (uint64_t)hosts[i][0];
+    }
+    roster_culprit(farm, "lone@d", name);
+    assert_string_equal(name, "lone");
+    roster_culprit(farm, "plain", name); /* it has left */
+    assert_string_equal(name, "plain");
+    roster_culprit(farm, "k@a", name);
+    assert_string_equal(name, "k@a");
+    assert_int_equal(roster_steer(farm, "k@a", WORKER_VERB_BLOCK, "x@y", &err), STATUS_OK);
+    assert_int_equal(w[0].hold, WORKER_BLOCKED);
+    assert_int_equal(w[4].hold, WORKER_FREE);
+    roster_culprit(farm, "k@b", name);
+    assert_string_equal(name, "k@b");
+    assert_int_equal(roster_steer(farm, "k@b", WORKER_VERB_BLOCK, "x@y", &err), STATUS_OK);
+    roster_culprit(farm, "k@c", name); /* the third one */
+    assert_string_equal(name, "k");
+    assert_int_equal(roster_steer(farm, "k", WORKER_VERB_BLOCK, "x@y", &err), STATUS_OK);
+    for (int i = 0; i < 5; i++)
+        assert_int_equal(w[i].hold, i == 3 ? WORKER_FREE : WORKER_BLOCKED);
+    assert_int_equal(roster_steer(farm, "k@c", WORKER_VERB_UNBLOCK, "x@y", &err), STATUS_ERR_REFUSED);
+    assert_int_equal(roster_steer(farm, "k@c", WORKER_VERB_DRAIN, "x@y", &err), STATUS_ERR_REFUSED);
+    assert_int_equal(roster_steer(farm, "k", WORKER_VERB_UNBLOCK, "x@y", &err), STATUS_OK);
+    assert_int_equal(w[0].hold, WORKER_BLOCKED); /* by its own name */
+    assert_int_equal(w[1].hold, WORKER_BLOCKED);
+    assert_int_equal(w[2].hold, WORKER_FREE);
+    assert_int_equal(w[4].hold, WORKER_FREE);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(roster_steer(farm, w[i].label, WORKER_VERB_UNBLOCK, "x@y", &err), STATUS_OK);
+    for (int i = 0; i < 5; i++) {
+        assert_int_equal(w[i].hold, WORKER_FREE);
+        farm_worker_remove(farm, &w[i], 0, 0);
+    }
 }
 
 static void a_name_has_one_worker(void **state)
@@ -297,6 +403,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(hosts_make_names, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(a_name_has_one_worker, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(keys_prove_names, sim_set_up, sim_tear_down),
+        cmocka_unit_test_setup_teardown(a_key_answers_for_its_workers, sim_stored_set_up, sim_stored_tear_down),
         cmocka_unit_test_setup_teardown(a_thousand_of_one_host, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(names_are_checked, sim_set_up, sim_tear_down),
         cmocka_unit_test_setup_teardown(every_verb_in_every_state, sim_stored_set_up, sim_stored_tear_down),
