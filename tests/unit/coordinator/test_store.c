@@ -385,6 +385,39 @@ static void deliverers_keep_their_numbers(void **state)
     store_close(store);
 }
 
+static status add_number(void *user, uint32_t number, struct error *err)
+{
+    (void)err;
+    *(uint32_t *)user += number;
+    return STATUS_OK;
+}
+
+/* A key's name means all that it has delivered by; a worker's only its own. */
+static void deliverers_have_keys(void **state)
+{
+    static const struct {
+        const char *name;
+        uint32_t numbers; /* a bit each */
+    } asked[] = {{"k", 1 | 2 | 4}, {"k@a", 2}, {"k@", 0}, {"k-2", 8}, {"K", 16}, {"_", 0}, {"%", 0}, {"other", 32}, {"a", 0}};
+    static const char *const labels[] = {"k", "k@a", "k@b.c", "k-2", "K", "other@k"};
+    struct store *store = sim_store(folder);
+    struct error err = {0};
+
+    (void)state;
+    for (uint32_t i = 0; i < sizeof labels / sizeof *labels; i++) {
+        struct deliverer d = {1u << i, 1, "h", "azulejo 9", 1700000000, ""};
+        snprintf(d.label, sizeof d.label, "%s", labels[i]);
+        assert_int_equal(store_deliverer_save_later(store, &d, &err), STATUS_OK);
+    }
+    assert_int_equal(store_await_saves(store, &err), STATUS_OK);
+    for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
+        uint32_t sum = 0;
+        assert_int_equal(store_deliverers_of(store, asked[i].name, add_number, &sum, &err), STATUS_OK);
+        assert_int_equal(sum, asked[i].numbers);
+    }
+    store_close(store);
+}
+
 /* What another program does to the store's database. */
 static void change_database(const char *sql)
 {
@@ -1239,6 +1272,7 @@ int main(void)
         STORE_TEST(jobs_of_older_films_begin_again),
         STORE_TEST(unfinished_jobs_of_an_older_store_begin_again),
         STORE_TEST(deliverers_keep_their_numbers),
+        STORE_TEST(deliverers_have_keys),
         STORE_TEST(failed_saves_are_tried_again),
         STORE_TEST(a_frame_whose_outputs_cannot_be_synced_is_not_done), STORE_TEST(tokens_name_one_job),
         STORE_TEST(epochs_never_repeat),
