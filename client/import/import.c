@@ -75,7 +75,7 @@ static status import_once(const void *data, size_t size_bytes, const char *name,
     int placed, format;
 
     result_init(out);
-    builder_init(&builder, out, options, &inner);
+    builder_begin(&builder, out, options, &inner);
     builder.decodes_pictures = decodes_pictures;
     out->source = must(mem_strdup(name));
     result = input_files_init(&out->files, folder, options->only_below, &options->outside, &inner);
@@ -90,7 +90,7 @@ static status import_once(const void *data, size_t size_bytes, const char *name,
         result = refuse_unknown(&inner);
     placed = builder.error_is_placed;
     *has_damage = builder.has_damage;
-    builder_release(&builder);
+    builder_end(&builder);
     input_files_sort(&out->files);
     for (size_t i = 0; i < out->files.count; i++)
         out->file_bytes += out->files.files[i].size_bytes;

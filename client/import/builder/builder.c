@@ -10,7 +10,7 @@
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
 
-void builder_init(struct builder *b, struct import_result *out, const struct import_options *options, struct error *err)
+void builder_begin(struct builder *b, struct import_result *out, const struct import_options *options, struct error *err)
 {
     memset(b, 0, sizeof *b);
     scene_environment_default(&b->environment);
@@ -22,7 +22,7 @@ void builder_init(struct builder *b, struct import_result *out, const struct imp
     b->err = err;
 }
 
-void builder_release(struct builder *b)
+void builder_end(struct builder *b)
 {
     mem_free(b->meshes);
     mem_free(b->images);

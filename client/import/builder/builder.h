@@ -2,7 +2,7 @@
  *
  * An importer adds rows in any order that depends only on the file, and ends with builder_finish(),
  * which adds a camera and a light if the file has none, reads the environment map, validates and
- * packs. The builder owns everything until then; builder_release() frees what was not handed over.
+ * packs. The builder owns everything until then; builder_end() frees what was not handed over.
  */
 #pragma once
 
@@ -67,9 +67,9 @@ struct builder {
 };
 
 /* The builder borrows all three until it is released. */
-void builder_init(struct builder *b, struct import_result *out, const struct import_options *options,
+void builder_begin(struct builder *b, struct import_result *out, const struct import_options *options,
                   struct error *err);
-void builder_release(struct builder *b);
+void builder_end(struct builder *b);
 
 /* Remember a warning; control characters in it become '?'. */
 void builder_warn(struct builder *b, const char *kind, const char *format, ...) __attribute__((format(printf, 3, 4)));
