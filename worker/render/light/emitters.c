@@ -162,17 +162,19 @@ static status choose_odds(struct emitters *e, const struct render_scene *scene, 
 
 /* ---- making ------------------------------------------------------------------------------- */
 
-/* Move the directional lights to the front. */
+static int is_lit(const struct scene_light *light) { return !scene_color_is(light->intensity, 0); }
+
+/* Move the directional lights to the front, and leave the black ones out. */
 static status make_punctual(struct emitters *e, const struct render_scene *scene, const struct scene_light *lights,
-                            const struct punctual_motion *motion, struct error *err)
+                            const struct punctual_motion *motion, uint32_t count, struct error *err)
 {
     uint32_t at = 0;
 
     for (int directional = 1; directional >= 0; directional--)
-        for (uint32_t i = 0; i < e->punctual_count; i++) {
+        for (uint32_t i = 0; i < count; i++) {
             const struct scene_light *light = &lights[i];
 
-            if ((light->kind == LIGHT_DIRECTIONAL) != directional)
+            if ((light->kind == LIGHT_DIRECTIONAL) != directional || !is_lit(light))
                 continue;
             e->punctual[at] =
                 light_row((int)light->kind)->create(light, light->image >= 0 ? scene->images[light->image] : NULL);
@@ -208,16 +210,17 @@ status emitters_init(struct emitters *e, struct render_scene *scene, const struc
         return error_set(err, STATUS_ERR_LIMIT, "%llu emissive triangles and spheres: more than 2^31",
                          (unsigned long long)faces);
     e->face_count = (uint32_t)faces;
-    e->punctual_count = light_count;
-    for (uint32_t i = 0; i < light_count; i++)
-        e->directional_count += lights[i].kind == LIGHT_DIRECTIONAL;
-    e->punctual = mem_calloc(light_count, sizeof *e->punctual);
+    for (uint32_t i = 0; i < light_count; i++) {
+        e->punctual_count += (uint32_t)is_lit(&lights[i]);
+        e->directional_count += is_lit(&lights[i]) && lights[i].kind == LIGHT_DIRECTIONAL;
+    }
+    e->punctual = mem_calloc(e->punctual_count, sizeof *e->punctual);
     e->directional_start = mem_calloc((size_t)e->directional_count + 1, sizeof *e->directional_start);
     e->faces = mem_alloc_array(e->face_count, sizeof *e->faces);
     e->dark = mem_calloc((size_t)e->face_count / 8 + 1, 1);
     if (!e->punctual || !e->directional_start || !e->faces || !e->dark)
         s = error_no_memory(err, "the table of lights");
-    else if ((s = make_punctual(e, scene, lights, motion, err)) == STATUS_OK &&
+    else if ((s = make_punctual(e, scene, lights, motion, light_count, err)) == STATUS_OK &&
              (s = face_lights_find(scene, e->faces, e->dark, err)) == STATUS_OK &&
              (s = make_environment(e, scene, portals, portal_count, err)) == STATUS_OK)
         s = choose_odds(e, scene, err);
