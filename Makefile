@@ -546,8 +546,9 @@ mistakes: all tests ## make mistakes on purpose in a copy, one at a time, and pr
 invariance: tests ## one scene written in many ways, and every scene with and without transformations, SPP samples a pixel (docs/NUMERICS.md; 256: 10 minutes)
 	@BUILD=$(BUILD) python3 -B tests/statistics/invariance_table.py $(SPP)
 	@$(BUILD)/tests/statistics/test_transforms
-transforms: tests ## every scene, and those of AZULEJO_DATA, with its faces twice, or with a far thing (docs/NUMERICS.md)
+transforms: tests ## every scene, those of AZULEJO_DATA, and every two things in one place, said in other words (docs/NUMERICS.md)
 	@$(BUILD)/tests/statistics/test_transforms --table $(TRANSFORM_ARGS)
+	@$(BUILD)/tests/statistics/test_pairs --all
 
 precision: ## float against double on hard scenes (docs/NUMERICS.md; PRECISION_ARGS=--quick: 1 minute)
 	$(MAKE) all build/release/tests/bench/bench_render

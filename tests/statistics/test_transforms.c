@@ -5,9 +5,8 @@
  *
  * Without SCENE: the files below scenes/, and where AZULEJO_DATA names the data's folder, all scenes there.
  * A file without a sky gets a grey one. Both pictures have 64x64 pixels and the same seed, so most samples
- * are the same. In each block of 8x8 pixels, and in the picture, Student's t of the pixels' differences tells
- * whether their mean is 0: two-sided, family-wise 1e-4 over COMPARISONS (Sidak). A difference of less than
- * ROUNDING of the block's light is none. Rows that are parts of others run with --table or by their name. */
+ * are the same, and are compared by tests/support/blocks.h: family-wise 1e-4 over COMPARISONS (Sidak). Rows that
+ * are parts of others run with --table or by their name. */
 #include <dirent.h>
 #include <math.h>
 #include <setjmp.h>
@@ -21,15 +20,15 @@
 #include <cmocka.h>
 
 #include "common/base/memory.h"
-#include "tests/support/imported.h"
+#include "tests/support/blocks.h"
 #include "tests/support/groups.h"
+#include "tests/support/imported.h"
 #include "tests/support/statistics.h"
 #include "tests/support/transform.h"
 
-enum { SIDE = 64, BLOCK = 8, ACROSS = SIDE / BLOCK, VALUES = SIDE * SIDE * 3, COMPARISONS = 200000 };
+enum { SIDE = 64, VALUES = SIDE * SIDE * 3, COMPARISONS = 200000 };
 enum { BITS_SAMPLES = 4 };
 #define SIGNIFICANCE 1e-4
-#define ROUNDING 1e-5
 /* Larger files take too long for this test; `--table` and SCENE have no limit. */
 #define TRIANGLES_MAX 2000000
 
@@ -74,65 +73,27 @@ static void render(struct import_result *import, uint32_t spp, double *mean)
 
 /* ---- comparing two ---------------------------------------------------------------------------- */
 
-struct worst {
-    double p_value, share;
-    int x, y, channel; /* in pixels; -1: the whole picture */
-};
-
-/* Student's t of the differences: the mean is 0. */
-static void compare(const double *a, const double *b, int x, int y, int side, int channel, struct worst *worst)
-{
-    struct running_stats apart = {0};
-    double sum = 0, error, p;
-
-    for (int i = 0; i < side * side; i++) {
-        size_t at = ((size_t)(y + i / side) * SIDE + (size_t)(x + i % side)) * 3 + (size_t)channel;
-        running_stats_add(&apart, a[at] - b[at]);
-        sum += fabs(b[at]);
-    }
-    error = running_stats_error(&apart);
-    if (fabs(apart.mean) * side * side <= ROUNDING * sum)
-        return;
-    p = error > 0 ? 2 * student_cdf(-fabs(apart.mean) / error, side * side - 1) : 0;
-    if (p < worst->p_value)
-        *worst = (struct worst){p, apart.mean * side * side / sum, side < SIDE ? x : -1, y, channel};
-}
-
-static struct worst compare_all(const double *a, const double *b)
-{
-    struct worst worst = {.p_value = 1};
-
-    for (int c = 0; c < 3; c++) {
-        compare(a, b, 0, 0, SIDE, c, &worst);
-        for (int k = 0; k < ACROSS * ACROSS; k++)
-            compare(a, b, k % ACROSS * BLOCK, k / ACROSS * BLOCK, BLOCK, c, &worst);
-    }
-    return worst;
-}
-
-static double z_of(double p_value) { return p_value <= 1e-300 ? 37 : p_value >= 1 ? 0 : -normal_quantile(p_value / 2); }
-
 static void judge(const char *path, const struct transform_row *row, double *picture, const double *reference,
                   struct totals *totals)
 {
     double limit = sidak_alpha(SIGNIFICANCE, COMPARISONS);
-    struct worst worst;
+    struct blocks_worst worst;
     uint32_t apart = 0;
     int failed;
 
     for (int i = 0; i < VALUES && row->factor > 0; i++)
         picture[i] /= (double)row->factor;
-    worst = compare_all(picture, reference);
+    worst = blocks_compare(picture, reference, SIDE);
 
     totals->pictures++;
-    totals->comparisons += 3 * (ACROSS * ACROSS + 1);
-    totals->z = fmax(totals->z, z_of(worst.p_value));
+    totals->comparisons += blocks_comparisons(SIDE);
+    totals->z = fmax(totals->z, blocks_z(worst.p_value));
     for (int i = 0; i < VALUES; i += 3)
         apart += memcmp(picture + i, reference + i, 3 * sizeof *picture) != 0;
     failed = row->bits ? apart > 0 : worst.p_value < limit;
     if (table || failed)
         printf("%s%s | %s | %.2f %% of the pixels | z %.2f of %.2f | %+.3g %% at %d %d |\n", failed ? "FAILED " : "",
-               path, row->name, 100.0 * apart / (SIDE * SIDE), z_of(worst.p_value), z_of(limit), 100 * worst.share,
+               path, row->name, 100.0 * apart / (SIDE * SIDE), blocks_z(worst.p_value), blocks_z(limit), 100 * worst.share,
                worst.x, worst.y);
     fflush(stdout);
     totals->failed += (uint32_t)failed;
@@ -229,7 +190,7 @@ static void finish(const struct totals *totals)
     printf("# %u scenes, %u pictures, %u transformations with nothing to change, %u files refused; "
            "largest z %.2f of %.2f; %u failed\n",
            totals->scenes, totals->pictures, totals->unchanged, totals->refused, totals->z,
-           z_of(sidak_alpha(SIGNIFICANCE, COMPARISONS)), totals->failed);
+           blocks_z(sidak_alpha(SIGNIFICANCE, COMPARISONS)), totals->failed);
     assert_true(totals->comparisons <= COMPARISONS);
     assert_true(totals->pictures > 0);
     assert_int_equal(totals->failed, 0);

@@ -21,6 +21,8 @@ const struct transform_row transforms[] = {
     {.name = "mirrored instances", .apply = transform_mirror, .part = 1},
     {.name = "other first corners", .apply = transform_corners, .part = 1},
     {.name = "in an empty box", .apply = transform_empty_box, .part = 1},
+    {.name = "lamps in halves", .apply = transform_halve_lamps, .part = 1},
+    {.name = "mixed with itself", .apply = transform_mix_with_itself, .part = 1},
 };
 const size_t transform_count = sizeof transforms / sizeof *transforms;
 

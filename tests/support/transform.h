@@ -81,3 +81,13 @@ uint32_t transform_turn(struct import_result *import);
 uint32_t transform_corners(struct import_result *import);
 /* An interface between nothing and nothing around everything. */
 uint32_t transform_empty_box(struct import_result *import);
+/* All indices of refraction twice as large, films half as thick, everything in something of index 2. Only for rooms that are
+ * closed: what is beyond that is seen otherwise. Not a row. */
+uint32_t transform_denser(struct import_result *import);
+
+/* ---- transform_twice.c: two that make one ---------------------------------------------------------- */
+
+/* Two lamps of half the light in the place of each. */
+uint32_t transform_halve_lamps(struct import_result *import);
+/* Each opaque surface a mix of itself and itself. */
+uint32_t transform_mix_with_itself(struct import_result *import);

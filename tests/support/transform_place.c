@@ -146,16 +146,13 @@ static uint32_t box_mesh(struct import_result *import)
     return transform_add_mesh(import, mesh, blob);
 }
 
-/* It is nobody's, and nothing fills it: rays to the sky and the sun cross it. Fog would end elsewhere. */
-uint32_t transform_empty_box(struct import_result *import)
+/* A box of that material around everything that stands, and the cameras. */
+static void surround(struct import_result *import, struct scene_material material)
 {
-    struct scene *scene = &import->scene;
+    const struct scene *scene = &import->scene;
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
     struct scene_instance box;
-    struct scene_material interface;
 
-    if (scene->fog >= 0 || !transform_all_stands(scene) || scene->instance_count == 0)
-        return 0;
     for (uint32_t i = 0; i < scene->instance_count; i++) {
         double a[3], b[3];
         if (!scene_instance_bounds(scene, i, a, b))
@@ -165,13 +162,10 @@ uint32_t transform_empty_box(struct import_result *import)
     }
     for (uint32_t i = 0; i < scene->camera_count; i++)
         stretch((double[]){scene->cameras[i].to_world.m[0][3], scene->cameras[i].to_world.m[1][3], scene->cameras[i].to_world.m[2][3]}, low, high);
-    scene_material_default(&interface);
-    interface.name = "nothing";
-    interface.kind = MATERIAL_INTERFACE;
     scene_instance_default(&box);
-    box.name = "empty box";
+    box.name = "box around";
     box.mesh = box_mesh(import);
-    box.material = transform_add_material(import, interface);
+    box.material = transform_add_material(import, material);
     for (int c = 0; c < 3; c++) {
         const double beyond = (high[c] - low[c]) / 4 + 1e-3;
         box.to_world.m[c][0] = box.to_world.m[c][1] = box.to_world.m[c][2] = 0;
@@ -179,5 +173,69 @@ uint32_t transform_empty_box(struct import_result *import)
         box.to_world.m[c][3] = low[c] - beyond;
     }
     transform_add_instance(import, box);
+}
+
+/* It is nobody's, and nothing fills it: rays to the sky and the sun cross it. Fog would end elsewhere. */
+uint32_t transform_empty_box(struct import_result *import)
+{
+    struct scene_material interface;
+
+    if (import->scene.fog >= 0 || !transform_all_stands(&import->scene) || import->scene.instance_count == 0)
+        return 0;
+    scene_material_default(&interface);
+    interface.name = "nothing";
+    interface.kind = MATERIAL_INTERFACE;
+    surround(import, interface);
+    return 1;
+}
+
+/* ---- something denser ------------------------------------------------------------------------------- */
+
+/* Is it the same in something denser? Dispersion spreads n - 1, what is behind an interface has the index 1, and a face of a body
+ * that is not closed, as a blended one is not, bends light only in the open (interior.h). */
+static int may_be_denser(const struct scene_material *m)
+{
+    return !(m->dispersion > 0) && m->kind != MATERIAL_INTERFACE && !(m->alpha_mode != ALPHA_OPAQUE && m->refractive);
+}
+
+/* Twice is exact. */
+static void denser(struct scene_material *m)
+{
+    m->ior *= 2;
+    m->clearcoat_ior *= 2;
+    m->iridescence_ior *= 2;
+    m->iridescence_thickness_min_nm /= 2;
+    m->iridescence_thickness_max_nm /= 2;
+    for (int c = 0; c < 3; c++) {
+        m->conductor_eta[c] *= 2;
+        m->conductor_k[c] *= 2;
+    }
+}
+
+uint32_t transform_denser(struct import_result *import)
+{
+    struct scene *scene = &import->scene;
+    struct scene_material around;
+    int refracts = 0;
+
+    for (uint32_t i = 0; i < scene->material_count; i++) {
+        refracts |= scene->materials[i].refractive;
+        if (!may_be_denser(&scene->materials[i]))
+            return 0;
+    }
+    /* Light of lamps without size comes through what is in air (docs/CAUSTICS.md). */
+    if (!transform_all_stands(scene) || (refracts && scene->light_count > 0))
+        return 0;
+    for (uint32_t i = 0; i < scene->material_count; i++)
+        denser(&scene->materials[i]);
+    scene_material_default(&around);
+    around.name = "what fills the room";
+    around.metallic = around.roughness = 0;
+    around.transmission = 1;
+    around.refractive = 1;
+    around.ior = 2;
+    around.priority = -SCENE_PRIORITY_MAX;
+    around.medium = scene->fog;
+    surround(import, around);
     return 1;
 }
