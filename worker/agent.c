@@ -53,7 +53,7 @@ struct agent {
     char trouble[sizeof((struct error *)0)->text]; /* the reason, as last logged */
 
     char name[WORKER_LABEL_BYTES_MAX + 1]; /* as the coordinator said last; "": not yet */
-    uint64_t instance;                    /* of this process */
+    uint64_t instance;                     /* of this process */
     struct duty duty;
     struct usage usage;
     uint64_t status_ns;            /* when it was measured and reported last */

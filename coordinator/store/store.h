@@ -141,7 +141,7 @@ enum { WORKER_LABEL_MAX = 127 }; /* bytes of a worker's name on its farm (protoc
 struct deliverer {
     uint32_t number, process;
     char host[64], software[64];
-    int64_t first_seen; /* seconds since 1970, UTC */
+    int64_t first_seen;               /* seconds since 1970, UTC */
     char label[WORKER_LABEL_MAX + 1]; /* its name on the farm; of older stores as it was found, if at all */
 };
 /* The last stored number; 0: none. */

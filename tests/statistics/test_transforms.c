@@ -93,8 +93,8 @@ static void judge(const char *path, const struct transform_row *row, double *pic
     failed = row->bits ? apart > 0 : worst.p_value < limit;
     if (table || failed)
         printf("%s%s | %s | %.2f %% of the pixels | z %.2f of %.2f | %+.3g %% at %d %d |\n", failed ? "FAILED " : "",
-               path, row->name, 100.0 * apart / (SIDE * SIDE), blocks_z(worst.p_value), blocks_z(limit), 100 * worst.share,
-               worst.x, worst.y);
+               path, row->name, 100.0 * apart / (SIDE * SIDE), blocks_z(worst.p_value), blocks_z(limit),
+               100 * worst.share, worst.x, worst.y);
     fflush(stdout);
     totals->failed += (uint32_t)failed;
 }

@@ -12,8 +12,8 @@ struct pair_stage {
     struct scene_material *surface; /* of the ball that the next thing changes */
     uint32_t ball;                  /* its mesh */
     uint32_t instance;
-    int passes;                     /* light passes the ball, */
-    int bases;                      /* which has so many surfaces by now */
+    int passes; /* light passes the ball, */
+    int bases;  /* which has so many surfaces by now */
 };
 
 static void set(float *rgb, float r, float g, float b)

@@ -19,8 +19,8 @@ uint32_t transform_halve_lamps(struct import_result *import)
 /* What bounds a volume is one body, what shines one lamp, and a hash of the material decides about blends. */
 static int may_mix(const struct scene_material *m)
 {
-    return (m->kind == MATERIAL_SURFACE || m->kind == MATERIAL_CONDUCTOR) && m->alpha_mode == ALPHA_OPAQUE && !m->unlit && !m->refractive &&
-           m->medium < 0 && scene_color_is(m->emission, 0);
+    return (m->kind == MATERIAL_SURFACE || m->kind == MATERIAL_CONDUCTOR) && m->alpha_mode == ALPHA_OPAQUE &&
+           !m->unlit && !m->refractive && m->medium < 0 && scene_color_is(m->emission, 0);
 }
 
 uint32_t transform_mix_with_itself(struct import_result *import)

@@ -68,7 +68,7 @@ struct builder {
 
 /* The builder borrows all three until it is released. */
 void builder_begin(struct builder *b, struct import_result *out, const struct import_options *options,
-                  struct error *err);
+                   struct error *err);
 void builder_end(struct builder *b);
 
 /* Remember a warning; control characters in it become '?'. */

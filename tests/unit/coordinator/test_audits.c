@@ -83,7 +83,7 @@ static void a_key_has_one_voice(void **state)
         enum audit_verdict verdict;
         char right;
     } table[] = {
-        {{"eve@1", "ann", "eve@2"}, "aba", 0, AUDIT_MORE, 0},           /* eve says a, ann says b */
+        {{"eve@1", "ann", "eve@2"}, "aba", 0, AUDIT_MORE, 0}, /* eve says a, ann says b */
         {{"eve@1", "eve@2", "ann"}, "aab", 0, AUDIT_MORE, 0},
         {{"eve@1", "ann", "bob"}, "abb", 0, AUDIT_DECIDED, 'b'},
         {{"eve@1", "ann", "bob", "eve"}, "abba", 0, AUDIT_DECIDED, 'b'}, /* eve alone is the same key */

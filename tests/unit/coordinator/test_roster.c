@@ -15,8 +15,8 @@
 static uint32_t sessions;
 
 /* Joins or, with STATUS_ERR_LIMIT, does not. `key`: the name of its key; "": others share it. */
-static status join_with(struct farm *farm, struct farm_worker *worker, const char *key, const char *host, const char *wish,
-                        int chosen, uint64_t instance, struct farm_worker **replaced)
+static status join_with(struct farm *farm, struct farm_worker *worker, const char *key, const char *host,
+                        const char *wish, int chosen, uint64_t instance, struct farm_worker **replaced)
 {
     struct error err = {0};
     status s;
