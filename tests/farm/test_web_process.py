@@ -180,7 +180,7 @@ def every_thread():
         expect(len(threads) > 2, threads)
         for thread in threads:
             expect(ctypes.CDLL(None).tgkill(web, thread, signal.SIGUSR2) == 0, thread)
-        said = lambda: re.findall(r"^reach (\d+) (\S+) (\d+)$", farm.coordinator.log_text(), re.M)
+        said = lambda: re.findall(r"^reach (\d+) (.+) (\d+)$", farm.coordinator.log_text(), re.M)
         wait_for(lambda: len(said()) == len(threads) * len(may + may_not), "each thread's words")
         for thread, item, code in said():
             expect(int(code) == (0 if item in may else errno.EACCES), "thread %s (of %d), %s: %s" % (thread, web, item, code))
