@@ -137,10 +137,10 @@ def alone():
                           "os.getsid(0) == os.getpid(), os.path.samefile('/proc/self/fd/1', '/dev/null'), os.environ['TZ']])")
         shell = farm.path("shell")  # Python ignores some signals itself
         with open(shell, "w") as file:
-            file.write("#!/bin/sh\ngrep -E 'Sig(Blk|Ign)' /proc/$$/status >%s.signals\nexec %s\n" % (shell, program.path))
+            file.write("#!/bin/sh\ngrep -E 'Sig(Blk|Ign)' /proc/self/status >'%s.signals'\nexec '%s'\n" % (shell, program.path))
         os.chmod(shell, 0o755)
         farm.start_coordinator("--on-event", shell, prefix=("sh", "-c", "exec 7</; exec \"$@\"", "sh"),
-                               env={"AZULEJO_KEY": farm.key, "SECRET": "x", "TZ": "UTC", "LANG": "C.UTF-8"})
+                               env={"AZULEJO_KEY": farm.key, "SECRET": "x", "TZ": "UTC", "LANG": "C.UTF-8", "HOME": farm.folder})
         farm.start_worker()
         render(farm)
         arguments, names, open_files, leads, drops, zone = program.wait_for(1)[0]
@@ -374,7 +374,7 @@ def bounded():
     with Farm() as farm:
         program, go, said = farm.path("on-event"), farm.path("go"), farm.path("said")
         with open(program, "w") as file:  # a shell starts sooner than Python
-            file.write('#!/bin/sh\n[ -e %s ] || exit 75\nsed \'s/.*"job": \\([0-9]*\\).*/\\1/\' >>%s\n' % (go, said))
+            file.write('#!/bin/sh\n[ -e "%s" ] || exit 75\nsed \'s/.*"job": \\([0-9]*\\).*/\\1/\' >>"%s"\n' % (go, said))
         os.chmod(program, 0o755)
         farm.start_coordinator("--on-event", program)
         farm.start_worker()
