@@ -6,8 +6,8 @@
  * name when it connects again, also if its old connection is not known to be lost yet.
  *
  * The name of a worker with a key of its own begins with that key's (protocol/worker_name.h): KEY@HOST, KEY@HOST-2; on the
- * host KEY it is KEY, KEY@2. So the first part of a name is proved, and no other key's holder has it, nor one of a key that is
- * shared. A block of KEY is one of all names that begin with it.
+ * host KEY it is KEY, KEY@2. So the first part of a name is proved: no worker with another key, or a shared one, can have it.
+ * A block of KEY blocks all names that begin with it.
  *
  *             | works      paused by itself  draining, drained  blocked    not connected
  *   drain     | DRAINED    DRAINED           (same)             refused    not found

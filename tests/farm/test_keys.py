@@ -218,7 +218,7 @@ def a_key_is_no_coordinator():
 
 @tests.add
 def names_of_workers():
-    """the name of a worker begins with its key's, which nobody else can have; what people do to that means all of the key"""
+    """the name of a worker begins with the name of its key; no other worker can have it, and a block of it blocks all of the key"""
     def states(with_key=None):
         return {w["name"]: w["state"] for w in farm.cli("workers", "--json", expect=0).json()["workers"]}
 

@@ -228,7 +228,7 @@ def two_with_one_key():
         expect(names == {"first", "eve@left", "eve@right"}, names)
         jobs = []
         while "workers eve@" not in farm.coordinator.log_text() and "workers first, eve@" not in farm.coordinator.log_text():
-            expect(len(jobs) < 20, "nobody doubts them")
+            expect(len(jobs) < 20, "20 jobs, and no audit has found that results differ")
             jobs.append(farm.submit(farm.scene(), *FRAME))
             farm.wait_for_job(jobs[-1])
         expect(not blocked(farm), blocked(farm))  # one word against one

@@ -14,6 +14,7 @@ struct pair_stage {
     uint32_t instance;
     int passes; /* light passes the ball, */
     int bases;  /* which has so many surfaces by now */
+    int clouds; /* around it */
 };
 
 static void set(float *rgb, float r, float g, float b)
@@ -287,13 +288,15 @@ static struct scene_medium *matter(struct pair_stage *stage, float density)
     return m;
 }
 
-/* A ball of it, without a surface, around the others. */
+/* A ball of it, without a surface, around the others. No two are in the same place: which of them fills it would be anybody's
+ * guess. */
 static struct scene_material *cloud(struct pair_stage *stage)
 {
     struct scene_material *m = builder_lambert(&stage->b, 1);
 
     m->kind = MATERIAL_INTERFACE;
-    builder_place(&stage->b, stage->ball, builder_last_material(&stage->b), vec3_splat(1.7f), vec3_make(0.2f, 0.8f, 0.1f));
+    stage->clouds++;
+    builder_place(&stage->b, stage->ball, builder_last_material(&stage->b), vec3_splat(1.7f - 0.03f * (float)stage->clouds), vec3_make(0.2f, 0.8f + 0.03f * (float)stage->clouds, 0.1f));
     return m;
 }
 

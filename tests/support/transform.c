@@ -22,7 +22,7 @@ const struct transform_row transforms[] = {
     {.name = "other first corners", .apply = transform_corners, .part = 1},
     {.name = "in an empty box", .apply = transform_empty_box, .part = 1},
     {.name = "lamps in halves", .apply = transform_halve_lamps, .part = 1},
-    {.name = "mixed with itself", .apply = transform_mix_with_itself, .part = 1},
+    {.name = "mixed with itself", .apply = transform_mix_with_itself, .bits = 1, .part = 1},
 };
 const size_t transform_count = sizeof transforms / sizeof *transforms;
 
@@ -137,7 +137,7 @@ uint32_t transform_in_other_words(struct import_result *import)
 {
     if (transform_light(import) == 0)
         return 0;
-    return transform_scale(import) + transform_black_light(import);
+    return transform_scale(import) + transform_black_light(import) + transform_mix_with_itself(import);
 }
 
 uint32_t transform_elsewhere(struct import_result *import)

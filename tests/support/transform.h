@@ -89,5 +89,5 @@ uint32_t transform_denser(struct import_result *import);
 
 /* Two lamps of half the light in the place of each. */
 uint32_t transform_halve_lamps(struct import_result *import);
-/* Each opaque surface a mix of itself and itself. */
+/* Each opaque surface a mix of itself and itself: the same bits. */
 uint32_t transform_mix_with_itself(struct import_result *import);

@@ -175,7 +175,7 @@ static void surround(struct import_result *import, struct scene_material materia
     transform_add_instance(import, box);
 }
 
-/* It is nobody's, and nothing fills it: rays to the sky and the sun cross it. Fog would end elsewhere. */
+/* It bounds no medium, and rays to the sky and the sun cross it. Not with fog, which ends where the scene does. */
 uint32_t transform_empty_box(struct import_result *import)
 {
     struct scene_material interface;

@@ -16,11 +16,15 @@ uint32_t transform_halve_lamps(struct import_result *import)
     return lamps;
 }
 
-/* What bounds a volume is one body, what shines one lamp, and a hash of the material decides about blends. */
+static int is_smooth(float roughness) { return roughness < 0.05f; }
+
+/* What bounds a volume is one body, what shines one lamp, a hash of the material decides about blends, and a mix casts no caustics
+ * (docs/CAUSTICS.md). */
 static int may_mix(const struct scene_material *m)
 {
     return (m->kind == MATERIAL_SURFACE || m->kind == MATERIAL_CONDUCTOR) && m->alpha_mode == ALPHA_OPAQUE &&
-           !m->unlit && !m->refractive && m->medium < 0 && scene_color_is(m->emission, 0);
+           !m->unlit && !m->refractive && m->medium < 0 && scene_color_is(m->emission, 0) && !is_smooth(m->roughness) &&
+           !(m->clearcoat > 0 && is_smooth(m->clearcoat_roughness));
 }
 
 uint32_t transform_mix_with_itself(struct import_result *import)

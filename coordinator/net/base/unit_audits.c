@@ -254,12 +254,12 @@ static struct session *choose(struct server *server, const struct job *job, cons
     return chosen[0];
 }
 
-/* The keys that could still be asked; of a farm whose workers share one, these. */
+/* The keys that could still be asked, AUDIT_VOTES_MAX at most; of a farm whose workers share one, these. */
 static uint32_t count_others(struct server *server, const struct job *job, const struct unit_audit *a)
 {
     uint32_t keys = 0, same = 0;
 
-    for (struct session *s = server->sessions; s; s = s->next) {
+    for (struct session *s = server->sessions; s && keys < AUDIT_VOTES_MAX; s = s->next) {
         const struct session *earlier = server->sessions;
         if (!may_vote(s, job, a))
             continue;

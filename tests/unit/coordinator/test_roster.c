@@ -82,7 +82,7 @@ static int key_is_node(const void *keys, const char *name)
     return strcmp(name, "node") == 0;
 }
 
-/* The first part of a name is that of the key, which nobody else has. */
+/* The first part of a name is that of the key: no other worker can have it. */
 static void keys_prove_names(void **state)
 {
     static const struct {
