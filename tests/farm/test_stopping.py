@@ -56,8 +56,9 @@ def check_picture(farm, path, spp):
         bits = {c: struct.unpack("<%dI" % pixels, whole.channels[c]) for c in "RGB"}
         equal += sum(all(bits[c][i] == colors[c][i] for c in "RGB") for i in here)
         even += len(here)
-    # Groups may differ and add up to as many samples: 16 and 48 are two times 32. It is rare.
-    expect(equal >= 0.9 * even, "%d of %d pixels are not what a whole render gives" % (even - equal, even))
+    # Groups may differ and add up to as many samples: 16 and 48 are two times 32. It is rare, but where only a few tiles
+    # are even two of them may be such.
+    expect(even - equal <= max(0.1 * even, 2 * 256), "%d of %d pixels are not what a whole render gives" % (even - equal, even))
     return picture
 
 
