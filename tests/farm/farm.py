@@ -16,6 +16,7 @@ import base64
 import contextlib
 import json
 import os
+import random
 import re
 import select
 import shutil
@@ -263,6 +264,19 @@ class Clients:
             for fd in (out, err, reports, report):
                 if fd is not None:
                     os.close(fd)
+
+
+def kept_port():
+    """A free port for one that must be had again after a restart: meanwhile the kernel gives it to no connection."""
+    with open("/proc/sys/net/ipv4/ip_local_port_range") as file:
+        first = int(file.read().split()[0])
+    while True:
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", random.randrange(min(10000, first - 1000), first)))
+                return probe.getsockname()[1]
+            except OSError:
+                pass
 
 
 class Farm:

@@ -6,7 +6,7 @@ import sys
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from browser import Browser  # noqa: E402
-from farm import Farm, Tests, wait_for  # noqa: E402
+from farm import Farm, Tests, kept_port, wait_for  # noqa: E402
 from jobs import expect  # noqa: E402
 from page import Page, need_page  # noqa: E402
 
@@ -171,7 +171,7 @@ def removed_while_asked_for():
 @tests.add
 def overtaken_by_an_answer():
     """an event that was sent before an answer and comes after it does not bring the job's former state back"""
-    with Desk(jobs=1) as desk:
+    with Desk(jobs=1, options=("--web", "127.0.0.1:%d" % kept_port())) as desk:
         page = desk.open("#/job/1")
         desk.rows([1])
         page.wait("[...document.querySelectorAll('#side button')].some(b => b.textContent === 'Pause')")
