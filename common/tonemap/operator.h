@@ -25,8 +25,8 @@ struct tonemap_parameter {
 /* Of the picture after white balance and automatic exposure. Pixels with a channel that is not
  * finite, or without positive luminance, do not count. */
 struct tonemap_statistics {
-    /* exp(mean(ln Y)) over the pixels that count, 1 if there is none; BEFORE settings.exposure_ev,
-     * so that exposure also acts on operators that divide by it. */
+    /* exp(mean(ln Y)) over blocks of 8x8 pixels, which count by their pixels that do; 1 if there is none; BEFORE
+     * settings.exposure_ev, so that exposure also acts on operators that divide by it. */
     double log_mean;
     double max; /* largest luminance, after exposure; 0 if no pixel counts */
     double min; /* smallest, after exposure; 0 if no pixel counts */

@@ -10,7 +10,14 @@
 #include "common/tonemap/operators.h"
 #include "common/tonemap/statistics.h"
 
-struct line_sum {
+/* The log-mean is that of blocks of so many by so many pixels, which count by their pixels that are lit. That of single
+ * pixels follows the number of samples: where few of them find light, pixels without any would not count, and the others
+ * are too bright. A tile is whole blocks: a sample of a picture's tiles has the same statistics. */
+enum { BLOCK = 8 };
+/* A pixel counts at most as so many times its block's log-mean: a firefly is no light of the block. */
+#define BRIGHTEST 64.0
+
+struct row_sum {
     double log_sum, max, min;
     size_t counted;
 };
@@ -18,7 +25,7 @@ struct line_sum {
 struct measuring {
     const struct image *in;
     const double (*matrix)[3]; /* NULL: none */
-    struct line_sum *lines;
+    struct row_sum *rows;      /* of blocks */
 };
 
 static int is_identity(const double matrix[3][3])
@@ -29,14 +36,14 @@ static int is_identity(const double matrix[3][3])
     return 1;
 }
 
-/* The luminance of a pixel after the matrix (NULL: none); 0 when it does not count. */
+/* The luminance of a pixel after the matrix (NULL: none); negative: it is not finite. */
 static double counted_luminance(const float rgb[3], const double (*matrix)[3])
 {
     float positive[3];
     double sum = 0.0;
 
     if ((!isfinite(rgb[0]) || !isfinite(rgb[1]) || !isfinite(rgb[2])) && SAFEGUARD(INFINITE_PIXEL))
-        return 0.0;
+        return -1.0;
     for (int i = 0; i < 3; i++)
         positive[i] = rgb[i] > 0.0f ? rgb[i] : 0.0f;
     if (!matrix)
@@ -74,55 +81,103 @@ static double log_sum_result(const struct log_sum *sum)
     return det_log_d(sum->product) + (double)sum->exponent * det_log_d(2.0);
 }
 
-static void measure_lines(void *user, size_t begin, size_t end)
+/* One block's luminances that are finite; of those above 0 how many, their sum, the largest and the smallest. */
+struct block {
+    double light[BLOCK * BLOCK];
+    uint32_t pixels, lit;
+    double sum, max, min;
+};
+
+static void take_block(struct block *out, const struct measuring *m, uint32_t left, uint32_t top)
 {
-    const struct measuring *m = user;
+    out->pixels = out->lit = 0;
+    out->sum = out->max = 0.0;
+    out->min = DBL_MAX;
+    for (uint32_t y = top; y < top + BLOCK && y < m->in->height; y++) {
+        const float *p = m->in->pixels + ((size_t)y * m->in->width + left) * 3;
 
-    for (size_t y = begin; y < end; y++) {
-        struct line_sum line = {0};
-        struct log_sum logs = {1.0, 0};
-        const float *p = m->in->pixels + y * m->in->width * 3;
+        for (uint32_t x = left; x < left + BLOCK && x < m->in->width; x++, p += 3) {
+            const double luminance = counted_luminance(p, m->matrix);
 
-        for (uint32_t x = 0; x < m->in->width; x++, p += 3) {
-            double luminance = counted_luminance(p, m->matrix);
-
+            if (luminance < 0.0)
+                continue;
+            out->light[out->pixels++] = luminance;
             if (!(luminance > 0.0) && SAFEGUARD(BLACK_PIXEL))
                 continue;
-            log_sum_add(&logs, luminance);
-            line.counted++;
-            if (luminance > line.max)
-                line.max = luminance;
-            if (luminance < line.min || line.min == 0.0)
-                line.min = luminance;
+            out->lit++;
+            out->sum += luminance;
+            out->max = luminance > out->max ? luminance : out->max;
+            out->min = luminance < out->min ? luminance : out->min;
         }
-        line.log_sum = log_sum_result(&logs);
-        m->lines[y] = line;
+    }
+}
+
+/* The sum with pixels of at most BRIGHTEST log-means. */
+static double limited_sum(const struct block *block)
+{
+    struct log_sum logs = {1.0, 0};
+    double most, sum = 0.0;
+
+    for (uint32_t i = 0; i < block->pixels; i++)
+        if (block->light[i] > 0.0 || !SAFEGUARD(BLACK_PIXEL))
+            log_sum_add(&logs, block->light[i]);
+    most = BRIGHTEST * det_exp_d(log_sum_result(&logs) / block->lit);
+    for (uint32_t i = 0; i < block->pixels; i++)
+        sum += block->light[i] < most ? block->light[i] : most;
+    return sum;
+}
+
+static void add_block(struct row_sum *sum, const struct block *block)
+{
+    double light = block->sum;
+
+    if (block->lit == 0)
+        return;
+    if (block->max > BRIGHTEST * block->min) /* the log-mean is no less than the smallest */
+        light = limited_sum(block);
+    sum->log_sum += block->lit * det_log_d(light / block->pixels);
+    sum->counted += block->lit;
+    sum->max = block->max > sum->max ? block->max : sum->max;
+    sum->min = block->min < sum->min || sum->min == 0.0 ? block->min : sum->min;
+}
+
+static void measure_rows(void *user, size_t begin, size_t end)
+{
+    const struct measuring *m = user;
+    struct block block;
+
+    for (size_t row = begin; row < end; row++) {
+        m->rows[row] = (struct row_sum){0};
+        for (uint32_t left = 0; left < m->in->width; left += BLOCK) {
+            take_block(&block, m, left, (uint32_t)row * BLOCK);
+            add_block(&m->rows[row], &block);
+        }
     }
 }
 
 status statistics_measure(struct tonemap_statistics *out, const struct image *in, const double matrix[3][3],
                           unsigned threads, struct error *err)
 {
-    struct measuring m = {in, is_identity(matrix) ? NULL : matrix,
-                          mem_alloc_array(in->height, sizeof *m.lines)};
+    const uint32_t rows = (in->height + BLOCK - 1) / BLOCK;
+    struct measuring m = {in, is_identity(matrix) ? NULL : matrix, mem_alloc_array(rows, sizeof *m.rows)};
     double log_sum = 0.0;
 
     *out = (struct tonemap_statistics){.log_mean = 1.0};
-    NEED(m.lines, err, "the picture's statistics");
-    parallel_for(threads, in->height, 8, measure_lines, &m);
-    for (uint32_t y = 0; y < in->height; y++) {
-        const struct line_sum *line = &m.lines[y];
+    NEED(m.rows, err, "the picture's statistics");
+    parallel_for(threads, rows, 1, measure_rows, &m);
+    for (uint32_t y = 0; y < rows; y++) {
+        const struct row_sum *row = &m.rows[y];
 
-        if (line->counted == 0)
+        if (row->counted == 0)
             continue;
-        log_sum += line->log_sum;
-        out->counted += line->counted;
-        out->max = fmax(out->max, line->max);
-        out->min = out->min > 0.0 ? fmin(out->min, line->min) : line->min;
+        log_sum += row->log_sum;
+        out->counted += row->counted;
+        out->max = fmax(out->max, row->max);
+        out->min = out->min > 0.0 ? fmin(out->min, row->min) : row->min;
     }
     if (out->counted > 0)
         out->log_mean = det_exp_d(log_sum / (double)out->counted);
-    mem_free(m.lines);
+    mem_free(m.rows);
     return STATUS_OK;
 }
 

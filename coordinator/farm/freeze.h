@@ -3,9 +3,8 @@
  *   level 0 of a group is complete --freeze_step--> measured on that picture, smoothed [any thread]
  *     --> noted in the film's file, on disk --> film_freeze: passes beyond level 0 are folded
  *
- * Level 0 has two samples a pixel. Pixels that were lit in none would not count, and noise darkens a log-mean: of 12
- * scenes' log-means, that of the single pixels is off by up to 30 times, that of means over 5x5 by up to 0.3 (ln). So
- * the measurement comes near to that of the finished picture, which decides what the error is.
+ * Level 0 has two samples a pixel: what goes by single pixels, as percentiles do, would follow the noise. Smoothed over
+ * 5x5 pixels it comes near to that of the finished picture, which decides what the error is.
  *
  * A note holds settings and a state (common/tonemap): the job's own, or settings that replace an operator that needs
  * the whole picture. They do not change when the job gets other output settings: a statistic must not depend on the

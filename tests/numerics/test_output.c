@@ -60,13 +60,17 @@ static void infinite_light_is_white(void **state)
     figure_within("light of infinity", light_at(&in, &s, 4, 4), 1, 1, "exact");
 }
 
-static void long_dark_lines_have_a_mean(void **state)
+static void dark_blocks_have_a_mean(void **state)
 {
     struct tonemap_settings s = reinhard();
-    struct image in = picture_grey(512, 2, 0.01f); /* 0.01^512 is no double */
+    struct image in = picture_grey(8, 8, 1e-6f);                     /* 1e-6^64 is no double */
+    const double scaled = KEY * 64 / (63 + 64 * pow(100, 1.0 / 64)); /* the bright pixel counts as 64 log-means */
+    const double right = scaled / (1 + scaled);
 
     (void)state;
-    figure_grey("light of a dark grey picture 512 wide", light_at(&in, &s, 100, 1));
+    picture_put(&in, 0, 0, 1e-4f);
+    figure_within("light of dark grey beside a brighter pixel", light_at(&in, &s, 4, 4), right * (1 - 1e-5),
+                  right * (1 + 1e-5), "closed form, tolerance 1e-5");
 }
 
 static void black_pixels_do_not_brighten(void **state)
@@ -75,8 +79,9 @@ static void black_pixels_do_not_brighten(void **state)
     struct image in = picture_grey(16, 16, 0.3f);
 
     (void)state;
-    picture_put(&in, 3, 3, 0);
-    figure_grey("light of grey beside one black pixel", light_at(&in, &s, 9, 9));
+    for (size_t i = 0; i < 64; i++)
+        picture_put(&in, i % 8, i / 8, 0);
+    figure_grey("light of grey beside black", light_at(&in, &s, 9, 9));
 }
 
 static void infinite_pixels_do_not_darken(void **state)
@@ -346,7 +351,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(infinite_light_is_white),
-        cmocka_unit_test(long_dark_lines_have_a_mean),
+        cmocka_unit_test(dark_blocks_have_a_mean),
         cmocka_unit_test(black_pixels_do_not_brighten),
         cmocka_unit_test(infinite_pixels_do_not_darken),
         cmocka_unit_test(black_stays_black),

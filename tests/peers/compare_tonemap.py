@@ -46,15 +46,16 @@ BENCH = os.path.join(BUILD, "tests", "bench", "bench_tonemap")
 ROUNDS = int(os.environ.get("ROUNDS", "5"))
 WEIGHTS = numpy.array([0.212656, 0.715158, 0.072186])
 THEIR_RATIO = 43 ** (1 / 8)  # of pfstools' scales of reinhard02
+PAPERS_MAXIMUM = ["--percentile", "100"]
 NO_WHITE = ["--white", "1e9"]  # the paper's local operator has no white point
 
 # name, our options, pfstools' command, does it give codes instead of light?
 CASES = [
-    ("reinhard02, global", ["reinhard02"], ["pfstmo_reinhard02"], False),
+    ("reinhard02, global, white 0", ["reinhard02", "--white", "0"], ["pfstmo_reinhard02"], False),
     ("reinhard02, local", ["reinhard02", "--scale", "local"] + NO_WHITE,
      ["pfstmo_reinhard02", "--scales", "--phi", "8"], False),
-    ("drago03, bias 0.85", ["drago03"], ["pfstmo_drago03"], False),
-    ("drago03, bias 0.75", ["drago03", "--bias", "0.75"], ["pfstmo_drago03", "-b", "0.75"], False),
+    ("drago03, percentile 100", ["drago03"] + PAPERS_MAXIMUM, ["pfstmo_drago03"], False),
+    ("drago03, percentile 100, bias 0.75", ["drago03", "--bias", "0.75"] + PAPERS_MAXIMUM, ["pfstmo_drago03", "-b", "0.75"], False),
     ("mantiuk06, mapping 0.3", ["mantiuk06", "--contrast", "0.3", "--detail", "1"],
      ["pfstmo_mantiuk06", "-f", "0.3"], False),
     ("mantiuk06, equalize 0.5",
@@ -73,7 +74,7 @@ CASES = [
      ["pfstmo_mantiuk08", "-c", "1.5"], True),
     ("mantiuk08, white 5", ["mantiuk08", "--white", "5"], ["pfstmo_mantiuk08", "-y", "5"], True),
 ]
-TIMED = ["reinhard02, global", "reinhard02, local", "drago03, bias 0.85", "mantiuk06, mapping 0.3",
+TIMED = ["reinhard02, global, white 0", "reinhard02, local", "drago03, percentile 100", "mantiuk06, mapping 0.3",
          "mantiuk08, lcd"]
 
 
@@ -125,6 +126,20 @@ def luminance(picture):
     return picture @ WEIGHTS
 
 
+def stops_to_pixels(light):
+    """Our log-mean is that of blocks (common/tonemap/statistics.c), the papers' is of single pixels: in stops."""
+    y = luminance(light)
+    pixels, blocks = [], []
+    for top in range(0, y.shape[0], 8):
+        for left in range(0, y.shape[1], 8):
+            block = y[top:top + 8, left:left + 8]
+            lit = numpy.log(block[block > 0])
+            if len(lit):
+                pixels += list(lit)
+                blocks += [numpy.log(numpy.minimum(block, 64 * numpy.exp(lit.mean())).mean())] * len(lit)
+    return (numpy.mean(blocks) - numpy.mean(pixels)) / numpy.log(2)
+
+
 def distance(ours, theirs):
     """Of two pictures of codes 0..1. What pfstools makes no number of does not count."""
     off = 255 * numpy.abs(numpy.clip(ours, 0, 1) - numpy.clip(theirs, 0, 1))
@@ -150,8 +165,11 @@ class Work:
 
     def ours(self, options):
         out = self.path("ours.exr")
-        subprocess.run([AZULEJO, "tonemap", self.picture, "-o", out, "--operator"] + options,
-                       check=True)
+        stops = stops_to_pixels(self.light) if options[0] in ("reinhard02", "drago03") else 0
+        if "--exposure" in options:
+            stops += float(options[options.index("--exposure") + 1])
+        subprocess.run([AZULEJO, "tonemap", self.picture, "-o", out, "--operator"] + options +
+                       ["--exposure", str(stops)], check=True)
         return srgb(read_exr(out))
 
     def theirs(self, command, encoded, source=None):
@@ -325,7 +343,7 @@ def experiment_drago(work):
     stops = str(-5 * numpy.log2(1 + bias - 0.85))
     print("drago03, bias 0.75")
     show("ours with the paper's (1 + bias - 0.85)^5 taken back by --exposure",
-         work.ours(["drago03", "--bias", str(bias), "--exposure", stops]),
+         work.ours(["drago03", "--bias", str(bias), "--exposure", stops] + PAPERS_MAXIMUM),
          work.theirs(["pfstmo_drago03", "-b", str(bias)], False))
 
 

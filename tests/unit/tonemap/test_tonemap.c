@@ -151,7 +151,7 @@ static void test_reinhard_golden(void **state)
 static void test_reinhard_white_is_maximum(void **state)
 {
     struct tonemap_settings s = settings_of("reinhard02");
-    struct image in = grey_image(3, 2, 0.5f), out;
+    struct image in = grey_image(64, 2, 0.5f), out;
 
     (void)state;
     in.pixels[6] = in.pixels[7] = in.pixels[8] = 40.0f;
@@ -180,17 +180,17 @@ static void test_reinhard_keeps_color(void **state)
     image_release(&out);
 }
 
-/* Half a black frame must not pull the key: black pixels do not count. */
+/* Half a black frame must not pull the key: what is black does not count. */
 static void test_black_does_not_count(void **state)
 {
     struct tonemap_settings s = settings_of("reinhard02");
-    struct image full = grey_image(2, 2, 0.5f), half = grey_image(2, 2, 0.5f), a, b;
+    struct image full = grey_image(8, 16, 0.5f), half = grey_image(8, 16, 0.5f), a, b;
 
     (void)state;
-    memset(half.pixels, 0, 6 * sizeof(float));
+    memset(half.pixels, 0, 8 * 8 * 3 * sizeof(float));
     a = apply(&full, &s);
     b = apply(&half, &s);
-    assert_true(a.pixels[9] == b.pixels[9]);
+    assert_true(a.pixels[8 * 15 * 3] == b.pixels[8 * 15 * 3]);
     assert_true(b.pixels[0] == 0.0f);
     image_release(&full);
     image_release(&half);
@@ -209,11 +209,11 @@ static void test_statistics_of_all_lines(void **state)
     for (int i = 0; i < 5; i++)
         product *= (double)greys[i];
     for (size_t first = 0; first < 5; first++) {
-        struct image in = grey_image(4, 5, 1);
+        struct image in = grey_image(4, 40, 1); /* blocks are 8 lines high */
         struct tonemap_state measured;
 
-        for (size_t i = 0; i < 4 * 5 * 3; i++)
-            in.pixels[i] = greys[(first + i / 12) % 5];
+        for (size_t i = 0; i < 4 * 40 * 3; i++)
+            in.pixels[i] = greys[(first + i / (12 * 8)) % 5];
         assert_int_equal(tonemap_measure(&measured, &in, &s, NULL, NULL), STATUS_OK);
         assert_true(measured.counts && fabs(measured.ln_min - log(0.1)) < 1e-6);
         assert_true(fabs(measured.ln_max - log(0.9)) < 1e-6);
@@ -222,11 +222,11 @@ static void test_statistics_of_all_lines(void **state)
     }
 }
 
-/* A dim room, with a bright lamp or without, as few samples show it: every pixel is noisy, some are unlit, and one in
- * fifteen thousand has met a lamp by a mirror. */
-static struct image noisy_room(uint32_t seed, int lamp)
+/* A dim room, with a bright lamp or without, as so many samples show it: every pixel is noisy, some are unlit, and of 64
+ * samples one in fifteen thousand has met a lamp by a mirror. */
+static struct image noisy_room(uint32_t seed, int lamp, uint32_t paths)
 {
-    enum { WIDTH = 160, HEIGHT = 90, PATHS = 64 };
+    enum { WIDTH = 160, HEIGHT = 90 };
     struct image room = grey_image(WIDTH, HEIGHT, 0);
     uint32_t random = seed * 2654435761u + 1;
 
@@ -234,24 +234,24 @@ static struct image noisy_room(uint32_t seed, int lamp)
         size_t x = i % WIDTH, y = i / WIDTH;
         double light = 0.02 * pow(30, (double)x / WIDTH) * (1 + 0.5 * sin((double)y / 7)), sum = 0;
 
-        for (int k = 0; k < PATHS; k++) { /* of which one in 16 finds light */
+        for (uint32_t k = 0; k < paths; k++) { /* of which one in 16 finds light */
             random = random * 1664525u + 1013904223u;
             sum += random >> 28 ? 0 : 16 * light * (0.5 + (double)(random >> 8 & 0xffff) / 65536);
         }
         random = random * 1664525u + 1013904223u;
-        if (random >> 8 < (1u << 24) / 15000)
-            sum += PATHS * 40 * (double)((random >> 4 & 15) + 1);
+        if (random >> 8 < (1u << 24) / 15000 / 64 * paths)
+            sum += 64 * 40 * (double)((random >> 4 & 15) + 1);
         if (lamp && x >= 120 && x < 126 && y >= 10 && y < 14)
-            sum = PATHS * 50;
+            sum = paths * 50.0;
         for (int c = 0; c < 3; c++)
-            room.pixels[3 * i + (size_t)c] = (float)(sum / PATHS * (1 - 0.2 * c));
+            room.pixels[3 * i + (size_t)c] = (float)(sum / paths * (1 - 0.2 * c));
     }
     return room;
 }
 
 static double mean_code(const struct tonemap_settings *s, uint32_t seed, int lamp)
 {
-    struct image room = noisy_room(seed, lamp), out = apply(&room, s);
+    struct image room = noisy_room(seed, lamp, 64), out = apply(&room, s);
     size_t count = (size_t)out.width * out.height * 3;
     double sum = 0;
 
@@ -295,6 +295,44 @@ static void test_noise_does_not_meter(void **state)
     }
     metered.metering = TONEMAP_METERING_KEY;
     assert_true(seeds_apart(&metered) < 1);
+}
+
+/* ln of the log-mean of a room by few samples, over that by many. */
+static double few_over_many(uint32_t few)
+{
+    struct tonemap_settings s = settings_of("reinhard02");
+    double logs[2];
+
+    for (uint32_t i = 0; i < 2; i++) {
+        struct image room = noisy_room(7 + i, 1, i ? 2048 : few);
+        logs[i] = measure(&room, &s).ln_log_mean;
+        image_release(&room);
+    }
+    return logs[0] - logs[1];
+}
+
+/* A first picture has the exposure of the last one: of 4 samples a pixel, three pixels of four have met no light, and the
+ * log-mean of the others alone would be 3 times too large. */
+static void test_samples_do_not_meter(void **state)
+{
+    (void)state;
+    for (uint32_t few = 4; few <= 64; few *= 4)
+        if (fabs(few_over_many(few)) > 0.15)
+            fail_msg("%u samples: the log-mean is off by %.3f (ln)", few, few_over_many(few));
+}
+
+/* An object before black: a block at its rim counts by its lit pixels. */
+static void test_rims_count_by_what_is_lit(void **state)
+{
+    struct tonemap_settings s = settings_of("reinhard02");
+    struct image in = grey_image(24, 8, 0.5f);
+
+    (void)state;
+    for (size_t i = 0; i < (size_t)24 * 8; i++)
+        if (i % 24 >= 10) /* a whole block, and two columns of the next */
+            memset(in.pixels + 3 * i, 0, 3 * sizeof(float));
+    assert_true(fabs(measure(&in, &s).ln_log_mean - (log(0.5) + 0.2 * log(0.25))) < 1e-6);
+    image_release(&in);
 }
 
 static void test_linear_and_gamma_golden(void **state)
@@ -553,19 +591,19 @@ static void test_validation(void **state)
 static void test_metering_key(void **state)
 {
     struct tonemap_settings s = settings_of("linear");
-    struct image in = grey_image(3, 1, 2.0f), out;
+    struct image in = grey_image(24, 1, 2.0f), out;
 
     (void)state;
-    in.pixels[0] = in.pixels[1] = in.pixels[2] = 0.5f; /* the log-mean of 0.5, 1 and 2 is 1 */
-    in.pixels[3] = in.pixels[4] = in.pixels[5] = 1.0f;
+    for (size_t i = 0; i < 16 * 3; i++)
+        in.pixels[i] = i < 8 * 3 ? 0.5f : 1.0f; /* the log-mean of blocks of 0.5, 1 and 2 is 1 */
     s.metering = TONEMAP_METERING_KEY;
     out = apply(&in, &s);
-    assert_true(fabsf(out.pixels[3] - srgb_encode(0.18f)) < 2e-7f);
-    assert_true(fabsf(out.pixels[6] - srgb_encode(0.36f)) < 2e-7f);
+    assert_true(fabsf(out.pixels[8 * 3] - srgb_encode(0.18f)) < 2e-7f);
+    assert_true(fabsf(out.pixels[16 * 3] - srgb_encode(0.36f)) < 2e-7f);
     image_release(&out);
     s.exposure_ev = -1.0; /* on top of it */
     out = apply(&in, &s);
-    assert_true(fabsf(out.pixels[6] - srgb_encode(0.18f)) < 2e-7f);
+    assert_true(fabsf(out.pixels[16 * 3] - srgb_encode(0.18f)) < 2e-7f);
     image_release(&out);
     image_release(&in);
 }
@@ -1088,6 +1126,8 @@ int main(void)
         cmocka_unit_test(test_linear_and_gamma_golden),
         cmocka_unit_test(test_statistics_of_all_lines),
         cmocka_unit_test(test_noise_does_not_meter),
+        cmocka_unit_test(test_samples_do_not_meter),
+        cmocka_unit_test(test_rims_count_by_what_is_lit),
         cmocka_unit_test(test_exposure_brightens),
         cmocka_unit_test(test_monotone),
         cmocka_unit_test(test_hard_inputs),

@@ -62,6 +62,18 @@ function percentileOf(bins, percent, middle) {
   return 0;
 }
 
+/* The log-mean is that of the means of blocks; a pixel of one counts at most as so many times their log-mean. */
+const BLOCK = 8, BRIGHTEST = 64;
+const blockLight = new Float64Array(BLOCK * BLOCK);
+
+function limitedSum(pixels, lit) {
+  let logs = 0, sum = 0;
+  for (let i = 0; i < pixels; i++) if (blockLight[i] > 0) logs += Math.log(blockLight[i]);
+  const most = BRIGHTEST * Math.exp(logs / lit);
+  for (let i = 0; i < pixels; i++) sum += Math.min(blockLight[i], most);
+  return sum;
+}
+
 export class Pixels {
   constructor(width, height) {
     this.width = width;
@@ -120,10 +132,10 @@ export class Pixels {
     return true;
   }
 
-  /* fn(luminance, largest channel) of the tile's pixels that count, after white balance. What is not finite is
+  /* fn(luminance, largest channel) of the place's pixels that are finite, after white balance. What is not is
    * made black or the brightest half. */
-  eachPixel(tile, fn) {
-    const { x, y, width, height } = this.place(tile), m = this.balance, d = this.data, plain = m === IDENTITY;
+  eachPixel({ x, y, width, height }, fn) {
+    const m = this.balance, d = this.data, plain = m === IDENTITY;
     for (let row = y; row < y + height; row++)
       for (let i = (row * this.width + x) * 4, end = i + width * 4; i < end; i += 4) {
         if (d[i] === NOTHING) continue;
@@ -138,29 +150,41 @@ export class Pixels {
           b = Math.max(m[6] * r + m[7] * g + m[8] * b, 0);
           r = Math.max(red, 0); g = Math.max(green, 0);
         }
-        const luminance = WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b;
-        if (luminance > 0) fn(luminance, Math.max(r, g, b));
+        fn(WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b, Math.max(r, g, b));
       }
   }
 
-  /* The logarithms' sum as that of products, which is cheaper. */
+  /* statistics.c says why by blocks. */
   measureTile(tile) {
-    let product = 1, sum = 0, count = 0, least = Infinity, most = 0;
-    this.eachPixel(tile, (luminance) => {
-      product *= luminance;
-      if (product < 1e-200 || product > 1e200) { sum += Math.log(product); product = 1; }
+    const { x, y, width, height } = this.place(tile);
+    this.logs[tile] = this.counts[tile] = this.most[tile] = 0;
+    this.least[tile] = Infinity;
+    for (let top = 0; top < height; top += BLOCK)
+      for (let left = 0; left < width; left += BLOCK)
+        this.measureBlock(tile, { x: x + left, y: y + top, width: Math.min(BLOCK, width - left), height: Math.min(BLOCK, height - top) });
+  }
+
+  measureBlock(tile, place) {
+    let pixels = 0, lit = 0, light = 0, least = Infinity, most = 0;
+    this.eachPixel(place, (luminance) => {
+      blockLight[pixels++] = luminance;
+      if (!(luminance > 0)) return;
+      lit++;
+      light += luminance;
       if (luminance < least) least = luminance;
       if (luminance > most) most = luminance;
-      count++;
     });
-    this.logs[tile] = sum + Math.log(product);
-    this.least[tile] = least;
-    this.most[tile] = most;
-    this.counts[tile] = count;
+    if (!lit) return;
+    if (most > BRIGHTEST * least) light = limitedSum(pixels, lit);
+    this.logs[tile] += lit * Math.log(light / pixels);
+    this.counts[tile] += lit;
+    this.least[tile] = Math.min(this.least[tile], least);
+    this.most[tile] = Math.max(this.most[tile], most);
   }
 
   countTile(tile, sign) {
-    this.eachPixel(tile, (luminance, largest) => {
+    this.eachPixel(this.place(tile), (luminance, largest) => {
+      if (!(luminance > 0)) return;
       this.luminances[binOf(luminance)] += sign;
       this.largest[binOf(largest)] += sign;
     });
