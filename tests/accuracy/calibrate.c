@@ -2,7 +2,7 @@
  * number of samples; tests/accuracy/accuracy.py makes tables and plots of it.
  *
  *   calibrate SCENE [--size WxH] [--seeds N] [--levels N] [--reference-seeds N]
- *             [--reference-spp N] [--cache FILE]
+ *             [--reference-spp N] [--cache FILE] [--env FILE] [--tonemap OPERATOR]
  *
  * The truth of a seed is the mean of the reference and of all other seeds. */
 #include <math.h>
@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "client/options/tonemap_options.h"
 #include "common/accuracy/curve.h"
 #include "common/base/memory.h"
 #include "common/cli/options.h"
@@ -69,18 +70,18 @@ static void print_row(const char *scene, uint32_t seed, const struct judgement *
     struct accuracy_estimate cost = predict(all, level, levels, CPU_SECONDS);
     struct accuracy_estimate samples = predict(all, level, levels, SAMPLES);
 
-    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g,%u,%.6g,%.6g,%.6g,%.9g,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%u,%u,%zu\n",
+    printf("%s,%u,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%d,%u,%.9g,%u,%.6g,%.6g,%.6g,%.9g,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%u,%u,%zu,%.6g\n",
            scene, seed, calibration_spp(level), f->display_error, f->display_lo, f->display_hi, j->true_display,
            f->rmse_percent, f->rmse_lo, f->rmse_hi, j->true_rmse, f->psnr_db, j->true_psnr,
            f->lone, f->dark, f->top_share, f->disagreement, f->unseen, f->tail_index, f->reliable, f->reasons,
            j->cpu_s, reference, cost.value, cost.lo, cost.hi, later->cpu_s, later->figures.reliable,
            samples.value, samples.lo, samples.hi, predict(even, level, levels, SAMPLES).value,
-           f->display_all, j->true_all, f->worst_part, j->true_part, f->subject, j->fireflies, j->found, j->wrong, pixels);
+           f->display_all, j->true_all, f->worst_part, j->true_part, f->subject, j->fireflies, j->found, j->wrong, pixels, j->exposure);
 }
 
 int main(int argc, char **argv)
 {
-    const char *size_text = "64x64", *cache = NULL, *name = "", *slash;
+    const char *size_text = "64x64", *cache = NULL, *env = NULL, *tonemap = TONEMAP_DEFAULT, *name = "", *slash;
     int64_t seeds = 20, levels = 7, reference_seeds = 3, reference_spp = 4096;
     int help = 0, header = 0;
     const struct option table[] = {
@@ -91,12 +92,15 @@ int main(int argc, char **argv)
         {"reference-seeds", 0, OPTION_INT, &reference_seeds, "N", "of the reference; 0: as in the cache; default: 3", 0, 64, NULL},
         {"reference-spp", 0, OPTION_INT, &reference_spp, "N", "samples of each; default: 4096", 4, 65536, NULL},
         {"cache", 0, OPTION_STRING, &cache, "FILE", "keep the pictures here", 0, 0, NULL},
+        {"env", 0, OPTION_STRING, &env, "FILE", "light the scene with this environment map", 0, 0, NULL},
+        {"tonemap", 0, OPTION_STRING, &tonemap, "NAME", "operator by which errors are seen, with its presets; default: " TONEMAP_DEFAULT, 0, 0, NULL},
         {"header", 0, OPTION_FLAG, &header, NULL, "print the columns' names and end", 0, 0, NULL},
         {0},
     };
     struct judgement *judgements, even[CALIBRATION_LEVELS_MAX];
     struct calibration c;
     struct calibration_size size = {.first_seed = 1};
+    struct tonemap_settings look;
     struct positionals rest;
     struct error err = {0};
 
@@ -106,13 +110,15 @@ int main(int argc, char **argv)
         puts("scene,seed,spp,display,display_lo,display_hi,display_true,rmse,rmse_lo,rmse_hi,rmse_true,"
              "psnr,psnr_true,lone,dark,top_share,disagreement,unseen,tail_index,reliable,reasons,cpu_s,reference,"
              "cost,cost_lo,cost_hi,later_cpu_s,later_reliable,samples,samples_lo,samples_hi,samples_even,"
-             "all,all_true,part,part_true,subject,fireflies,found,wrong,pixels");
+             "all,all_true,part,part_true,subject,fireflies,found,wrong,pixels,exposure");
         return 0;
     }
     if (help || rest.count != 1 || sscanf(size_text, "%ux%u", &size.width, &size.height) != 2) {
         options_print_help("calibrate SCENE [options]", "Figures against truth.", table);
         return help ? 0 : 2;
     }
+    if (tonemap_settings_init(&look, tonemap, &err) != STATUS_OK)
+        die(err.text);
     size.seeds = (uint32_t)seeds;
     size.levels = (uint32_t)levels;
     size.reference_seeds = (uint32_t)reference_seeds;
@@ -122,11 +128,11 @@ int main(int argc, char **argv)
     if (!cache || !calibration_load(&c, cache, &size)) {
         if (size.reference_seeds == 0)
             die("the cache has no such pictures; give --reference-seeds N to render them");
-        calibration_render(&c, rest.items[0], &size);
+        calibration_render(&c, rest.items[0], env, &size);
         if (cache)
             calibration_save(&c, cache, &size);
     }
-    calibration_describe(&c, rest.items[0]);
+    calibration_describe(&c, rest.items[0], env);
     slash = strrchr(rest.items[0], '/');
     name = slash ? slash + 1 : rest.items[0];
     judgements = mem_alloc_array((size_t)c.seeds * c.levels, sizeof *judgements);
@@ -134,7 +140,7 @@ int main(int argc, char **argv)
         die("out of memory");
     for (uint32_t s = 0; s < c.seeds; s++)
         for (uint32_t level = 0; level < c.levels; level++)
-            judge(&judgements[(size_t)s * c.levels + level], &c, s, level);
+            judge(&judgements[(size_t)s * c.levels + level], &c, s, level, &look);
     mean_of_seeds(judgements, c.seeds, c.levels, even);
     for (uint32_t s = 0; s < c.seeds; s++)
         for (uint32_t level = 0; level < c.levels; level++)

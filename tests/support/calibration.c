@@ -6,6 +6,7 @@
 
 #include "common/accuracy/word.h"
 #include "common/base/memory.h"
+#include "common/image/image.h"
 #include "common/scene/scene_effects.h"
 #include "tests/support/imported.h"
 
@@ -146,7 +147,7 @@ static void render_all(struct calibration *c, struct growth *g, uint32_t first_s
     }
 }
 
-void calibration_render(struct calibration *c, const char *scene_path, const struct calibration_size *size)
+void calibration_render(struct calibration *c, const char *scene_path, const char *env, const struct calibration_size *size)
 {
     struct render_settings settings = imported_settings(size->width, size->height, calibration_spp(size->levels - 1));
     struct import_result import;
@@ -154,7 +155,7 @@ void calibration_render(struct calibration *c, const char *scene_path, const str
     struct render_scene *scene;
 
     allocate(c, size);
-    imported_file(scene_path, &import);
+    imported_file_under(scene_path, env, &import);
     render_force_general(1);
     g.scene = scene = imported_build(&import, &settings, 0);
     for (int r = 0; r < RECORD_GROUPS; r++)
@@ -172,13 +173,35 @@ void calibration_render(struct calibration *c, const char *scene_path, const str
     import_result_release(&import);
 }
 
-void calibration_describe(struct calibration *c, const char *scene_path)
+/* The largest value of its environment map; 0: it has none. */
+static double map_max(struct import_result *import)
+{
+    const struct scene_environment *e = &import->scene.environment;
+    struct blob_source blobs = imported_source(import);
+    struct image_repairs repairs = {0};
+    struct image map = {0};
+    const uint8_t *data;
+    size_t size;
+    double most = 0;
+
+    if (!e->present || e->constant)
+        return 0;
+    if (blobs.get(blobs.user, &e->image.blob.digest, &data, &size, NULL) != STATUS_OK ||
+        image_decode_hdr(&map, data, size, "the environment", &repairs, NULL) != STATUS_OK)
+        abort();
+    for (size_t i = 0; i < (size_t)map.width * map.height * map.channels; i++)
+        most = (double)map.pixels[i] > most ? (double)map.pixels[i] : most;
+    image_release(&map);
+    return most;
+}
+
+void calibration_describe(struct calibration *c, const char *scene_path, const char *env)
 {
     struct import_result import;
 
-    imported_file(scene_path, &import);
+    imported_file_under(scene_path, env, &import);
     c->effects = scene_effects_default(&import.scene, 0);
-    c->brightest = accuracy_brightest(&import.scene, 1, 0);
+    c->brightest = accuracy_brightest(&import.scene, 1, map_max(&import));
     import_result_release(&import);
 }
 

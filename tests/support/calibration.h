@@ -35,12 +35,12 @@ struct calibration_size {
 /* The samples of a pixel at a level, over both groups. */
 static inline uint32_t calibration_spp(uint32_t level) { return 4u << level; }
 
-/* `scene_path` with these sizes. Aborts the program where the scene cannot be rendered. */
-void calibration_render(struct calibration *c, const char *scene_path, const struct calibration_size *size);
+/* `scene_path` with these sizes; `env`: an environment map or NULL. Aborts the program where the scene cannot be rendered. */
+void calibration_render(struct calibration *c, const char *scene_path, const char *env, const struct calibration_size *size);
 /* 0: there is no such file, or it is of other sizes. reference_seeds 0 takes any reference. */
 int calibration_load(struct calibration *c, const char *path, const struct calibration_size *size);
 /* Effects and the brightest light, which files do not hold. */
-void calibration_describe(struct calibration *c, const char *scene_path);
+void calibration_describe(struct calibration *c, const char *scene_path, const char *env);
 void calibration_save(const struct calibration *c, const char *path, const struct calibration_size *size);
 void calibration_release(struct calibration *c);
 

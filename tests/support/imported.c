@@ -44,6 +44,16 @@ void imported_file(const char *path, struct import_result *import)
     expect_no_warning(import, path);
 }
 
+void imported_file_under(const char *path, const char *env, struct import_result *import)
+{
+    struct import_options options = IMPORT_OPTIONS_DEFAULT;
+    struct error err = {0};
+
+    options.env_path = env;
+    if (import_scene(path, &options, import, &err) != STATUS_OK)
+        give_up(path, err.text);
+}
+
 void imported_text(const char *text, const char *name, const char *folder, struct import_result *import)
 {
     struct import_options options = IMPORT_OPTIONS_DEFAULT;

@@ -13,6 +13,8 @@ struct blob_source imported_source(struct import_result *import);
 
 /* A scene file, by the default options and without any warning. */
 void imported_file(const char *path, struct import_result *import);
+/* With this environment map, or its own lights (NULL); warnings may be. */
+void imported_file_under(const char *path, const char *env, struct import_result *import);
 
 /* A text whose other files are looked for in `folder` (may be NULL); `name` tells the format. */
 void imported_text(const char *text, const char *name, const char *folder, struct import_result *import);

@@ -7,19 +7,32 @@
 #include "common/accuracy/fireflies.h"
 #include "common/accuracy/quantile.h"
 #include "common/base/memory.h"
-#include "common/image/color.h"
 
 /* What a mean of floats is off by even where every sample is the same. */
 #define ROUNDING_PERCENT 1e-4
 
-static status srgb_codes(void *user, const float *rgb, uint32_t width, uint32_t height, float *codes, struct error *err)
+/* As the coordinator shows it: every picture is metered by itself. */
+static status show_codes(void *user, const float *rgb, uint32_t width, uint32_t height, float *codes, struct error *err)
 {
-    float gain = *(const float *)user;
+    const struct tonemap_context context = {.threads = 1};
+    const struct image in = {.width = width, .height = height, .channels = 3, .pixels = (float *)rgb}; /* only read */
+    struct image out = {0};
+    status s = tonemap_apply(&out, &in, user, &context, err);
 
-    (void)err;
-    for (size_t i = 0; i < (size_t)width * height * 3; i++)
-        codes[i] = 255 * srgb_encode(rgb[i] * gain);
-    return STATUS_OK;
+    for (size_t i = 0; s == STATUS_OK && i < (size_t)width * height * 3; i++)
+        codes[i] = 255 * out.pixels[i];
+    image_release(&out);
+    return s;
+}
+
+/* ln of the log-mean. */
+static double log_mean_of(const float *rgb, uint32_t width, uint32_t height, const struct tonemap_settings *look)
+{
+    const struct tonemap_context context = {.threads = 1};
+    const struct image in = {.width = width, .height = height, .channels = 3, .pixels = (float *)rgb}; /* only read */
+    struct tonemap_state state;
+
+    return tonemap_measure(&state, &in, look, &context, NULL) == STATUS_OK ? state.ln_log_mean : NAN;
 }
 
 static double largest_error(const float *a, const float *b)
@@ -117,16 +130,17 @@ static void check(int ok, const char *what)
     }
 }
 
-void judge(struct judgement *out, const struct calibration *c, uint32_t seed, uint32_t level)
+void judge(struct judgement *out, const struct calibration *c, uint32_t seed, uint32_t level,
+           const struct tonemap_settings *look)
 {
     const struct calibration_view *v = &c->views[seed * c->levels + level];
     size_t pixels = (size_t)c->width * c->height, values = pixels * 3;
     double *truth = mem_calloc(values, sizeof *truth), mean = 0, squared = 0, codes = 0, unsure;
     float *picture = mem_calloc(values, sizeof(float)), *exact = mem_calloc(values, sizeof(float));
     float *shown = mem_calloc(values, sizeof(float)), *right = mem_calloc(values, sizeof(float));
-    float *errors = mem_calloc(pixels, sizeof(float)), *share, gain;
+    float *errors = mem_calloc(pixels, sizeof(float)), *share;
     float *tail = mem_calloc((size_t)tile_count(c->width, c->height) * RECORD_GROUPS * RECORD_TAIL_MAX, sizeof(float));
-    struct accuracy_transform transform = {.apply = srgb_codes, .user = &gain};
+    struct accuracy_transform transform = {.apply = show_codes, .user = (void *)look};
     struct accuracy_tails tails = {tail, (size_t)tile_count(c->width, c->height) * RECORD_GROUPS,
                                    RECORD_TAIL_MAX, pixels * calibration_spp(level)};
     struct accuracy_evidence evidence = {.samples = calibration_spp(level), .effects = c->effects,
@@ -144,9 +158,9 @@ void judge(struct judgement *out, const struct calibration *c, uint32_t seed, ui
         mean += truth[i] / (double)values;
         squared += ((double)picture[i] - truth[i]) * ((double)picture[i] - truth[i]);
     }
-    gain = mean > 0 ? (float)(0.18 / mean) : 1;
-    check(srgb_codes(&gain, picture, c->width, c->height, shown, &err) == STATUS_OK &&
-          srgb_codes(&gain, exact, c->width, c->height, right, &err) == STATUS_OK, "codes");
+    check(show_codes((void *)look, picture, c->width, c->height, shown, &err) == STATUS_OK &&
+          show_codes((void *)look, exact, c->width, c->height, right, &err) == STATUS_OK, "codes");
+    out->exposure = log_mean_of(picture, c->width, c->height, look) - log_mean_of(exact, c->width, c->height, look);
     for (size_t i = 0; i < pixels; i++)
         errors[i] = (float)largest_error(shown + i * 3, right + i * 3);
     for (size_t i = 0; i < values; i++)
@@ -165,7 +179,7 @@ void judge(struct judgement *out, const struct calibration *c, uint32_t seed, ui
     out->true_all = (double)quantile_select(errors, pixels, (size_t)((double)(pixels - 1) * 0.95));
     judge_subject(out, c, errors);
     for (int r = 0; r < RECORD_GROUPS; r++) /* both are used up */
-        check(srgb_codes(&gain, v->groups[r], c->width, c->height, r ? exact : picture, &err) == STATUS_OK, "codes");
+        check(show_codes((void *)look, v->groups[r], c->width, c->height, r ? exact : picture, &err) == STATUS_OK, "codes");
     judge_fireflies(out, c, picture, exact, shown, right);
     out->true_rmse = squared > unsure ? 100 * sqrt((squared - unsure) / (double)values) / mean : 0;
     if (out->true_rmse < ROUNDING_PERCENT)
