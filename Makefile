@@ -167,7 +167,7 @@ FUZZ_REPLAY := $(patsubst %.c,$(BUILD)/%_replay,$(FUZZ_SRC))
 FUZZERS := $(patsubst tests/fuzz/%.c,build/fuzz/%,$(FUZZ_SRC))
 
 .DEFAULT_GOAL := all
-.PHONY: all help deps demo test test-blender test-slurm test-web blender-addon accuracy accuracy-unbiased accuracy-allocation accuracy-time check-asan check-tsan fault-loop chaos check test-elsewhere steady fuzz bench bench-effects bench-denoise bench-preview bench-accuracy bench-scale bench-farm bench-page studio-day layers circles fields words budget tables docs-check docs-html gallery test-docs numerics mistakes invariance transforms precision install uninstall dist clean tests lint format layout new-lobe new-tonemap test-new
+.PHONY: all help deps demo test test-blender test-slurm test-web blender-addon accuracy accuracy-unbiased accuracy-allocation accuracy-time accuracy-targets accuracy-prices accuracy-fresh check-asan check-tsan fault-loop chaos check test-elsewhere steady fuzz bench bench-effects bench-denoise bench-preview bench-accuracy bench-scale bench-farm bench-page studio-day layers circles fields words budget tables docs-check docs-html gallery test-docs numerics mistakes invariance transforms precision install uninstall dist clean tests lint format layout new-lobe new-tonemap test-new
 .SECONDARY:
 .DELETE_ON_ERROR:
 
@@ -611,6 +611,12 @@ bench-accuracy: all ## efficiency over another commit's: AGAINST=COMMIT
 
 accuracy: all tests ## docs/ACCURACY.md: do the figures of error hold? ACCURACY_ARGS=--quick for a glance
 	@BUILD=$(BUILD) tests/accuracy/accuracy.py --cache $(BUILD)/accuracy $(ACCURACY_ARGS)
+accuracy-targets: all ## docs/ACCURACY.md: are targets met? (15 minutes)
+	@BUILD=$(BUILD) tests/accuracy/targets.py --write
+accuracy-prices: all ## docs/ACCURACY.md: are prices on a farm right? (4 minutes)
+	@BUILD=$(BUILD) tests/accuracy/prices.py --write
+accuracy-fresh: all ## docs/ACCURACY.md: how old are figures at 1080p? (5 minutes)
+	@BUILD=$(BUILD) tests/accuracy/fresh.py --write
 
 # ---- use ----------------------------------------------------------------------------------
 demo: ## install what is missing, build, render the Cornell box on two workers into out/

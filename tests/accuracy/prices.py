@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Is the price of a smaller error right? Renders scenes on a farm of this machine and asks for the price of the error that
+"""`make accuracy-prices`: is the price of a smaller error right? Renders scenes on a farm of this machine and asks for the price of the error that
 the picture has at its end, when it has a sixteenth and a quarter of the samples.
 
-    prices.py [--bin FOLDER] [--size WxH] [--spp N] [--allocation HOW] [--log FILE] [SCENE...]
+    prices.py [--write] [--bin FOLDER] [--size WxH] [--spp N] [--allocation HOW] [--log FILE] [SCENE...]
 
 Rules may be chosen on the first half of the scenes; the second half judges them. --bin: other programs than those of this
-tree."""
+tree. --write: the table of docs/ACCURACY.md."""
 import argparse
 import json
 import math
@@ -13,8 +13,10 @@ import os
 import sys
 import time
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
+import written  # noqa: E402
+from written import ROOT  # noqa: E402
+
 sys.path.insert(0, os.path.join(ROOT, "tests/farm"))
 import farm as farms  # noqa: E402
 
@@ -76,6 +78,8 @@ def judge(farm, scene, options):
 
 
 def report(name, rows):
+    """Lines of a table."""
+    lines = []
     for share in SHARES:
         some = [r for r in rows if r["share"] == share]
         if not some:
@@ -83,13 +87,14 @@ def report(name, rows):
         good = sum(0.8 <= r["ratio"] <= 1.25 for r in some)
         off = math.exp(sum(abs(math.log(r["ratio"])) if 0 < r["ratio"] < math.inf else 5 for r in some) / len(some))
         widths = sorted(r["width"] for r in some)
-        print("%-10s  at 1/%-2d  within 25 %%: %2d of %2d; off by a factor of %.2f in the mean; interval holds in %d, "
-              "median width x%.1f" % (name, share, good, len(some), off, sum(r["holds"] for r in some),
-                                      widths[len(widths) // 2]))
+        lines.append("| %s | 1/%d | %d of %d | %.2f | %.0f | %d of %d |" % (
+            name, share, good, len(some), off, widths[len(widths) // 2], sum(r["holds"] for r in some), len(some)))
+    return lines
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true")
     parser.add_argument("--bin")
     parser.add_argument("--size", default="96x54")
     parser.add_argument("--spp", default="1024")
@@ -100,6 +105,8 @@ def main():
     if options.bin:
         farms.BIN = options.bin
     parts = [("given", options.scenes)] if options.scenes else [("chosen on", CHOSEN_ON), ("judged on", JUDGED_ON)]
+    table = ["| scenes | at | within 25 % | off by a factor of | median width of the interval | it holds |",
+             "|---|---:|---:|---:|---:|---:|"]
     with farms.Farm() as farm:
         farm.start_coordinator()
         farm.start_worker(threads=1)
@@ -108,10 +115,13 @@ def main():
             for row in rows:
                 print("  %-24s from %4.0f spp: %5.2f of the truth%s" % (row["scene"], row["spp"], row["ratio"],
                                                                       "" if row["holds"] else ", outside its interval"))
-            report(name, rows)
+            table += report(name, rows)
             if options.log:
                 with open(options.log, "a") as log:
                     log.writelines(json.dumps(row) + "\n" for row in rows)
+    print("\n".join(table))
+    if options.write:
+        written.write("accuracy-prices", "\n".join(table))
 
 
 main()

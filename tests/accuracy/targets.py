@@ -1,29 +1,31 @@
 #!/usr/bin/env python3
-"""Does a picture that was rendered to a target error have it? Renders scenes to each target, and compares the PNG with
+"""`make accuracy-targets`: does a picture that was rendered to a target error have it? Renders scenes to each target, and compares the PNG with
 one of many samples that is metered by itself: the 95 % quantile of the largest channel's difference, over the
 subject's pixels (by the share of their camera rays that meet a surface or medium).
 
-    targets.py [--bin FOLDER] [--size WxH] [--spp N] [--reference-spp N] [--seeds N] [--targets E,E] [--cache FOLDER] [SCENE...]
+    targets.py [--write] [--bin FOLDER] [--size WxH] [--spp N] [--reference-spp N] [--seeds N] [--targets E,E] [--cache FOLDER] [SCENE...]
 
 The scenes are of the half that accuracy.py does not choose rules on, and cornell-area. With AZULEJO_DATA also those of the data. --bin: other
-programs than those of this tree. --cache keeps the references."""
+programs than those of this tree. --cache keeps the references: remove them after a change of the renderer or the tone
+mapping. --write: the table of docs/ACCURACY.md."""
 import argparse
 import os
 import subprocess
 import sys
 import tempfile
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
+import written  # noqa: E402
+from accuracy import MODELS  # noqa: E402
+from written import ROOT  # noqa: E402
+
 sys.path.insert(0, os.path.join(ROOT, "tests/farm"))
 from png import Png  # noqa: E402
 
 SCENES = ["scenes/features/window.pbrt", "scenes/cornell/cornell-area.gltf", "scenes/cornell/cornell-mirror.gltf",
           "scenes/features/coated.pbrt", "scenes/features/media.pbrt", "scenes/features/dispersion.gltf",
-          "scenes/features/emissive-strength.gltf", "scenes/features/thin-transmission.gltf"]
-DATA = [("pbrt/bitterli-staircase2/scene-v4.pbrt",), ("pbrt/bitterli-coffee/scene-v4.pbrt",),
-        ("pbrt/bitterli-veach-mis/scene-v4.pbrt",), ("gltf/ToyCar/ToyCar.glb", "--env", "hdri/vestibule_1k.hdr"),
-        ("gltf/DamagedHelmet/DamagedHelmet.glb", "--env", "hdri/kloppenheim_05_1k.hdr")]
+          "scenes/features/emissive-strength.gltf", "scenes/features/thin-transmission.gltf", "scenes/features/fog.pbrt"]
+DATA = [(path, "--env", env) if env else (path,) for path, env in MODELS]
 QUANTILE = 0.95
 MISSED = 9  # exit status
 SLACK = 1.1
@@ -70,10 +72,11 @@ def scene_of(path):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true")
     parser.add_argument("--bin", default=os.path.join(ROOT, os.environ.get("BUILD", "build/release"), "bin"))
     parser.add_argument("--size", default="160x90")
     parser.add_argument("--spp", type=int, default=1024)
-    parser.add_argument("--reference-spp", type=int, default=2048)
+    parser.add_argument("--reference-spp", type=int, default=1024)
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--targets", default="25,12")
     parser.add_argument("--cache")
@@ -85,6 +88,7 @@ def main():
         scenes += DATA
     targets = [float(t) for t in options.targets.split(",")]
     held = missed = runs = 0
+    table = ["| scene | %s |" % " | ".join("%g/255" % target for target in targets), "|---|%s" % ("---:|" * len(targets))]
     with tempfile.TemporaryDirectory() as folder:
         cache = options.cache or folder
         os.makedirs(cache, exist_ok=True)
@@ -96,6 +100,7 @@ def main():
                 render(options, scene_of(scene), reference[:-4] + "-subject", "--spp", 16, "--alpha")
             line = []
             for target in targets:
+                cell = []
                 for seed in range(1, options.seeds + 1):
                     out = os.path.join(folder, "picture")
                     status = render(options, scene_of(scene), out, "--spp", options.spp, "--seed", seed,
@@ -104,9 +109,14 @@ def main():
                     runs += 1
                     held += codes <= SLACK * target
                     missed += status == MISSED and codes > SLACK * target
-                    line.append("%g/255: %d%s" % (target, codes, " (said to be missed)" if status == MISSED else ""))
-            print("%-40s %s" % (name, "  ".join(line)), flush=True)
-    print("within %g of the target: %d of %d runs; of the others %d say that it is missed" % (SLACK, held, runs, missed))
+                    cell.append("%d%s" % (codes, " (missed)" if status == MISSED else ""))
+                line.append(", ".join(cell))
+            table.append("| %s | %s |" % (os.path.basename(scene[0]) if not scene[0].startswith("pbrt/") else name.rsplit("-", 2)[0], " | ".join(line)))
+            print(table[-1], flush=True)
+    table += ["", "Within %g of the target: %d of %d runs; of the others %d say that it is missed." % (SLACK, held, runs, missed)]
+    print(table[-1])
+    if options.write:
+        written.write("accuracy-targets", "\n".join(table))
 
 
 if __name__ == "__main__":
