@@ -137,6 +137,16 @@ static status be_nice(int value, struct error *err)
     return error_set(err, STATUS_ERR_IO, "--nice %d: not allowed here: %s", value, strerror(errno));
 }
 
+/* The first thread's stack grows as it is used, and where memory is short then, the process ends. A message takes 300 KiB. */
+static __attribute__((noinline)) void hold_stack(void)
+{
+    enum { PAGE = 4096 };
+    volatile char stack[512 << 10];
+
+    for (size_t i = 0; i < sizeof stack; i += PAGE)
+        stack[i] = 0;
+}
+
 /* *stopped: a signal ended it. */
 static status run(const struct agent_options *options, int *stopped, struct error *err)
 {
@@ -234,6 +244,7 @@ int main(int argc, char **argv)
     char host[256];
     status s;
 
+    hold_stack();
     file_hold_standard();
     file_forgo_syncs(); /* it writes its cache alone, which it checks by digests */
     memset(&key, 0, sizeof key);

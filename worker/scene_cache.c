@@ -1,6 +1,7 @@
 #include "worker/scene_cache.h"
 
 #include <assert.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -169,6 +170,17 @@ static status collect_blobs(struct scene_slot *slot, struct error *err)
     return s;
 }
 
+static status start_builders(struct error *err)
+{
+    static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+    status s;
+
+    pthread_mutex_lock(&lock);
+    s = render_start_builders(err);
+    pthread_mutex_unlock(&lock);
+    return s;
+}
+
 static void scene_build(struct pool_task *task)
 {
     struct scene_slot *slot = (struct scene_slot *)task;
@@ -181,6 +193,8 @@ static void scene_build(struct pool_task *task)
     if (s == STATUS_OK && slot->missing_count == 0)
         s = collect_blobs(slot, &slot->error);
     render_build_threads(1 + pool_idle(slot->cache->pool));
+    if (s == STATUS_OK && slot->missing_count == 0)
+        s = start_builders(&slot->error);
     if (s == STATUS_OK && slot->missing_count == 0)
         s = render_scene_new(&slot->render, &slot->scene, &slot->settings, slot->frame, source, &slot->error);
     if (s != STATUS_OK) {

@@ -71,3 +71,33 @@ void parallel_for(unsigned threads, size_t count, size_t grain, void (*body)(voi
         pthread_join(others[i], NULL);
     helped_ns += atomic_load(&loop.others_ns);
 }
+
+static void *wait_for(void *gate)
+{
+    pthread_mutex_lock(gate);
+    pthread_mutex_unlock(gate);
+    return NULL;
+}
+
+int parallel_try(unsigned threads, size_t stack_bytes)
+{
+    pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
+    pthread_t started[PARALLEL_THREADS_MAX];
+    pthread_attr_t attributes;
+    unsigned count = 0;
+    int error = pthread_attr_init(&attributes);
+
+    if (error)
+        return error;
+    error = pthread_attr_setstacksize(&attributes, stack_bytes);
+    pthread_mutex_lock(&gate);
+    while (error == 0 && count < threads) {
+        error = pthread_create(&started[count], &attributes, wait_for, &gate);
+        count += error == 0;
+    }
+    pthread_mutex_unlock(&gate);
+    while (count > 0)
+        pthread_join(started[--count], NULL);
+    pthread_attr_destroy(&attributes);
+    return error;
+}

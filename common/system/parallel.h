@@ -16,5 +16,9 @@ unsigned parallel_processors(void);
 void parallel_for(unsigned threads, size_t count, size_t grain, void (*body)(void *user, size_t begin, size_t end),
                   void *user);
 
+/* 0, or the number of the error for which so many threads with stacks of so many bytes cannot be there at once.
+ * `threads` is at most PARALLEL_THREADS_MAX. */
+int parallel_try(unsigned threads, size_t stack_bytes);
+
 /* The processor time of the calling thread, and of those that worked for it in parallel_for. */
 uint64_t parallel_cpu_ns(void);

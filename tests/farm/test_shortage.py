@@ -52,6 +52,30 @@ def memory_of_the_only_machine():
 
 
 @tests.add
+def what_is_short():
+    """no worker ends for lack of memory for its stack, or for the threads of its libraries: at its first scene or later"""
+    if SLOW:
+        raise Skip("a sanitizer's shadow does not fit a limit of the address space")
+    with Farm() as farm:
+        farm.start_coordinator()
+        for scenes_before in range(3):
+            worker = farm.start_worker(rests=False)
+            farm.wait_for_workers(1)
+            for i in range(scenes_before):
+                scene = farm.scene("%d-%d.gltf" % (scenes_before, i), light=1.5 + scenes_before + i / 4)
+                farm.wait_for_job(farm.submit(scene, *SMALL))
+            for more in (0, 64 << 10, 1 << 20, 3 << 20, 6 << 20):  # a thread's stack: 4 MiB
+                limit(worker, resource.RLIMIT_AS, address_space(worker) + more)
+                number = farm.submit(farm.scene("%d-%d.gltf" % (scenes_before, more), light=2.5 + more), *SMALL)
+                wait_for(lambda: not worker.alive() or farm.job(number)["state"] == "done" or farm.job(number)["state_text"],
+                         "what comes of it")
+                expect(worker.alive(), worker.log_text())
+                limit(worker, resource.RLIMIT_AS, None)
+                farm.wait_for_job(number)
+            worker.stop()
+
+
+@tests.add
 def words_of_machines():
     """a shortage never fails a job, however many machines tell of one; a damaged scene does, by all machines' word"""
     with Farm() as farm:

@@ -42,6 +42,10 @@ status render_scene_new(struct render_scene **out, const struct scene *scene, co
                         uint32_t frame, struct blob_source blobs, struct error *err) MUST_CHECK;
 void render_scene_free(struct render_scene *scene);
 
+/* Start the threads that build scenes, before the first one: later calls do nothing. Without it, a lack of memory or of threads
+ * may end the process. Not from two threads at once. ERR_NO_MEMORY: it may be tried again. */
+status render_start_builders(struct error *err) MUST_CHECK;
+
 /* How many threads the calling thread's next render_scene_new may use, itself included; 1 at first. The
  * scene is the same for any number. */
 void render_build_threads(unsigned threads);
