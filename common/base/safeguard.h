@@ -146,7 +146,7 @@
 #define SAFEGUARDS_OF_OUTPUT(X) \
     X(LIGHT_FINITE, "infinite light is black where a tone mapper divides infinity by infinity") \
     X(DISPLAY_RANGE, "display codes leave 0 to 1 where a look-up table does") \
-    X(LOG_SUM_RANGE, "the product of a block's luminances underflows, and the picture is white") \
+    X(LOG_SUM_RANGE, "the product of luminances underflows, and the picture is white") \
     X(BLACK_PIXEL, "black pixels make the log-mean far too small, and the picture too bright") \
     X(INFINITE_PIXEL, "one infinite pixel darkens all others") \
     X(REINHARD_BLACK, "a black picture becomes white: its white point is 0") \

@@ -25,7 +25,7 @@ struct tonemap_parameter {
 /* Of the picture after white balance and automatic exposure. Pixels with a channel that is not
  * finite, or without positive luminance, do not count. */
 struct tonemap_statistics {
-    /* exp(mean(ln Y)) over blocks of 8x8 pixels, which count by their pixels that do; 1 if there is none; BEFORE
+    /* exp(mean(ln Y)), Y the mean of 9x9 pixels around each that counts; 1 if there is none; BEFORE
      * settings.exposure_ev, so that exposure also acts on operators that divide by it. */
     double log_mean;
     double max; /* largest luminance, after exposure; 0 if no pixel counts */

@@ -10,24 +10,6 @@
 #include "common/tonemap/operators.h"
 #include "common/tonemap/statistics.h"
 
-/* The log-mean is that of blocks of so many by so many pixels, which count by their pixels that are lit. That of single
- * pixels follows the number of samples: where few of them find light, pixels without any would not count, and the others
- * are too bright. A tile is whole blocks: a sample of a picture's tiles has the same statistics. */
-enum { BLOCK = 8 };
-/* A pixel counts at most as so many times its block's log-mean: a firefly is no light of the block. */
-#define BRIGHTEST 64.0
-
-struct row_sum {
-    double log_sum, max, min;
-    size_t counted;
-};
-
-struct measuring {
-    const struct image *in;
-    const double (*matrix)[3]; /* NULL: none */
-    struct row_sum *rows;      /* of blocks */
-};
-
 static int is_identity(const double matrix[3][3])
 {
     for (int i = 0; i < 9; i++)
@@ -37,12 +19,13 @@ static int is_identity(const double matrix[3][3])
 }
 
 /* The luminance of a pixel after the matrix (NULL: none); negative: it is not finite. */
-static double counted_luminance(const float rgb[3], const double (*matrix)[3])
+static inline double counted_luminance(const float rgb[3], const double (*matrix)[3])
 {
+    const double all = (double)rgb[0] + (double)rgb[1] + (double)rgb[2];
     float positive[3];
     double sum = 0.0;
 
-    if ((!isfinite(rgb[0]) || !isfinite(rgb[1]) || !isfinite(rgb[2])) && SAFEGUARD(INFINITE_PIXEL))
+    if (!isfinite(all) && SAFEGUARD(INFINITE_PIXEL))
         return -1.0;
     for (int i = 0; i < 3; i++)
         positive[i] = rgb[i] > 0.0f ? rgb[i] : 0.0f;
@@ -81,103 +64,269 @@ static double log_sum_result(const struct log_sum *sum)
     return det_log_d(sum->product) + (double)sum->exponent * det_log_d(2.0);
 }
 
-/* One block's luminances that are finite; of those above 0 how many, their sum, the largest and the smallest. */
-struct block {
-    double light[BLOCK * BLOCK];
-    uint32_t pixels, lit;
-    double sum, max, min;
+/* ---- log-mean, largest and smallest ---------------------------------------------------------- */
+
+/* The log-mean is that of the means of windows around the pixels that are lit. That of single pixels follows the number of
+ * samples: where few of them find light, pixels without any would not count, and the others are too bright. */
+enum {
+    REACH = STATISTICS_WINDOW / 2,
+    MARGIN = 2 * REACH, /* of a patch, for the windows of its pixels and of the pixels in these */
+    /* A patch's lines stay in the processor's cache. */
+    PATCH_WIDTH = 512,
+    PATCH_HEIGHT = 128,
+    LINE = PATCH_WIDTH + 2 * MARGIN,
+    RING = 16, /* at least a window and the lines that follow until one of its own is complete */
+    /* A double's upper bits are its log2, in steps of 2^-12 and within .09. */
+    LOG_SHIFT = 40,
+    LOG_UNIT = 1 << 12,
+    BRIGHTEST = 6, /* log2 of how many times its window's log-mean a pixel counts at most: a firefly is no light */
 };
 
-static void take_block(struct block *out, const struct measuring *m, uint32_t left, uint32_t top)
+struct rectangle {
+    uint32_t left, top, right, bottom; /* right and bottom are outside */
+};
+
+struct patch_sum {
+    double log_sum, max, min;
+    size_t counted;
+};
+
+struct measuring {
+    const struct image *in;
+    const double (*matrix)[3]; /* NULL: none */
+    uint32_t apart;            /* 0, or the side of tiles, which are patches, and which no window leaves */
+    struct patch_sum *patches;
+};
+
+/* A patch's lines with their margins, `width` pixels; what is not in the picture is 0. */
+struct lines {
+    size_t width, first, last; /* [first, last) of a line is in the picture */
+    double light[RING][LINE];  /* luminances, limited once the pixel's window is known */
+    /* Finite pixels << 16 | lit ones, and the logarithms of these; and their sums over a window's lines. */
+    int32_t counts[STATISTICS_WINDOW][LINE], logs[STATISTICS_WINDOW][LINE];
+    int32_t column_counts[LINE], column_logs[LINE];
+    int32_t windows[RING][LINE]; /* counts, of the window around pixel [i + 4] */
+};
+
+static int is_lit(double luminance) { return luminance > 0.0 || !SAFEGUARD(BLACK_PIXEL); }
+
+static int32_t rough_log(double x)
 {
-    out->pixels = out->lit = 0;
-    out->sum = out->max = 0.0;
-    out->min = DBL_MAX;
-    for (uint32_t y = top; y < top + BLOCK && y < m->in->height; y++) {
-        const float *p = m->in->pixels + ((size_t)y * m->in->width + left) * 3;
+    uint64_t bits;
 
-        for (uint32_t x = left; x < left + BLOCK && x < m->in->width; x++, p += 3) {
-            const double luminance = counted_luminance(p, m->matrix);
+    memcpy(&bits, &x, sizeof bits);
+    return (int32_t)(bits >> LOG_SHIFT);
+}
 
-            if (luminance < 0.0)
-                continue;
-            out->light[out->pixels++] = luminance;
-            if (!(luminance > 0.0) && SAFEGUARD(BLACK_PIXEL))
-                continue;
-            out->lit++;
-            out->sum += luminance;
-            out->max = luminance > out->max ? luminance : out->max;
-            out->min = luminance < out->min ? luminance : out->min;
-        }
+static double rough_exp(int32_t log)
+{
+    const uint64_t bits = (uint64_t)log << LOG_SHIFT;
+    double x;
+
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static void lines_begin(struct lines *lines, const struct rectangle *area, const struct rectangle *patch)
+{
+    const uint32_t before = patch->left - area->left, after = area->right - patch->right;
+
+    lines->width = patch->right - patch->left + 2 * MARGIN;
+    lines->first = before < MARGIN ? MARGIN - before : 0;
+    lines->last = lines->width - (after < MARGIN ? MARGIN - after : 0);
+    for (int k = 0; k < STATISTICS_WINDOW; k++) {
+        memset(lines->counts[k], 0, lines->width * sizeof *lines->counts[k]);
+        memset(lines->logs[k], 0, lines->width * sizeof *lines->logs[k]);
+    }
+    memset(lines->column_counts, 0, lines->width * sizeof *lines->column_counts);
+    memset(lines->column_logs, 0, lines->width * sizeof *lines->column_logs);
+}
+
+/* Line `y` of the patch and its margins, from 0 on; `rgb` is its pixel at `first`, NULL: it is outside. */
+static void take_line(struct lines *lines, const struct measuring *m, uint32_t y, const float *rgb)
+{
+    double *light = lines->light[y % RING];
+    int32_t *counts = lines->counts[y % STATISTICS_WINDOW], *logs = lines->logs[y % STATISTICS_WINDOW];
+
+    for (size_t i = 0; i < lines->width; i++)
+        light[i] = -1.0;
+    if (rgb && m->matrix)
+        for (size_t i = lines->first; i < lines->last; i++, rgb += 3)
+            light[i] = counted_luminance(rgb, m->matrix);
+    else if (rgb)
+        for (size_t i = lines->first; i < lines->last; i++, rgb += 3)
+            light[i] = counted_luminance(rgb, NULL);
+    for (size_t i = 0; i < lines->width; i++) {
+        const int lit = light[i] >= 0.0 && is_lit(light[i]);
+        const int32_t count = (light[i] >= 0.0) << 16 | lit, log = lit ? rough_log(light[i]) : 0;
+
+        lines->column_counts[i] += count - counts[i];
+        lines->column_logs[i] += log - logs[i];
+        counts[i] = count;
+        logs[i] = log;
+        light[i] = light[i] > 0.0 ? light[i] : 0.0;
     }
 }
 
-/* The sum with pixels of at most BRIGHTEST log-means. */
-static double limited_sum(const struct block *block)
+static void find_ends(struct patch_sum *sum, const double *light, size_t count)
 {
+    double max[4] = {0}, min[4] = {DBL_MAX, DBL_MAX, DBL_MAX, DBL_MAX};
+
+    for (size_t i = 0; i < count; i++) { /* four at once */
+        const double dark = is_lit(light[i]) ? light[i] : DBL_MAX;
+
+        max[i % 4] = light[i] > max[i % 4] ? light[i] : max[i % 4];
+        min[i % 4] = dark < min[i % 4] ? dark : min[i % 4];
+    }
+    for (int k = 0; k < 4; k++) {
+        sum->max = fmax(sum->max, max[k]);
+        sum->min = fmin(sum->min, min[k]);
+    }
+}
+
+/* out[i] is the sum of in[i] to in[i + 8]. */
+static void sum_nine(int32_t out[LINE], const int32_t in[LINE], size_t width)
+{
+    int32_t two[LINE], four[LINE];
+
+    for (size_t i = 0; i < width - 1; i++)
+        two[i] = in[i] + in[i + 1];
+    for (size_t i = 0; i < width - 3; i++)
+        four[i] = two[i] + two[i + 2];
+    for (size_t i = 0; i < width - 8; i++)
+        out[i] = four[i] + four[i + 4] + in[i + 8];
+}
+
+/* Once the lines of its pixels' windows are there. */
+static void limit_line(struct lines *lines, uint32_t y)
+{
+    double *light = lines->light[y % RING] + REACH;
+    const int32_t *logs = lines->logs[y % STATISTICS_WINDOW] + REACH;
+    int32_t *counts = lines->windows[y % RING], sums[LINE];
+    int above = 0;
+
+    sum_nine(counts, lines->column_counts, lines->width);
+    sum_nine(sums, lines->column_logs, lines->width);
+    for (size_t i = 0; i < lines->width - 2 * REACH; i++)
+        above |= (float)(logs[i] - BRIGHTEST * LOG_UNIT) * (float)(counts[i] & 0xffff) > (float)sums[i];
+    for (size_t i = 0; above && i < lines->width - 2 * REACH; i++)
+        if ((float)(logs[i] - BRIGHTEST * LOG_UNIT) * (float)(counts[i] & 0xffff) > (float)sums[i])
+            light[i] = rough_exp(sums[i] / (counts[i] & 0xffff) + BRIGHTEST * LOG_UNIT);
+}
+
+/* Of a window's lines, and then of 9 of these sums beside each other: without differences, which would lose dark pixels
+ * beside bright ones. */
+static void sum_windows(const struct lines *lines, uint32_t y, double sums[LINE])
+{
+    const double *line[STATISTICS_WINDOW];
+    double two[LINE], four[LINE], nine[LINE];
+
+    for (uint32_t k = 0; k < STATISTICS_WINDOW; k++)
+        line[k] = lines->light[(y - REACH + k) % RING];
+    for (size_t i = 0; i < lines->width; i++)
+        nine[i] = ((line[0][i] + line[1][i]) + (line[2][i] + line[3][i])) +
+                  ((line[4][i] + line[5][i]) + (line[6][i] + line[7][i])) + line[8][i];
+    for (size_t i = 0; i < lines->width - 1; i++)
+        two[i] = nine[i] + nine[i + 1];
+    for (size_t i = 0; i < lines->width - 3; i++)
+        four[i] = two[i] + two[i + 2];
+    for (size_t i = 0; i < lines->width - 8; i++)
+        sums[i] = four[i] + four[i + 4] + nine[i + 8];
+}
+
+/* Once the lines of its pixels' windows are limited. */
+static void sum_line(struct patch_sum *out, struct log_sum *logs, const struct lines *lines, uint32_t y)
+{
+    const double *light = lines->light[y % RING] + MARGIN;
+    const int32_t *counts = lines->windows[y % RING] + REACH;
+    const size_t width = lines->width - 2 * MARGIN;
+    double sums[LINE + 4], *means = sums + REACH;
+    size_t counted = 0;
+
+    sum_windows(lines, y, sums);
+    for (size_t i = 0; i < width; i++) {
+        const int lit = counts[i] >= 1 << 16 && is_lit(light[i]);
+
+        means[i] = lit ? means[i] / (counts[i] >> 16) : 1.0;
+        counted += (size_t)lit;
+    }
+    for (size_t i = width; i % 4; i++)
+        means[i] = 1.0;
+    for (size_t i = 0; i < width; i += 4) /* the exponents of four floats' product fit a double */
+        log_sum_add(logs, (means[i] * means[i + 1]) * (means[i + 2] * means[i + 3]));
+    out->counted += counted;
+}
+
+/* Windows stay in the area. */
+static void measure_patch(struct patch_sum *out, const struct measuring *m, const struct rectangle *area,
+                          const struct rectangle *patch)
+{
+    const uint32_t height = patch->bottom - patch->top;
     struct log_sum logs = {1.0, 0};
-    double most, sum = 0.0;
+    struct lines lines;
 
-    for (uint32_t i = 0; i < block->pixels; i++)
-        if (block->light[i] > 0.0 || !SAFEGUARD(BLACK_PIXEL))
-            log_sum_add(&logs, block->light[i]);
-    most = BRIGHTEST * det_exp_d(log_sum_result(&logs) / block->lit);
-    for (uint32_t i = 0; i < block->pixels; i++)
-        sum += block->light[i] < most ? block->light[i] : most;
-    return sum;
+    *out = (struct patch_sum){.min = DBL_MAX};
+    lines_begin(&lines, area, patch);
+    for (uint32_t y = 0; y < height + 2 * MARGIN; y++) {
+        const int64_t at = (int64_t)patch->top + y - MARGIN;
+        const int inside = at >= area->top && at < area->bottom;
+
+        take_line(&lines, m, y,
+                  inside ? m->in->pixels + ((size_t)at * m->in->width + patch->left + lines.first - MARGIN) * 3 : NULL);
+        if (y >= MARGIN && y < height + MARGIN)
+            find_ends(out, lines.light[y % RING] + MARGIN, lines.width - 2 * MARGIN);
+        if (y >= 2 * REACH)
+            limit_line(&lines, y - REACH);
+        if (y >= 2 * MARGIN)
+            sum_line(out, &logs, &lines, y - MARGIN);
+    }
+    out->log_sum = log_sum_result(&logs);
 }
 
-static void add_block(struct row_sum *sum, const struct block *block)
-{
-    double light = block->sum;
+static uint32_t pieces(uint32_t pixels, uint32_t size) { return (pixels + size - 1) / size; }
 
-    if (block->lit == 0)
-        return;
-    if (block->max > BRIGHTEST * block->min) /* the log-mean is no less than the smallest */
-        light = limited_sum(block);
-    sum->log_sum += block->lit * det_log_d(light / block->pixels);
-    sum->counted += block->lit;
-    sum->max = block->max > sum->max ? block->max : sum->max;
-    sum->min = block->min < sum->min || sum->min == 0.0 ? block->min : sum->min;
-}
+static uint32_t smaller(uint32_t a, uint32_t b) { return a < b ? a : b; }
 
-static void measure_rows(void *user, size_t begin, size_t end)
+static void measure_patches(void *user, size_t begin, size_t end)
 {
     const struct measuring *m = user;
-    struct block block;
+    const struct rectangle picture = {0, 0, m->in->width, m->in->height};
+    const uint32_t width = m->apart ? m->apart : PATCH_WIDTH, height = m->apart ? m->apart : PATCH_HEIGHT;
+    const uint32_t across = pieces(picture.right, width);
 
-    for (size_t row = begin; row < end; row++) {
-        m->rows[row] = (struct row_sum){0};
-        for (uint32_t left = 0; left < m->in->width; left += BLOCK) {
-            take_block(&block, m, left, (uint32_t)row * BLOCK);
-            add_block(&m->rows[row], &block);
-        }
+    for (size_t i = begin; i < end; i++) {
+        const uint32_t left = (uint32_t)(i % across) * width, top = (uint32_t)(i / across) * height;
+        const struct rectangle patch = {left, top, smaller(left + width, picture.right),
+                                        smaller(top + height, picture.bottom)};
+
+        measure_patch(&m->patches[i], m, m->apart ? &patch : &picture, &patch);
     }
 }
 
 status statistics_measure(struct tonemap_statistics *out, const struct image *in, const double matrix[3][3],
-                          unsigned threads, struct error *err)
+                          uint32_t apart, unsigned threads, struct error *err)
 {
-    const uint32_t rows = (in->height + BLOCK - 1) / BLOCK;
-    struct measuring m = {in, is_identity(matrix) ? NULL : matrix, mem_alloc_array(rows, sizeof *m.rows)};
+    const size_t count =
+        (size_t)pieces(in->width, apart ? apart : PATCH_WIDTH) * pieces(in->height, apart ? apart : PATCH_HEIGHT);
+    struct measuring m = {in, is_identity(matrix) ? NULL : matrix, apart, mem_alloc_array(count, sizeof *m.patches)};
     double log_sum = 0.0;
 
     *out = (struct tonemap_statistics){.log_mean = 1.0};
-    NEED(m.rows, err, "the picture's statistics");
-    parallel_for(threads, rows, 1, measure_rows, &m);
-    for (uint32_t y = 0; y < rows; y++) {
-        const struct row_sum *row = &m.rows[y];
+    NEED(m.patches, err, "the picture's statistics");
+    parallel_for(threads, count, 1, measure_patches, &m);
+    for (size_t i = 0; i < count; i++) {
+        const struct patch_sum *patch = &m.patches[i];
 
-        if (row->counted == 0)
+        if (patch->counted == 0)
             continue;
-        log_sum += row->log_sum;
-        out->counted += row->counted;
-        out->max = fmax(out->max, row->max);
-        out->min = out->min > 0.0 ? fmin(out->min, row->min) : row->min;
+        log_sum += patch->log_sum;
+        out->counted += patch->counted;
+        out->max = fmax(out->max, patch->max);
+        out->min = out->min > 0.0 ? fmin(out->min, patch->min) : patch->min;
     }
     if (out->counted > 0)
         out->log_mean = det_exp_d(log_sum / (double)out->counted);
-    mem_free(m.rows);
+    mem_free(m.patches);
     return STATUS_OK;
 }
 

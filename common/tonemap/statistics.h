@@ -3,9 +3,13 @@
 
 #include "common/tonemap/operator.h"
 
-/* Of `in` (3 channels) after the matrix; negative channels count as 0. ERR_NO_MEMORY. */
+/* The side of the log-mean's windows, in pixels. */
+enum { STATISTICS_WINDOW = 9 };
+
+/* Of `in` (3 channels) after the matrix; negative channels count as 0. `apart`: 0, or the side of the tiles of which the
+ * picture is a sample, at most 128: those beside each other are not neighbours. ERR_NO_MEMORY. */
 status statistics_measure(struct tonemap_statistics *out, const struct image *in, const double matrix[3][3],
-                          unsigned threads, struct error *err) MUST_CHECK;
+                          uint32_t apart, unsigned threads, struct error *err) MUST_CHECK;
 
 /* The luminance after the matrix below which `percent` (0..100) of the pixels that count lie, as a
  * float, exactly (nearest rank); 0 if none counts. ERR_NO_MEMORY. */

@@ -166,7 +166,7 @@ static status measure_raw(struct work *w, struct tonemap_state *state, struct er
     status st;
 
     balance_of(w->settings, matrix);
-    st = statistics_measure(&raw, w->in, (const double(*)[3])matrix, w->frame.threads, err);
+    st = statistics_measure(&raw, w->in, (const double(*)[3])matrix, w->context->apart, w->frame.threads, err);
     THEN(st, meter(&state->metered_ev, w->settings, w->in, (const double(*)[3])matrix, &raw, w->frame.threads, err));
     if (st != STATUS_OK || raw.counted == 0)
         return st;

@@ -75,6 +75,7 @@ struct tonemap_context {
     size_t file_size;
     const struct tonemap_state *state; /* NULL: the picture's own */
     int linear;                        /* give display light instead of codes */
+    uint32_t apart;                    /* 0, or the side of the tiles of which the picture is a sample */
 };
 
 /* Measure `in` (3 channels). ERR_INPUT: bad settings or file; ERR_NO_MEMORY. */

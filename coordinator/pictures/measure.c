@@ -254,6 +254,7 @@ status measurement_figures(const struct measurement *m, const struct tonemap_set
     for (uint32_t g = 0; g < GROUPS; g++)
         picture.groups[g] = m->groups[g];
     shown.context.state = NULL;
+    shown.context.apart = m->of_tiles ? TILE_SIZE : 0;
     if (tonemap_reach(tone) != TONEMAP_REACH_PICTURE) {
         transform.measure = measure_picture;
         transform.codes = code_pixels;

@@ -6,6 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -60,28 +61,35 @@ static void infinite_light_is_white(void **state)
     figure_within("light of infinity", light_at(&in, &s, 4, 4), 1, 1, "exact");
 }
 
-static void dark_blocks_have_a_mean(void **state)
+static void dark_pictures_have_a_mean(void **state)
 {
     struct tonemap_settings s = reinhard();
-    struct image in = picture_grey(8, 8, 1e-6f);                     /* 1e-6^64 is no double */
-    const double scaled = KEY * 64 / (63 + 64 * pow(100, 1.0 / 64)); /* the bright pixel counts as 64 log-means */
-    const double right = scaled / (1 + scaled);
+    struct image in = picture_grey(9, 9, 1e-6f); /* 1e-6^81 is no double */
+    double logs = 0, scaled, right;
 
     (void)state;
-    picture_put(&in, 0, 0, 1e-4f);
-    figure_within("light of dark grey beside a brighter pixel", light_at(&in, &s, 4, 4), right * (1 - 1e-5),
+    picture_put(&in, 4, 4, 5e-5f);
+    for (int y = -4; y <= 4; y++) /* all windows see it, of 5x5 to 9x9 pixels */
+        for (int x = -4; x <= 4; x++)
+            logs += log(1 + 49.0 / ((9 - abs(x)) * (9 - abs(y))));
+    scaled = KEY / exp(logs / 81);
+    right = scaled / (1 + scaled);
+    figure_within("light of dark grey beside a brighter pixel", light_at(&in, &s, 0, 0), right * (1 - 1e-5),
                   right * (1 + 1e-5), "closed form, tolerance 1e-5");
 }
 
 static void black_pixels_do_not_brighten(void **state)
 {
     struct tonemap_settings s = reinhard();
-    struct image in = picture_grey(16, 16, 0.3f);
+    struct image in = picture_grey(24, 1, 0.3f);
+    const double scaled = KEY / pow(5.0 / 9 * 6 / 9 * 7 / 9 * 8 / 9, 1.0 / 16); /* four windows see black */
+    const double right = scaled / (1 + scaled);
 
     (void)state;
-    for (size_t i = 0; i < 64; i++)
-        picture_put(&in, i % 8, i / 8, 0);
-    figure_grey("light of grey beside black", light_at(&in, &s, 9, 9));
+    for (size_t x = 0; x < 8; x++)
+        picture_put(&in, x, 0, 0);
+    figure_within("light of grey beside black", light_at(&in, &s, 20, 0), right * (1 - 1e-5), right * (1 + 1e-5),
+                  "closed form, tolerance 1e-5");
 }
 
 static void infinite_pixels_do_not_darken(void **state)
@@ -351,7 +359,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(infinite_light_is_white),
-        cmocka_unit_test(dark_blocks_have_a_mean),
+        cmocka_unit_test(dark_pictures_have_a_mean),
         cmocka_unit_test(black_pixels_do_not_brighten),
         cmocka_unit_test(infinite_pixels_do_not_darken),
         cmocka_unit_test(black_stays_black),

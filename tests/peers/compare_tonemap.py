@@ -126,18 +126,23 @@ def luminance(picture):
     return picture @ WEIGHTS
 
 
+def around(values):
+    """The sums of the 9x9 values around each, as far as there are some."""
+    for axis in 0, 1:
+        padded = numpy.pad(values, [(4, 4) if k == axis else (0, 0) for k in (0, 1)])
+        values = sum(numpy.take(padded, range(k, k + values.shape[axis]), axis) for k in range(9))
+    return values
+
+
 def stops_to_pixels(light):
-    """Our log-mean is that of blocks (common/tonemap/statistics.c), the papers' is of single pixels: in stops."""
-    y = luminance(light)
-    pixels, blocks = [], []
-    for top in range(0, y.shape[0], 8):
-        for left in range(0, y.shape[1], 8):
-            block = y[top:top + 8, left:left + 8]
-            lit = numpy.log(block[block > 0])
-            if len(lit):
-                pixels += list(lit)
-                blocks += [numpy.log(numpy.minimum(block, 64 * numpy.exp(lit.mean())).mean())] * len(lit)
-    return (numpy.mean(blocks) - numpy.mean(pixels)) / numpy.log(2)
+    """Our log-mean is that of windows (common/tonemap/statistics.c), the papers' is of single pixels: in stops."""
+    y = numpy.ascontiguousarray(luminance(light), numpy.float64)
+    lit = y > 0
+    logs = numpy.where(lit, y.view(numpy.uint64) >> 40, 0).astype(numpy.int64)  # rough ones, in steps of 2^-12
+    most = around(logs) // numpy.maximum(around(lit.astype(numpy.int64)), 1) + (6 << 12)
+    limited = numpy.minimum(y, (most.astype(numpy.uint64) << 40).view(numpy.float64))
+    means = around(limited) / around(numpy.ones_like(y))
+    return (numpy.log(means[lit]).mean() - numpy.log(y[lit]).mean()) / numpy.log(2)
 
 
 def distance(ours, theirs):

@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <math.h>
 
 #include "common/base/memory.h"
 
@@ -39,6 +40,67 @@ void picture_put(struct image *image, size_t x, size_t y, float value)
 {
     for (size_t c = 0; c < 3; c++)
         image->pixels[(y * image->width + x) * 3 + c] = value;
+}
+
+struct image picture_stripes(const float *greys, size_t count)
+{
+    struct image image = picture_grey((uint32_t)count * PICTURE_STRIPE, 1, NAN);
+
+    for (size_t x = 0; x < image.width; x++)
+        if (x % PICTURE_STRIPE < 9)
+            picture_put(&image, x, 0, greys[x / PICTURE_STRIPE]);
+    return image;
+}
+
+/* NAN: not finite. */
+static double luminance_at(const struct image *in, size_t x, size_t y)
+{
+    const float *p = in->pixels + (y * in->width + x) * 3;
+
+    if (!isfinite(p[0]) || !isfinite(p[1]) || !isfinite(p[2]))
+        return (double)NAN;
+    return 0.212656 * fmax((double)p[0], 0) + 0.715158 * fmax((double)p[1], 0) + 0.072186 * fmax((double)p[2], 0);
+}
+
+/* The mean of the 9x9 pixels around (x, y), of those of `values` that are a number; of their logarithms: of those that have
+ * one. */
+static double mean_around(const struct image *in, const double *values, size_t x, size_t y, int logs)
+{
+    double sum = 0, count = 0;
+
+    for (size_t v = y < 4 ? 0 : y - 4; v <= y + 4 && v < in->height; v++)
+        for (size_t u = x < 4 ? 0 : x - 4; u <= x + 4 && u < in->width; u++) {
+            const double value = values[v * in->width + u];
+
+            if (isnan(value) || (logs && value == 0))
+                continue;
+            sum += logs ? log(value) : value;
+            count++;
+        }
+    return sum / count;
+}
+
+double picture_log_mean(const struct image *in)
+{
+    const size_t count = (size_t)in->width * in->height;
+    double *values = mem_alloc_array(count, sizeof *values), *limited = mem_alloc_array(count, sizeof *limited);
+    double sum = 0, lit = 0;
+
+    assert_non_null(values);
+    assert_non_null(limited);
+    for (size_t i = 0; i < count; i++)
+        values[i] = limited[i] = luminance_at(in, i % in->width, i / in->width);
+    for (size_t i = 0; i < count; i++)
+        if (values[i] > 0)
+            limited[i] = fmin(values[i], 64 * exp(mean_around(in, values, i % in->width, i / in->width, 1)));
+    for (size_t i = 0; i < count; i++)
+        if (values[i] > 0) {
+            sum += log(mean_around(in, limited, i % in->width, i / in->width, 0));
+            lit++;
+        }
+    mem_free(values);
+    mem_free(limited);
+    return exp(sum / lit);
 }
 
 struct image picture_light_threads(const struct image *in, const struct tonemap_settings *s, unsigned threads)

@@ -11,6 +11,12 @@ void tonemap_preset_set(struct tonemap_settings *s, const char *parameter, doubl
 struct image picture_grey(uint32_t width, uint32_t height, float value);
 void picture_put(struct image *image, size_t x, size_t y, float value); /* a grey pixel */
 float picture_at(const struct image *image, size_t x, size_t y);        /* its red */
+/* Columns of these greys, so far apart by pixels that are not finite that no window of the log-mean sees two; the i-th
+ * begins at i * PICTURE_STRIPE. */
+enum { PICTURE_STRIPE = 18 };
+struct image picture_stripes(const float *greys, size_t count);
+/* The log-mean by its definition, in small steps; a pixel's limit exact. */
+double picture_log_mean(const struct image *in);
 
 /* With edges, slopes, noise and colours over five decades; one pixel is black. */
 struct image picture_hard(uint32_t width, uint32_t height);

@@ -13,6 +13,7 @@
 #include "common/image/color.h"
 #include "common/math/elementary.h"
 #include "common/tonemap/tonemap.h"
+#include "tests/support/tonemap_pictures.h"
 
 /* The file of operators that need one: the table of `lut` that changes nothing. */
 static const char identity_cube[] = "LUT_3D_SIZE 2\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n"
@@ -188,9 +189,12 @@ static void test_black_does_not_count(void **state)
 
     (void)state;
     memset(half.pixels, 0, 8 * 8 * 3 * sizeof(float));
+    assert_true(fabs(measure(&half, &s).ln_log_mean - log(picture_log_mean(&half))) < 1e-6); /* its rim is half lit */
+    s.exposure_ev = log2(0.5 / picture_log_mean(&half));
     a = apply(&full, &s);
+    s.exposure_ev = 0;
     b = apply(&half, &s);
-    assert_true(a.pixels[8 * 15 * 3] == b.pixels[8 * 15 * 3]);
+    assert_true(fabsf(a.pixels[8 * 15 * 3] - b.pixels[8 * 15 * 3]) < 1e-6f);
     assert_true(b.pixels[0] == 0.0f);
     image_release(&full);
     image_release(&half);
@@ -209,11 +213,12 @@ static void test_statistics_of_all_lines(void **state)
     for (int i = 0; i < 5; i++)
         product *= (double)greys[i];
     for (size_t first = 0; first < 5; first++) {
-        struct image in = grey_image(4, 40, 1); /* blocks are 8 lines high */
+        struct image in = grey_image(4, 5 * 18, NAN); /* windows are 9 lines high */
         struct tonemap_state measured;
 
-        for (size_t i = 0; i < 4 * 40 * 3; i++)
-            in.pixels[i] = greys[(first + i / (12 * 8)) % 5];
+        for (size_t i = 0; i < (size_t)in.height * 12; i++)
+            if (i / 12 % 18 < 9)
+                in.pixels[i] = greys[(first + i / (12 * 18)) % 5];
         assert_int_equal(tonemap_measure(&measured, &in, &s, NULL, NULL), STATUS_OK);
         assert_true(measured.counts && fabs(measured.ln_min - log(0.1)) < 1e-6);
         assert_true(fabs(measured.ln_max - log(0.9)) < 1e-6);
@@ -321,18 +326,104 @@ static void test_samples_do_not_meter(void **state)
             fail_msg("%u samples: the log-mean is off by %.3f (ln)", few, few_over_many(few));
 }
 
-/* An object before black: a block at its rim counts by its lit pixels. */
-static void test_rims_count_by_what_is_lit(void **state)
+/* By its definition: of pictures that need several patches, at their corners and edges. */
+static void test_log_mean(void **state)
 {
+    static const uint32_t sizes[][2] = {{1, 1}, {7, 3}, {64, 64}, {517, 131}, {513, 129}, {1, 300}, {1100, 1}};
     struct tonemap_settings s = settings_of("reinhard02");
-    struct image in = grey_image(24, 8, 0.5f);
 
     (void)state;
-    for (size_t i = 0; i < (size_t)24 * 8; i++)
-        if (i % 24 >= 10) /* a whole block, and two columns of the next */
-            memset(in.pixels + 3 * i, 0, 3 * sizeof(float));
-    assert_true(fabs(measure(&in, &s).ln_log_mean - (log(0.5) + 0.2 * log(0.25))) < 1e-6);
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
+        for (int wild = 0; wild < 2; wild++) {
+            struct image in = wild_image(sizes[i][0], sizes[i][1], 7);
+            double off;
+
+            for (size_t k = 0; k < (size_t)in.width * in.height * 3; k++) /* tame: no pixel is limited */
+                in.pixels[k] = wild || !(in.pixels[k] > 0) ? in.pixels[k] : 1 + fmodf(in.pixels[k], 7);
+            in.pixels[0] = in.pixels[1] = in.pixels[2] = 0.7f;
+            off = measure(&in, &s).ln_log_mean - log(picture_log_mean(&in));
+            if (fabs(off) > (wild ? 0.05 : 1e-9)) /* the limit of bright pixels is rough */
+                fail_msg("%ux%u: the log-mean is off by %g (ln)", sizes[i][0], sizes[i][1], off);
+            image_release(&in);
+        }
+}
+
+/* A bright world beside a dark one: sums of windows by differences would keep the former's rounding. */
+static void test_log_mean_beside_the_sun(void **state)
+{
+    struct tonemap_settings s = settings_of("reinhard02");
+    struct image in = grey_image(600, 140, 1e-30f);
+
+    (void)state;
+    for (size_t i = 0; i < (size_t)600 * 140; i++)
+        if (i % 600 < 300)
+            picture_put(&in, i % 600, i / 600, 1e30f);
+    assert_true(fabs(measure(&in, &s).ln_log_mean - log(picture_log_mean(&in))) < 0.01);
     image_release(&in);
+}
+
+/* An object of many greys before black, from (x, y) on. */
+static struct image before_black(size_t x, size_t y, int mirrored)
+{
+    struct image in = grey_image(640, 200, 0);
+
+    for (size_t v = 0; v < 60; v++)
+        for (size_t u = 0; u < 300 - v; u++)
+            picture_put(&in, mirrored ? 639 - x - u : x + u, y + v, (float)((1 + (u * u + 3 * v) % 17) * (u * v % 5 ? 1 : 90)));
+    return in;
+}
+
+/* What moves through the picture, or is mirrored, has the same log-mean: an animation does not flicker by it. */
+static void test_log_mean_does_not_flicker(void **state)
+{
+    struct tonemap_settings s = settings_of("reinhard02");
+    double first = 0;
+
+    (void)state;
+    for (size_t moved = 0; moved < 33; moved++) {
+        struct image in = before_black(100 + 7 * moved, 20 + 3 * moved, moved == 32);
+        double log_mean = measure(&in, &s).ln_log_mean;
+
+        first = moved ? first : log_mean;
+        if (fabs(log_mean - first) > 1e-9)
+            fail_msg("moved by %zu and %zu pixels the log-mean changes by %.3g %%", 7 * moved, 3 * moved,
+                     100 * expm1(log_mean - first));
+        image_release(&in);
+    }
+}
+
+/* Tiles that are a sample of a picture are not neighbours: in any order they have the same log-mean. */
+static void test_tiles_that_lie_apart(void **state)
+{
+    enum { SIDE = 16, ACROSS = 8, DOWN = 4 };
+    struct tonemap_settings s = settings_of("reinhard02");
+    struct tonemap_context apart = {.apart = SIDE}, beside = {0};
+    struct image in = wild_image(SIDE * ACROSS, SIDE * DOWN, 3), moved = grey_image(SIDE * ACROSS, SIDE * DOWN, 0);
+    double logs[2][2];
+
+    (void)state;
+    for (size_t i = 0; i < (size_t)in.width * in.height; i++) { /* every other tile is bright; moved, they are all together */
+        const size_t x = i % in.width, y = i / in.width, tile = y / SIDE * ACROSS + x / SIDE;
+        const size_t to = tile % 2 * ACROSS * DOWN / 2 + tile / 2;
+        const size_t at = (to / ACROSS * SIDE + y % SIDE) * in.width + to % ACROSS * SIDE + x % SIDE;
+
+        for (size_t c = 0; c < 3; c++) {
+            in.pixels[3 * i + c] *= tile % 2 ? 1000.0f : 1.0f;
+            moved.pixels[3 * at + c] = in.pixels[3 * i + c];
+        }
+    }
+    for (int k = 0; k < 2; k++) {
+        struct tonemap_state state_of[2];
+
+        assert_int_equal(tonemap_measure(&state_of[0], k ? &moved : &in, &s, &apart, NULL), STATUS_OK);
+        assert_int_equal(tonemap_measure(&state_of[1], k ? &moved : &in, &s, &beside, NULL), STATUS_OK);
+        logs[k][0] = state_of[0].ln_log_mean;
+        logs[k][1] = state_of[1].ln_log_mean;
+    }
+    assert_true(fabs(logs[0][0] - logs[1][0]) < 1e-9);
+    assert_true(fabs(logs[0][1] - logs[1][1]) > 0.1);
+    image_release(&in);
+    image_release(&moved);
 }
 
 static void test_linear_and_gamma_golden(void **state)
@@ -591,19 +682,17 @@ static void test_validation(void **state)
 static void test_metering_key(void **state)
 {
     struct tonemap_settings s = settings_of("linear");
-    struct image in = grey_image(24, 1, 2.0f), out;
+    struct image in = picture_stripes((const float[]){0.5f, 1.0f, 2.0f}, 3), out; /* the log-mean is 1 */
 
     (void)state;
-    for (size_t i = 0; i < 16 * 3; i++)
-        in.pixels[i] = i < 8 * 3 ? 0.5f : 1.0f; /* the log-mean of blocks of 0.5, 1 and 2 is 1 */
     s.metering = TONEMAP_METERING_KEY;
     out = apply(&in, &s);
-    assert_true(fabsf(out.pixels[8 * 3] - srgb_encode(0.18f)) < 2e-7f);
-    assert_true(fabsf(out.pixels[16 * 3] - srgb_encode(0.36f)) < 2e-7f);
+    assert_true(fabsf(out.pixels[PICTURE_STRIPE * 3] - srgb_encode(0.18f)) < 2e-7f);
+    assert_true(fabsf(out.pixels[2 * PICTURE_STRIPE * 3] - srgb_encode(0.36f)) < 2e-7f);
     image_release(&out);
     s.exposure_ev = -1.0; /* on top of it */
     out = apply(&in, &s);
-    assert_true(fabsf(out.pixels[16 * 3] - srgb_encode(0.18f)) < 2e-7f);
+    assert_true(fabsf(out.pixels[2 * PICTURE_STRIPE * 3] - srgb_encode(0.18f)) < 2e-7f);
     image_release(&out);
     image_release(&in);
 }
@@ -1127,7 +1216,10 @@ int main(void)
         cmocka_unit_test(test_statistics_of_all_lines),
         cmocka_unit_test(test_noise_does_not_meter),
         cmocka_unit_test(test_samples_do_not_meter),
-        cmocka_unit_test(test_rims_count_by_what_is_lit),
+        cmocka_unit_test(test_log_mean),
+        cmocka_unit_test(test_log_mean_beside_the_sun),
+        cmocka_unit_test(test_log_mean_does_not_flicker),
+        cmocka_unit_test(test_tiles_that_lie_apart),
         cmocka_unit_test(test_exposure_brightens),
         cmocka_unit_test(test_monotone),
         cmocka_unit_test(test_hard_inputs),

@@ -49,6 +49,17 @@ function valueOf(bin, middle) {
   return oneFloat[0];
 }
 
+/* log2 in steps of 2^-12, within .09; and a value of it. */
+function roughLog(value) {
+  oneFloat[0] = value;
+  return itsBits[0] >>> 11;
+}
+
+function valueOfLog(log) {
+  itsBits[0] = log << 11;
+  return oneFloat[0];
+}
+
 /* The nearest rank, as statistics.c finds it. */
 function percentileOf(bins, percent, middle) {
   let total = 0;
@@ -62,16 +73,41 @@ function percentileOf(bins, percent, middle) {
   return 0;
 }
 
-/* The log-mean is that of the means of blocks; a pixel of one counts at most as so many times their log-mean. */
-const BLOCK = 8, BRIGHTEST = 64;
-const blockLight = new Float64Array(BLOCK * BLOCK);
+/* The log-mean is that of the means of 9x9 pixels around those that are lit; a pixel counts at most as 2^6 times the
+ * log-mean of those around it. statistics.c says why. It is measured by cells of tiles, with what their windows reach. */
+const REACH = 4, SIDE = 2 * REACH + 1, MARGIN = 2 * REACH, BRIGHTEST = 6 << 12;
+const CELL = 4 * TILE, AREA = CELL + 2 * MARGIN;
+const light = new Float64Array(AREA * AREA), lines = new Float64Array(AREA * AREA);
+/* Of a pixel, of a column, of a window: the sum of log2 in steps of 2^-12 (20 bits each), how many are lit, how many are there. */
+const LIT = 2 ** 28, THERE = 2 ** 35;
+const packed = new Float64Array(AREA * AREA), columns = new Float64Array(AREA);
+const there = new Uint8Array(AREA * AREA); /* in a pixel's window */
 
-function limitedSum(pixels, lit) {
-  let logs = 0, sum = 0;
-  for (let i = 0; i < pixels; i++) if (blockLight[i] > 0) logs += Math.log(blockLight[i]);
-  const most = BRIGHTEST * Math.exp(logs / lit);
-  for (let i = 0; i < pixels; i++) sum += Math.min(blockLight[i], most);
-  return sum;
+/* light[] as far as windows are within the area: limited, and there[]. */
+function limitLight() {
+  columns.fill(0);
+  for (let y = 0; y < AREA; y++) {
+    const middle = y - REACH;
+    for (let x = 0; x < AREA; x++) columns[x] += packed[y * AREA + x] - (y < SIDE ? 0 : packed[(y - SIDE) * AREA + x]);
+    if (middle < REACH) continue;
+    let sum = 0;
+    for (let x = 0; x < SIDE - 1; x++) sum += columns[x];
+    for (let x = REACH, i = middle * AREA + REACH; x < AREA - REACH; x++, i++) {
+      sum += columns[x + REACH];
+      const pixels = Math.floor(sum / THERE), lit = Math.floor((sum - pixels * THERE) / LIT), log = sum - pixels * THERE - lit * LIT;
+      there[i] = pixels;
+      if (light[i] > 0 && (packed[i] - THERE - LIT - BRIGHTEST) * lit > log) light[i] = valueOfLog(Math.floor(log / lit) + BRIGHTEST);
+      sum -= columns[x - REACH];
+    }
+  }
+}
+
+/* lines[] of the cell's columns: the sums of so many pixels around each in its line. */
+function sumLines() {
+  for (let y = REACH; y < AREA - REACH; y++)
+    for (let i = y * AREA + MARGIN, end = (y + 1) * AREA - MARGIN; i < end; i++)
+      lines[i] = light[i - 4] + light[i - 3] + light[i - 2] + light[i - 1] + light[i]
+        + light[i + 1] + light[i + 2] + light[i + 3] + light[i + 4];
 }
 
 export class Pixels {
@@ -85,17 +121,20 @@ export class Pixels {
     this.whole = new BigUint64Array(this.data.buffer);  /* a pixel each */
     this.begun = new Uint8Array(this.down);       /* lines of tiles: has `data` something there? */
     this.samples = new Float64Array(this.tiles);  /* a pixel, mean over the tile */
-    this.logs = new Float64Array(this.tiles);     /* of a tile: sum of ln Y, */
-    this.least = new Float64Array(this.tiles);    /* smallest */
-    this.most = new Float64Array(this.tiles);     /* and largest Y of the pixels that count, */
-    this.counts = new Uint32Array(this.tiles);    /* and how many they are */
+    this.cellsAcross = Math.ceil(width / CELL);
+    const cells = this.cellsAcross * Math.ceil(height / CELL);
+    this.changed = new Uint8Array(cells);         /* since it was measured: */
+    this.logs = new Float64Array(cells);          /* of a cell: sum of ln Y, */
+    this.least = new Float64Array(cells);         /* smallest */
+    this.most = new Float64Array(cells);          /* and largest Y of the pixels that count, */
+    this.counts = new Uint32Array(cells);         /* and how many they are */
     this.balance = IDENTITY;
     this.clear();
   }
 
   clear() {
     this.begun.fill(0);
-    for (const of of [this.samples, this.logs, this.least, this.most, this.counts]) of.fill(0);
+    for (const of of [this.samples, this.changed, this.logs, this.least, this.most, this.counts]) of.fill(0);
     this.arrived = 0;
     this.luminances = this.largest = null;        /* bins; null: not asked for */
     this.known = null;
@@ -126,18 +165,27 @@ export class Pixels {
       this.data.set(halves.subarray(y * width * 4, (y + 1) * width * 4), ((place.y + y) * this.width + place.x) * 4);
     if (this.samples[tile] === 0 && samples > 0) this.arrived++;
     this.samples[tile] = samples;
-    this.measureTile(tile);
+    this.markChanged(place);
     if (this.luminances) this.countTile(tile, 1);
     this.known = null;
     return true;
   }
 
-  /* fn(luminance, largest channel) of the place's pixels that are finite, after white balance. What is not is
-   * made black or the brightest half. */
+  /* The cells whose windows see the place. */
+  markChanged({ x, y, width, height }) {
+    const last = Math.min(x + width - 1 + MARGIN, this.width - 1), bottom = Math.min(y + height - 1 + MARGIN, this.height - 1);
+    for (let row = Math.floor(Math.max(y - MARGIN, 0) / CELL); row * CELL <= bottom; row++)
+      for (let column = Math.floor(Math.max(x - MARGIN, 0) / CELL); column * CELL <= last; column++)
+        this.changed[row * this.cellsAcross + column] = 1;
+  }
+
+  /* fn(luminance, largest channel, column, row) of the place's pixels that are there and finite, after white balance.
+   * What is not finite is made black or the brightest half. */
   eachPixel({ x, y, width, height }, fn) {
     const m = this.balance, d = this.data, plain = m === IDENTITY;
-    for (let row = y; row < y + height; row++)
-      for (let i = (row * this.width + x) * 4, end = i + width * 4; i < end; i += 4) {
+    for (let row = y; row < y + height; row++) {
+      if (!this.begun[Math.floor(row / TILE)]) continue;
+      for (let i = (row * this.width + x) * 4, column = x; column < x + width; i += 4, column++) {
         if (d[i] === NOTHING) continue;
         let r = floats[d[i]], g = floats[d[i + 1]], b = floats[d[i + 2]];
         if (!(r - r === 0 && g - g === 0 && b - b === 0)) {
@@ -150,36 +198,42 @@ export class Pixels {
           b = Math.max(m[6] * r + m[7] * g + m[8] * b, 0);
           r = Math.max(red, 0); g = Math.max(green, 0);
         }
-        fn(WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b, Math.max(r, g, b));
+        fn(WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b, Math.max(r, g, b), column, row);
       }
+    }
   }
 
-  /* statistics.c says why by blocks. */
-  measureTile(tile) {
-    const { x, y, width, height } = this.place(tile);
-    this.logs[tile] = this.counts[tile] = this.most[tile] = 0;
-    this.least[tile] = Infinity;
-    for (let top = 0; top < height; top += BLOCK)
-      for (let left = 0; left < width; left += BLOCK)
-        this.measureBlock(tile, { x: x + left, y: y + top, width: Math.min(BLOCK, width - left), height: Math.min(BLOCK, height - top) });
-  }
-
-  measureBlock(tile, place) {
-    let pixels = 0, lit = 0, light = 0, least = Infinity, most = 0;
-    this.eachPixel(place, (luminance) => {
-      blockLight[pixels++] = luminance;
-      if (!(luminance > 0)) return;
-      lit++;
-      light += luminance;
-      if (luminance < least) least = luminance;
-      if (luminance > most) most = luminance;
+  measureCell(cell) {
+    const x = cell % this.cellsAcross * CELL, y = Math.floor(cell / this.cellsAcross) * CELL;
+    const left = Math.max(x - MARGIN, 0), top = Math.max(y - MARGIN, 0);
+    const right = Math.min(x + CELL + MARGIN, this.width), bottom = Math.min(y + CELL + MARGIN, this.height);
+    let least = Infinity, most = 0, count = 0, logs = 0, product = 1;
+    light.fill(0);
+    packed.fill(0);
+    this.eachPixel({ x: left, y: top, width: right - left, height: bottom - top }, (luminance, largest, column, row) => {
+      const i = (row - y + MARGIN) * AREA + column - x + MARGIN;
+      packed[i] = luminance > 0 ? THERE + LIT + roughLog(luminance) : THERE;
+      light[i] = luminance;
+      if (!(luminance > 0 && column >= x && column < x + CELL && row >= y && row < y + CELL)) return;
+      least = Math.min(least, luminance);
+      most = Math.max(most, luminance);
     });
-    if (!lit) return;
-    if (most > BRIGHTEST * least) light = limitedSum(pixels, lit);
-    this.logs[tile] += lit * Math.log(light / pixels);
-    this.counts[tile] += lit;
-    this.least[tile] = Math.min(this.least[tile], least);
-    this.most[tile] = Math.max(this.most[tile], most);
+    limitLight();
+    sumLines();
+    for (let row = MARGIN; row < AREA - MARGIN; row++)
+      for (let i = row * AREA + MARGIN, end = i + CELL; i < end; i++) {
+        if (!(light[i] > 0)) continue;
+        let sum = 0;
+        for (let k = i - REACH * AREA; k <= i + REACH * AREA; k += AREA) sum += lines[k];
+        product *= sum / there[i];
+        if (++count % 8 > 0) continue; /* the exponents of eight halves' product fit a double */
+        logs += Math.log(product);
+        product = 1;
+      }
+    this.logs[cell] = logs + Math.log(product);
+    this.counts[cell] = count;
+    this.least[cell] = least;
+    this.most[cell] = most;
   }
 
   countTile(tile, sign) {
@@ -196,20 +250,22 @@ export class Pixels {
     if (same) return;
     this.balance = matrix.every((x, i) => x === IDENTITY[i]) ? IDENTITY : matrix;
     this.luminances = this.largest = this.known = null;
-    for (let tile = 0; tile < this.tiles; tile++) if (this.samples[tile] > 0) this.measureTile(tile);
+    this.changed.fill(1);
   }
 
   /* {count, logMean, least, most}; count 0: nothing is lit. */
   measured() {
     if (this.known) return this.known;
     let sum = 0, count = 0, least = Infinity, most = 0;
-    for (let tile = 0; tile < this.tiles; tile++)
-      if (this.counts[tile] > 0) {
-        sum += this.logs[tile];
-        count += this.counts[tile];
-        least = Math.min(least, this.least[tile]);
-        most = Math.max(most, this.most[tile]);
-      }
+    for (let cell = 0; cell < this.counts.length; cell++) {
+      if (this.changed[cell]) this.measureCell(cell);
+      this.changed[cell] = 0;
+      if (!this.counts[cell]) continue;
+      sum += this.logs[cell];
+      count += this.counts[cell];
+      least = Math.min(least, this.least[cell]);
+      most = Math.max(most, this.most[cell]);
+    }
     this.known = { count, logMean: count ? Math.exp(sum / count) : 1, least: count ? least : 0, most };
     return this.known;
   }
