@@ -134,8 +134,11 @@ def thread_seconds(pid):
     """CPU time of each thread of a process, by its number."""
     out = {}
     for thread in os.listdir("/proc/%d/task" % pid):
-        with open("/proc/%d/task/%s/schedstat" % (pid, thread)) as source:
-            out[int(thread)] = int(source.read().split()[0]) / 1e9
+        try:
+            with open("/proc/%d/task/%s/schedstat" % (pid, thread)) as source:
+                out[int(thread)] = int(source.read().split()[0]) / 1e9
+        except (FileNotFoundError, ProcessLookupError):  # it ended
+            continue
     return out
 
 

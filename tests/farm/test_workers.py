@@ -387,8 +387,11 @@ class StoppedThread:
 
     def __init__(self, pid):
         def busy(thread):
-            with open("/proc/%d/task/%s/stat" % (pid, thread)) as stat:
-                return int(stat.read().rsplit(")")[1].split()[11])
+            try:
+                with open("/proc/%d/task/%s/stat" % (pid, thread)) as stat:
+                    return int(stat.read().rsplit(")")[1].split()[11])
+            except (FileNotFoundError, ProcessLookupError):  # it ended
+                return -1
         self.thread = int(max(os.listdir("/proc/%d/task" % pid), key=busy))
 
     def ptrace(self, request):
@@ -434,8 +437,11 @@ def busy_ns(pid):
     """Of the thread that computed most: what it computed, and what it waited for a processor beside."""
     threads = []
     for thread in os.listdir("/proc/%d/task" % pid):
-        with open("/proc/%d/task/%s/schedstat" % (pid, thread)) as source:
-            ran, waited, _ = map(int, source.read().split())
+        try:
+            with open("/proc/%d/task/%s/schedstat" % (pid, thread)) as source:
+                ran, waited, _ = map(int, source.read().split())
+        except (FileNotFoundError, ProcessLookupError):  # it ended
+            continue
         threads.append((ran, ran + waited))
     return max(threads)
 
