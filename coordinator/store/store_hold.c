@@ -2,6 +2,8 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -99,9 +101,30 @@ static status hold(const char *folder, int how, int *out, struct error *err)
     return s;
 }
 
+/* Those of this process who remove share one lock. */
+static struct {
+    pthread_mutex_t lock;
+    int file, users; /* how many have it */
+    char folder[PATH_MAX];
+} exclusive = {.lock = PTHREAD_MUTEX_INITIALIZER};
+
 status store_hold_exclude(const char *folder, int *out, struct error *err)
 {
-    return hold(folder, LOCK_EX | LOCK_NB, out, err);
+    status s = STATUS_OK;
+    pthread_mutex_lock(&exclusive.lock);
+    if (exclusive.users > 0 && strcmp(exclusive.folder, folder) == 0) {
+        exclusive.users++;
+        *out = exclusive.file;
+    } else {
+        s = hold(folder, LOCK_EX | LOCK_NB, out, err);
+        if (s == STATUS_OK && exclusive.users == 0 && strlen(folder) < sizeof exclusive.folder) {
+            strcpy(exclusive.folder, folder);
+            exclusive.file = *out;
+            exclusive.users = 1;
+        }
+    }
+    pthread_mutex_unlock(&exclusive.lock);
+    return s;
 }
 
 status store_hold_begin(const char *folder, int *out, struct error *err) { return hold(folder, LOCK_SH, out, err); }
@@ -110,6 +133,10 @@ void store_hold_end(int fd)
 {
     if (fd < 0)
         return;
-    flock(fd, LOCK_UN); /* a program that is being started may still have a copy of the descriptor */
-    close(fd);
+    pthread_mutex_lock(&exclusive.lock);
+    if (exclusive.users == 0 || fd != exclusive.file || --exclusive.users == 0) {
+        flock(fd, LOCK_UN); /* a program that is being started may still have a copy of the descriptor */
+        close(fd);
+    }
+    pthread_mutex_unlock(&exclusive.lock);
 }

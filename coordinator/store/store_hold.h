@@ -18,7 +18,7 @@ struct store_lock {
 status store_lock(struct store_lock *out, const char *folder, struct error *err) MUST_CHECK;
 void store_unlock(struct store_lock *lock);
 
-/* Before a removal: ERR_REFUSED while a backup holds the store. ERR_IO: not known, or the store's disk is not there. *hold is for
+/* Before a removal, of which several may be under way in a process: ERR_REFUSED while a backup holds the store. ERR_IO: not known, or the store's disk is not there. *hold is for
  * store_hold_end, also after a failure. [any thread] */
 status store_hold_exclude(const char *folder, int *hold, struct error *err) MUST_CHECK;
 /* Before a backup: waits until what is being removed is gone. ERR_IO. */

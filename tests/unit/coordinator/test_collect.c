@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "common/system/clock.h"
+#include "common/system/file.h"
 #include "common/base/memory.h"
 #include "coordinator/farm/closing.h"
 #include "coordinator/steering/collect.h"
@@ -263,6 +264,32 @@ static void copies_hold_nothing(void **state)
     close(copy);
 }
 
+/* One job's files are being removed when the next one is to go: neither takes the other for a backup, which waits for both. */
+static void removals_share_the_store(void **state)
+{
+    struct sim_stored *f = *state;
+    char *path = file_join(f->folder, "hold");
+    struct error err = {0};
+    int first, second, other, backup;
+
+    assert_int_equal(store_hold_exclude(f->folder, &first, &err), STATUS_OK);
+    assert_int_equal(store_hold_exclude(f->folder, &second, &err), STATUS_OK);
+    other = open(path, O_RDWR | O_CLOEXEC);
+    assert_true(other >= 0);
+    store_hold_end(first);
+    assert_int_equal(flock(other, LOCK_SH | LOCK_NB), -1);
+    store_hold_end(second);
+    assert_int_equal(flock(other, LOCK_SH | LOCK_NB), 0);
+    close(other);
+    assert_int_equal(store_hold_begin(f->folder, &backup, &err), STATUS_OK);
+    assert_int_equal(store_hold_exclude(f->folder, &first, &err), STATUS_ERR_REFUSED);
+    store_hold_end(first);
+    store_hold_end(backup);
+    assert_int_equal(store_hold_exclude(f->folder, &first, &err), STATUS_OK);
+    store_hold_end(first);
+    mem_free(path);
+}
+
 /* What a big job needs, and what is said to those who submit it. */
 static void jobs_that_do_not_fit(void **state)
 {
@@ -297,6 +324,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(what_is_read_or_copied_stays, sim_stored_set_up,
                                         sim_stored_tear_down),
         cmocka_unit_test_setup_teardown(copies_hold_nothing, sim_stored_set_up, sim_stored_tear_down),
+        cmocka_unit_test_setup_teardown(removals_share_the_store, sim_stored_set_up, sim_stored_tear_down),
         cmocka_unit_test_setup_teardown(jobs_that_do_not_fit, sim_stored_set_up,
                                         sim_stored_tear_down),
     };
