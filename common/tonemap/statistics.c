@@ -184,6 +184,8 @@ static void find_ends(struct patch_sum *sum, const double *light, size_t count)
     }
 }
 
+_Static_assert(STATISTICS_WINDOW == 9, "sum_nine and sum_windows have nine");
+
 /* out[i] is the sum of in[i] to in[i + 8]. */
 static void sum_nine(int32_t out[LINE], const int32_t in[LINE], size_t width)
 {

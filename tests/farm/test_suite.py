@@ -13,7 +13,7 @@ tests = Tests()
 GOOD = "print('ok 1 - good')\n"
 BAD = "print('not ok 1 - bad')\nprint('# a reason')\nraise SystemExit(1)\n"
 HANGS = "import time\nprint('ok 1 - begun', flush=True)\ntime.sleep(1000)\n"
-DIES = "import os\nos.abort()\n"
+DIES = "import os, resource\nresource.setrlimit(resource.RLIMIT_CORE, (0, 0))\nos.abort()\n"
 
 
 def blinks(name):
@@ -76,10 +76,10 @@ def too_many_blinks():
 def a_failure():
     """What fails twice, dies or hangs fails the run, with its reason; a time-out is called so"""
     code, lines, _ = run({"tests/farm/test_bad.py": BAD, "tests/web/test_hangs.py": HANGS, "tests/unit/test_dies.c": DIES,
-                          "tests/farm/test_good.py": GOOD}, limit_s=2)
+                          "tests/farm/test_good.py": GOOD}, limit_s=5)
     expect(code == 1 and lines[-1] == "2 passed, 3 failed", (code, lines))
     expect(has(lines, r"^FAIL tests/farm/test_bad.py \(0 ok, 1 failed, exit 1\)") and has(lines, "# a reason"), lines)
-    expect(has(lines, r"^FAIL tests/web/test_hangs.py \(time-out after 2 s, 1 ok\)"), lines)
+    expect(has(lines, r"^FAIL tests/web/test_hangs.py \(time-out after 5 s, 1 ok\)"), lines)
     expect(has(lines, r"^FAIL tests/unit/test_dies \(0 ok, 1 failed, exit 134\)"), lines)
     expect(not has(lines, "^unsteady"), lines)
 

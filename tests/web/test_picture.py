@@ -2,6 +2,7 @@
 """The page's picture: its operators are the farm's, and what is drawn, read and chosen is right."""
 import base64
 import json
+import math
 import os
 import subprocess
 import sys
@@ -345,8 +346,9 @@ def a_slow_display_is_spared():
 
 @tests.add
 def measures_follow_the_tiles():
-    """what operators measure is the same whether tiles came once or were replaced"""
+    """what operators measure is the same whether tiles came once or were replaced, and however often a pixel without light is read"""
     first, then = wild_light(67, 45, 2), wild_light(67, 45, 3)
+    then.rows[5][60] = (math.nan, math.nan, math.nan, 0.0)
     with Stage() as site, Browser() as browser:
         page = browser.page(site.url())
         begin(page, first)

@@ -179,8 +179,8 @@ export class Pixels {
         this.changed[row * this.cellsAcross + column] = 1;
   }
 
-  /* fn(luminance, largest channel, column, row) of the place's pixels that are there and finite, after white balance.
-   * What is not finite is made black or the brightest half. */
+  /* fn(luminance, largest channel, column, row) of the place's pixels that are there, after white balance. What is not
+   * finite is made black or the brightest half, for those who read it later, too. */
   eachPixel({ x, y, width, height }, fn) {
     const m = this.balance, d = this.data, plain = m === IDENTITY;
     for (let row = y; row < y + height; row++) {
@@ -190,7 +190,7 @@ export class Pixels {
         let r = floats[d[i]], g = floats[d[i + 1]], b = floats[d[i + 2]];
         if (!(r - r === 0 && g - g === 0 && b - b === 0)) {
           for (let c = i; c < i + 3; c++) if ((d[c] & 0x7c00) === 0x7c00) d[c] = d[c] === 0x7c00 ? 0x7bff : 0;
-          continue;
+          r = floats[d[i]]; g = floats[d[i + 1]]; b = floats[d[i + 2]];
         }
         r = r > 0 ? r : 0; g = g > 0 ? g : 0; b = b > 0 ? b : 0;
         if (!plain) {
