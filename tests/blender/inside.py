@@ -269,8 +269,46 @@ def azulejo_settings(scene, program, options):
     panel.samples = int(options.get("samples", 16))
     panel.target_error = options.get("target_error", "")
     panel.patience = float(options.get("patience", 60))
+    panel.denoise = options.get("denoise", "OFF")
     if "address" in options:
         panel.device, panel.address, panel.key_file = "FARM", options["address"], options["key"]
+
+
+class Layout:
+    """Stands for a panel's: without a window nothing is drawn. A property that is not there fails."""
+    active = use_property_split = use_property_decorate = False
+
+    def column(self):
+        return self
+    row = column
+
+    def prop(self, data, name, text=""):
+        getattr(data, name)
+
+    def label(self, text, icon=""):
+        pass
+
+
+def draw_panels(package):
+    """What a mistake in them is: an exception."""
+    for panel in package.panel.CLASSES:
+        if hasattr(panel, "draw"):
+            layout = type("Drawn", (), {"layout": Layout(), "column": lambda self: self.layout})()
+            panel.draw(layout, bpy.context)
+
+
+def composite(scene, matte):
+    """The compositor's picture is the matte of a thing: "object NAME" or "material NAME"."""
+    kind, name = matte.split(" ", 1)
+    scene.use_nodes = True
+    tree = scene.node_tree
+    tree.nodes.clear()
+    layers, node, out = (tree.nodes.new("CompositorNode" + n) for n in ("RLayers", "CryptomatteV2", "Composite"))
+    node.source, node.scene = "RENDER", scene
+    node.layer_name = "%s.Crypto%s" % (bpy.context.view_layer.name, kind.capitalize())
+    node.matte_id = name
+    tree.links.new(layers.outputs["Image"], node.inputs["Image"])
+    tree.links.new(node.outputs["Matte"], out.inputs["Image"])
 
 
 def stop_when(look, path):
@@ -314,6 +352,10 @@ def main(case, folder, program, *words):
     layer = bpy.context.view_layer
     for flag in filter(None, options.get("passes", "").split(",")):
         setattr(layer, flag, True)
+    if "matte" in options:
+        scene.render.engine = "AZULEJO"  # whose passes the nodes have
+        composite(scene, options["matte"])
+    draw_panels(package)
     stop_when(int(options.get("stop_at", 0)), os.path.join(folder, "looks"))
     said = {"error": None}
     began = time.time()

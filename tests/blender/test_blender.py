@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 """The add-on in a real Blender without a window: `make test-blender`. Skipped by name where no Blender is installed."""
 import json
+import math
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 
@@ -192,7 +194,7 @@ def passes_arrive():
     """depth, normal, position, albedo and samples become layers in Blender's axes; alpha leaves the background out"""
     with Farm() as farm:
         run = Run(farm, "default", width=64, height=40, samples=8, file="OPEN_EXR_MULTILAYER", transparent=1,
-                  passes="use_pass_z,use_pass_normal,use_pass_position,azulejo_albedo,azulejo_samples,azulejo_error")
+                  passes="use_pass_z,use_pass_normal,use_pass_position,azulejo_denoising,azulejo_samples,azulejo_error")
         no_error(run.end())
         picture = read_exr(run.path("azulejo.exr"))
         middle = 20 * 64 + 32
@@ -209,6 +211,56 @@ def passes_arrive():
         expect(abs(at("Denoising Albedo.R") - .8) < .01, at("Denoising Albedo.R"))
         expect(at("Azulejo Samples.X") == 8 and at("Azulejo Error.R") >= 0, "samples")
         expect(at("Combined.A") == 1 and at("Combined.A", 0) == 0 and at("Combined.R", 0) == 0, "alpha")
+
+
+def off(picture, layer, truth):
+    """The root of the mean squared difference of red and green, above 1 cut off."""
+    pairs = [(a, b) for c in "RG" for a, b in zip(picture.values(layer + "." + c), truth.values("ViewLayer.Combined." + c))]
+    return math.sqrt(sum((min(a, 1) - min(b, 1)) ** 2 for a, b in pairs) / len(pairs))
+
+
+@tests.add
+def a_picture_without_noise():
+    """the denoised picture is Blender's; the rendered one is a pass, with the bits that it has alone, and what guides the denoiser"""
+    size = {"width": 96, "height": 54, "file": "OPEN_EXR_MULTILAYER"}
+    with Farm() as farm:
+        pictures = []
+        for more in ({"samples": 16}, {"samples": 16, "denoise": "ON", "passes": "azulejo_denoising"}, {"samples": 1024}):
+            run = Run(farm, "room", **size, **more)
+            said = no_error(run.end())
+            expect(not any("denois" in n for n in said["notes"]), said["notes"])
+            pictures.append(read_exr(run.path("azulejo.exr")))
+        raw, clean, truth = pictures
+        for channel in "RGBA":
+            expect(clean.values("ViewLayer.Noisy Image." + channel) == raw.values("ViewLayer.Combined." + channel),
+                   "the noisy image is not the picture")
+        before, after = (off(clean, "ViewLayer." + name, truth) for name in ("Noisy Image", "Combined"))
+        expect(after < before / 2, "off by %g, denoised by %g" % (before, after))
+        middle = 30 * 96 + 36  # the block
+        expect(abs(clean.values("ViewLayer.Denoising Albedo.R")[middle] - .75) < .01 and
+               clean.values("ViewLayer.Denoising Normal.Y")[middle] < -.9 and
+               4 < clean.values("ViewLayer.Denoising Depth.Z")[middle] < 6, "guides")
+
+
+@tests.add
+def mattes_reach_the_compositor():
+    """Blender's Cryptomatte node picks an object and a material of the render, to the share; the file has both manifests"""
+    with Farm() as farm:
+        for matte, flag in (("object Cube", "use_pass_cryptomatte_object"), ("material grey", "use_pass_cryptomatte_material")):
+            run = Run(farm, "default", width=64, height=40, samples=16, file="OPEN_EXR_MULTILAYER", transparent=1, matte=matte,
+                      passes=flag)
+            no_error(run.end())
+            picture = read_exr(run.path("azulejo.exr"))
+            shares, alpha = picture.values("Composite.Combined.R"), picture.values("ViewLayer.Combined.A")
+            expect(max(abs(a - b) for a, b in zip(shares, alpha)) < 1e-5, "the matte of all there is is not alpha")
+            expect(0 < min(s for s in shares if s > 0) < .9 and max(shares) > .999, "no edge, or no inside")
+            kind, name = matte.split()
+            layer = "ViewLayer.Crypto" + kind.capitalize()
+            keys = [k for k, v in picture.attributes.items() if k.startswith("cryptomatte/") and v == layer.encode()]
+            expect(len(keys) == 1, list(picture.attributes))
+            manifest = json.loads(picture.attributes[keys[0].replace("/name", "/manifest")])
+            expect(struct.pack("<I", int(manifest[name], 16)) == struct.pack(
+                "<f", picture.values(layer + "00.r")[20 * 64 + 32]), manifest)
 
 
 @tests.add

@@ -42,7 +42,7 @@ def close(a, b, tolerance=1e-6):
 
 def settings(**more):
     return dict({"samples": 64, "target_error": "", "time_limit_s": 0, "max_depth": 12, "seed": 0, "frame": 7, "shutter": 0,
-                 "transparent": False, "aovs": [], "name": "cube-0007", "priority": 0}, **more)
+                 "transparent": False, "aovs": [], "denoise": "off", "name": "cube-0007", "priority": 0}, **more)
 
 
 def exported(**more):
@@ -198,14 +198,14 @@ def options_say_what_the_panel_says():
     words = options.submit_words(settings(), exported(), (160, 90), None)
     expect(option(words, "--size") == "160x90" and option(words, "--spp") == "64" and option(words, "--seed") == "7" and
            option(words, "--env-rotate") == "-40" and option(words, "--lens") == "0" and option(words, "--region") is None and
-           option(words, "--focus") is None and "--alpha" not in words, words)
+           option(words, "--focus") is None and "--alpha" not in words and "--denoise" not in words, words)
     words = options.submit_words(settings(samples=0, target_error="2/255", time_limit_s=90, shutter=.5, transparent=True,
-                                          aovs=["depth", "normal"]),
+                                          aovs=["depth", "normal"], denoise="fast"),
                                  exported(lens_radius=.01, focus=3.0, shift=[.1, -.05]), (160, 90), (40, 10, 80, 60))
     expect(option(words, "--size") == "192x106" and option(words, "--region") == "72,36,80,60" and
            option(words, "--target-error") == "2/255" and option(words, "--time-limit") == "90s" and
            option(words, "--shutter") == "0.5" and option(words, "--focus") == "3" and option(words, "--spp") is None and
-           "--alpha" in words and option(words, "--aov") == "depth,normal", words)
+           "--alpha" in words and option(words, "--denoise") == "fast" and option(words, "--aov") == "depth,normal", words)
     expect(options.border_pixels((100, 50), .1, .2, .5, 1.0) == (10, 10, 40, 40), options.border_pixels((100, 50), .1, .2, .5, 1))
     expect(option(options.submit_words(settings(frame=-3), exported(), (8, 8), None), "--seed") == str((1 << 31) - 3), "seed")
 
@@ -213,7 +213,8 @@ def options_say_what_the_panel_says():
 @tests.add
 def every_option_exists():
     """azulejo submit knows each of them"""
-    words = options.submit_words(settings(target_error="1%", time_limit_s=1, shutter=1, transparent=True, aovs=["depth"], priority=1),
+    words = options.submit_words(settings(target_error="1%", time_limit_s=1, shutter=1, transparent=True, aovs=["depth"], denoise="on",
+                                          priority=1),
                                  exported(lens_radius=1, focus=1, shift=[.5, .5]), (8, 8), None)
     text = subprocess.run([AZULEJO, "help", "submit"], capture_output=True, text=True, check=True).stdout
     for word in words:
@@ -237,6 +238,8 @@ def progress_is_one_line():
     job = {"state": "running", "state_text": "", "done_share": .25, "samples_done": 800, "samples_total": 3200, "workers": 2,
            "settings": {"width": 10, "height": 10, "spp": 32}, "seconds_left": 75.2, "now": {"figures": {"display": 3.217}}}
     expect(options.progress(job) == (.25, "8 samples a pixel | error 3.2/255 | 1:15 min left | 2 workers"), options.progress(job))
+    job["now"]["figures"]["rmse_percent"], job["now"]["denoised"] = 34.04, {"rmse_percent": 8.13}
+    expect("error 3.2/255 | RMSE 34 %, denoised 8.1 % | 1:15" in options.progress(job)[1], options.progress(job))
     job.update(done_share=0, seconds_left=-1, now=None, workers=0)
     expect(options.progress(job) == (.25, "8 samples a pixel | waits for a worker"), options.progress(job))
     expect(options.progress({"state": "queued", "state_text": "", "settings": {}}) == (0, "queued"), "queued")
@@ -333,14 +336,19 @@ def stopping_is_quick():
         raised(KeyError, programs.run, ["/bin/sh", "-c", "sleep 600"], farm.folder, tick)
 
 
-@tests.add
-def pictures_are_read():
-    """an EXR of Azulejo's becomes Blender's rows: bottom up, opaque, +Z up"""
+def modules_with_numpy():
     try:
         import numpy
     except ImportError as problem:
         raise Skip("this Python has no numpy, which Blender has") from problem
     from azulejo_render import exr, passes
+    return numpy, exr, passes
+
+
+@tests.add
+def pictures_are_read():
+    """an EXR of Azulejo's becomes Blender's rows: bottom up, opaque, +Z up"""
+    numpy, exr, passes = modules_with_numpy()
     with Farm() as farm:
         farm.start_coordinator()
         farm.start_worker()
@@ -367,6 +375,42 @@ def pictures_are_read():
             with open(farm.path("cut.exr"), "wb") as out:
                 out.write(data[:size])
             raised(exr.BadFile, exr.read, farm.path("cut.exr"))
+
+
+@tests.add
+def every_pass_is_filled():
+    """all passes at once: the file has the channels of each; the denoised picture goes first, the rendered one is a pass; names of mattes"""
+    numpy, exr, passes = modules_with_numpy()
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker()
+        every = passes.wanted(lambda flag: True)
+        number = farm.submit(farm.scene(), "--size", "40x24", "--spp", "4", "--denoise", "on", "--aov", ",".join(passes.aovs(every)),
+                             "--format", "exr")
+        farm.wait_for_job(number)
+        farm.cli("fetch", number, "-o", "p.exr", expect=0)
+        picture = exr.read(farm.path("p.exr"))
+        raw, clean = (picture.layer(*(name + c for c in "RGB")) for name in ("", "denoised."))
+        expect(passes.is_denoised(picture) and not numpy.array_equal(raw, clean), "not denoised")
+        hashes = passes.crypto_fields(picture, "View é")
+        passes.expose(picture, 2.0)
+        expect(numpy.array_equal(passes.combined(picture)[..., :3], 2 * clean), "not the denoised picture, or not exposed")
+        for one in every:
+            values = one.make(picture)
+            expect(values is not None and values.shape[2] == len(one.letters), one.name)
+            expect(one.name != "Noisy Image" or numpy.array_equal(values[..., :3], 2 * raw), "the noisy image")
+        expect(max(len(p.name) for p in every) < 64, "Blender cuts names of passes")
+        for name, value in picture.attributes.items():  # the program's own key
+            if name.startswith("cryptomatte/") and name.endswith("/name"):
+                expect(name.split("/")[1] == ("%08x" % passes.murmur3(value.decode()))[:7], name)
+        names = {text: field.split("/")[1] for field, text in hashes if field.endswith("/name")}
+        expect(sorted(names) == ["View é.Crypto" + kind for kind in ("Asset", "Material", "Object")], names)
+        manifest = dict(hashes)["cryptomatte/%s/manifest" % names["View é.CryptoMaterial"]]
+        expect(all("%08x" % passes.murmur3(name) == word or int(word, 16) >> 23 & 255 in (0, 1, 254, 255)
+                   for name, word in json.loads(manifest).items()), manifest)
+        # Blender asks for levels, two a layer.
+        objects = [p.name for p in passes.wanted(lambda flag: flag == "use_pass_cryptomatte_object", 4)]
+        expect(objects == ["CryptoObject00", "CryptoObject01"], objects)
 
 
 @tests.add

@@ -78,6 +78,11 @@ def end_session(*_):
         Current.session = None
 
 
+def wanted_passes(scene, layer):
+    return passes.wanted(lambda flag: scene.azulejo.denoise != "OFF" if flag == passes.DENOISED else getattr(layer, flag, False),
+                         getattr(layer, "pass_cryptomatte_depth", 6))
+
+
 class Frame:
     """One call of render()."""
 
@@ -91,10 +96,11 @@ class Frame:
         self.border = options.border_pixels(self.size, render.border_min_x, render.border_min_y, render.border_max_x,
                                             render.border_max_y) if render.use_border else None
         self.gain = getattr(getattr(self.scene, "cycles", None), "film_exposure", 1.0)
-        self.wanted = passes.wanted(lambda flag: getattr(self.layer, flag, False))
+        self.wanted = wanted_passes(self.scene, self.layer)
         self.result = None
         self.stopped = False
         self.shown = ""
+        self.fields = []
 
     # ---- what is asked for ---------------------------------------------------------------------------------------------
 
@@ -107,8 +113,8 @@ class Frame:
         name = os.path.splitext(os.path.basename(bpy.data.filepath))[0] or "untitled"
         return {"samples": panel.samples, "target_error": panel.target_error.strip(), "time_limit_s": panel.time_limit,
                 "max_depth": panel.max_depth, "seed": panel.seed, "frame": self.scene.frame_current, "shutter": shutter,
-                "transparent": render.film_transparent, "aovs": passes.aovs(self.wanted), "priority": panel.priority,
-                "name": "%s-%04d" % (name, self.scene.frame_current)}
+                "transparent": render.film_transparent, "aovs": passes.aovs(self.wanted), "denoise": panel.denoise.lower(),
+                "priority": panel.priority, "name": "%s-%04d" % (name, self.scene.frame_current)}
 
     def position(self):
         render = self.scene.render
@@ -149,17 +155,28 @@ class Frame:
         if (picture.width, picture.height) != (width, height):
             raise exr.BadFile("the picture has %dx%d pixels instead of %dx%d" % (picture.width, picture.height, width, height))
         layer = self.result.layers[0]
-        self.fill(layer.passes["Combined"], passes.combined(picture, self.gain))
+        passes.expose(picture, self.gain)
+        self.fill(layer.passes["Combined"], passes.combined(picture))
         for wanted in self.wanted if whole else ():
             try:
                 values = wanted.make(picture)
             except (TypeError, KeyError):
                 values = None
             if values is None:
-                self.note("pass %s: the picture has no %s" % (wanted.name, wanted.aov))
+                self.note("pass %s: the picture has no %s" % (wanted.name, wanted.aov or "channels R, G and B"))
             elif wanted.name in layer.passes:
                 self.fill(layer.passes[wanted.name], values)
+        if whole:
+            self.fields = passes.crypto_fields(picture, layer.name)
+            if self.panel.denoise != "OFF" and not passes.is_denoised(picture):
+                self.note("the picture is not denoised: the coordinator's log says why")
         self.engine.update_result(self.result)
+
+    def stamp(self):
+        """What Blender writes into the headers of files."""
+        whole = self.engine.get_result() if self.fields else None
+        for field, text in self.fields if whole else ():
+            whole.stamp_data_add_field(field, text)
 
     @staticmethod
     def fill(target, values):
@@ -186,6 +203,7 @@ class Frame:
             self.follow(session, job, folder)
         finally:
             self.engine.end_result(self.result)
+            self.stamp()
             shutil.rmtree(folder, ignore_errors=True)
 
     def export(self, session, folder, settings):
@@ -203,6 +221,9 @@ class Frame:
             self.note("the shutter is open for one frame at most: %g became 1" % render.motion_blur_shutter)
         if render.pixel_aspect_x != render.pixel_aspect_y:
             self.note("the pixels' aspect is not exported: they are square")
+        crypto = [p for p in self.wanted if p.flag.startswith("use_pass_cryptomatte")]
+        if crypto and self.layer.pass_cryptomatte_depth > 2 * passes.CRYPTO_LAYERS:
+            self.note("Cryptomatte has %d levels at most" % (2 * passes.CRYPTO_LAYERS))
         if render.use_multiview:
             self.note("stereo views are not exported")
         return exported
@@ -326,7 +347,7 @@ class AzulejoEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene=None, renderlayer=None):
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
-        for wanted in passes.wanted(lambda flag: getattr(renderlayer, flag, False)):
+        for wanted in wanted_passes(scene, renderlayer):
             self.register_pass(scene, renderlayer, wanted.name, len(wanted.letters), wanted.letters, wanted.kind)
 
 

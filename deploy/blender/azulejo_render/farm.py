@@ -19,6 +19,7 @@ STOP_LIMIT_S = 5.0
 SILENCE_S = 10               # --timeout of questions
 UNREACHABLE = 4              # exit status of azulejo: no coordinator there
 TIMED_OUT = 7
+WRONG_WORDS = 2
 
 # Ends its program when standard input ends, which it does when Blender is gone.
 KEEPER = """exec 3<&0
@@ -221,13 +222,13 @@ class Job:
         return json.loads(self._ask("show", ["%d" % self.number, "--json"] + self._timeout())[0])
 
     def preview(self, path):
-        """The picture as it is, as an EXR file; False: there is none yet."""
+        """The picture as it is, as an EXR file, denoised as the job says; False: there is none yet."""
         try:
             self._ask("fetch", ["%d" % self.number, "--preview", path, "--json"] + self._timeout())
             return True
-        except Gone:
-            raise
-        except Trouble:
+        except Trouble as trouble:
+            if isinstance(trouble, Gone) or trouble.code == WRONG_WORDS:
+                raise
             return False
 
     def finish(self):

@@ -36,7 +36,7 @@ def border_pixels(size, low_x, low_y, high_x, high_y):
 def submit_words(settings, exported, size, border):
     """The words after `azulejo submit` but for the coordinator's.
 
-    settings: {samples, target_error, time_limit_s, max_depth, seed, frame, shutter, transparent, aovs, name, priority}"""
+    settings: {samples, target_error, time_limit_s, max_depth, seed, frame, shutter, transparent, aovs, denoise, name, priority}"""
     found, env = exported["scene"], exported["env"]
     camera = found["camera"]
     width, height, part = region(camera, size, border)
@@ -60,6 +60,8 @@ def submit_words(settings, exported, size, border):
         words += ["--alpha"]
     if settings["aovs"]:
         words += ["--aov", ",".join(settings["aovs"])]
+    if settings["denoise"] != "off":
+        words += ["--denoise", settings["denoise"]]
     if settings["priority"]:
         words += ["--priority", "%d" % settings["priority"]]
     return words
@@ -103,6 +105,9 @@ def progress(job):
     display = ((job.get("now") or {}).get("figures") or {}).get("display")
     if known(display) and display > 0:
         words.append("error %.2g/255" % display)
+    noisy, clean = ((((job.get("now") or {}).get(name) or {}).get("rmse_percent")) for name in ("figures", "denoised"))
+    if known(noisy) and known(clean):
+        words.append("RMSE %.2g %%, denoised %.2g %%" % (noisy, clean))
     left = job.get("seconds_left")
     if known(left) and left >= 0 and job.get("state") == "running":
         words.append("%s left" % duration(left))

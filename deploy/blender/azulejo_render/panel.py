@@ -4,7 +4,11 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from . import engine, passes
 
-LAYER_FLAGS = [p.flag for p in passes.PASSES if p.flag.startswith("azulejo_")]
+# What a view layer is asked for. Cycles' names where it has them.
+NAMES = {"azulejo_denoising": "Denoising Data", "use_pass_cryptomatte_object": "Cryptomatte Object",
+         "use_pass_cryptomatte_material": "Cryptomatte Material", "use_pass_cryptomatte_asset": "Cryptomatte Asset"}
+FLAGS = {p.flag: NAMES.get(p.flag, p.name) for p in passes.PASSES if p.flag != passes.DENOISED}
+LAYER_FLAGS = [flag for flag in FLAGS if flag.startswith("azulejo_")]
 NOTES_SHOWN = 20
 
 
@@ -16,6 +20,12 @@ class AzulejoSettings(bpy.types.PropertyGroup):
                     "1% (of the mean) or 45dB. Empty: until the samples are used up")
     time_limit: FloatProperty(name="Time Limit", min=0, default=0, unit="NONE", description="Seconds for a frame; 0: no limit")
     max_depth: IntProperty(name="Path Length", min=0, max=1024, default=12, description="Edges of a path after the camera's ray")
+    denoise: EnumProperty(
+        name="Denoise", default="OFF", update=lambda self, context: context.view_layer.update_render_passes(),
+        description="Show the picture without its noise; the pass Noisy Image is the picture with it", items=(
+            ("OFF", "Off", "The picture as it was rendered"),
+            ("ON", "On", "As well as the samples allow"),
+            ("FAST", "Fast", "With less work, and less well")))
     seed: IntProperty(name="Seed", min=0, default=0, description="Another seed gives other noise; each frame adds its number")
     device: EnumProperty(name="Device", default="LOCAL", items=(
         ("LOCAL", "This Machine", "Start a coordinator and a worker here, as long as the render lasts"),
@@ -52,7 +62,7 @@ class AZULEJO_PT_sampling(Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column()
-        for name in ("samples", "target_error", "time_limit", "max_depth", "seed"):
+        for name in ("samples", "target_error", "time_limit", "denoise", "max_depth", "seed"):
             column.prop(context.scene.azulejo, name)
 
 
@@ -99,8 +109,9 @@ class AZULEJO_PT_passes(Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column()
-        for wanted in passes.PASSES:
-            column.prop(context.view_layer, wanted.flag, text=wanted.name)
+        for flag, name in FLAGS.items():
+            column.prop(context.view_layer, flag, text=name)
+        column.prop(context.view_layer, "pass_cryptomatte_depth", text="Levels")
 
 
 CLASSES = (AzulejoSettings, AZULEJO_PT_sampling, AZULEJO_PT_device, AZULEJO_PT_film, AZULEJO_PT_notes, AZULEJO_PT_passes)
@@ -128,10 +139,9 @@ def register():
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.azulejo = PointerProperty(type=AzulejoSettings)
-    for wanted in passes.PASSES:
-        if wanted.flag in LAYER_FLAGS:
-            setattr(bpy.types.ViewLayer, wanted.flag, BoolProperty(
-                name=wanted.name, default=False, update=lambda self, context: self.update_render_passes()))
+    for flag in LAYER_FLAGS:
+        setattr(bpy.types.ViewLayer, flag, BoolProperty(
+            name=FLAGS[flag], default=False, update=lambda self, context: self.update_render_passes()))
     for panel in shared_panels():
         panel.COMPAT_ENGINES.add("AZULEJO")
 
