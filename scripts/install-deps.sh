@@ -4,13 +4,13 @@
 # Debian and Ubuntu: apt-get, through sudo when not root. Elsewhere: if everything is there
 # already, nothing; else the packages' names are printed and the exit status is 1.
 # --tests: also the shells whose completion is tested, the browser that the page is tested in, what the
-# API's description is checked with, and what knows the system calls that units allow (on Debian).
+# API's description is checked with, what Blender's Python has, and what knows the system calls that units allow (on Debian).
 set -eu
 
 debian=(gcc g++ make libc6-dev pkg-config python3 protobuf-c-compiler librsvg2-bin
         libuv1-dev libopenexr-dev libembree-dev libprotobuf-c-dev libssl-dev libsqlite3-dev
         libjansson-dev libwebsockets-dev libwebsockets-evlib-uv libpng-dev libjpeg-dev libwebp-dev zlib1g-dev libdeflate-dev libzstd-dev libdraco-dev libcmocka-dev)
-if [ "${1:-}" = --tests ]; then debian+=(zsh fish chromium curl systemd python3-yaml python3-jsonschema); fi
+if [ "${1:-}" = --tests ]; then debian+=(zsh fish chromium curl systemd python3-yaml python3-jsonschema python3-numpy); fi
 fedora=(gcc gcc-c++ make glibc-devel pkgconf-pkg-config python3 protobuf-c-compiler librsvg2-tools
         libuv-devel openexr-devel embree-devel protobuf-c-devel openssl-devel sqlite-devel
         jansson-devel libwebsockets-devel libpng-devel libjpeg-turbo-devel libwebp-devel zlib-devel libdeflate-devel libzstd-devel draco-devel libcmocka-devel)

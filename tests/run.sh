@@ -44,7 +44,8 @@ failed_once=$logs/failed-once
 left_out=$logs/left-out
 passed_as=$logs/passed-as
 # Not by a wrapper that looks for it each time, as pyenv's does.
-python=$(python3 -c 'import sys; print(sys.executable)')
+python=/usr/bin/python3 # for which the system's packages hold modules
+[ -x "$python" ] || python=$(command -v python3)
 mkdir -p "$logs" "$passed_as"
 memory_gb() {  # free for files in memory
     { df --output=avail -k /dev/shm | tail -n 1; awk '/^MemAvailable/ { print $2 }' /proc/meminfo; } 2>/dev/null |

@@ -87,7 +87,8 @@ def render(farm, *options):
 
 def is_signed(headers, body, at_most_s=60):
     stamp = headers["X-Azulejo-Timestamp"]
-    expect(abs(time.time() - int(stamp)) < at_most_s * PATIENCE, headers)
+    now = int(subprocess.run(["date", "+%s"], env={"PATH": os.environ["PATH"]}, capture_output=True, check=True).stdout)
+    expect(abs(now - int(stamp)) < at_most_s * PATIENCE, headers)  # an event's program has no LD_PRELOAD either
     right = hmac.new(SECRET.encode(), stamp.encode() + b"." + body, hashlib.sha256).hexdigest()
     return hmac.compare_digest(headers["X-Azulejo-Signature"], "sha256=" + right)
 
