@@ -160,8 +160,6 @@ void closing_begin(struct farm *farm, struct job *job, uint64_t now_ns)
 {
     farm_job_revoke(farm, job, "the job was cancelled");
     farm_job_change(farm, job, JOB_STATE_CANCELLING, "cancelled", now_ns);
-    /* Not earlier: now the change is on disk, or its failure is known. */
-    log_info("job %llu (%s) is cancelled", (unsigned long long)job->id, job->name);
     closing_step(farm, job, now_ns);
 }
 

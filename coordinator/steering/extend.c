@@ -172,8 +172,6 @@ status farm_extend(struct farm *farm, struct job *job, const struct job_extensio
         job_extend(job, &rules, spp);
         s = farm_go_on(farm, job, &before, &chosen, NULL, err);
     }
-    if (s == STATUS_OK)
-        log_info("job %llu (%s) is extended", id_of(job), job->name);
     job_reopening_release(&chosen);
     return s;
 }

@@ -1,6 +1,7 @@
 #include "coordinator/steering/steer.h"
 
 #include <inttypes.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -78,6 +79,40 @@ status steer(const struct steering *s, struct error *err)
     return refuse(s->job, job_verb_find(job_verbs[verb].path), err);
 }
 
+/* ---- the log ------------------------------------------------------------------------------------- */
+
+struct line {
+    char text[2 * JOB_TEXT_MAX];
+};
+
+static void write_line(void *user, status result, const struct error *why)
+{
+    struct line *line = user;
+
+    if (result == STATUS_OK)
+        log_info("%s", line->text);
+    else
+        log_warn("%s, which is not on disk yet: %s", line->text, why->text);
+    mem_free(line);
+}
+
+/* A line of the coordinator's log, when all that was noted before is on disk: what it says to be done outlives a crash. */
+__attribute__((format(printf, 2, 3))) static void say(const struct steering *s, const char *format, ...)
+{
+    struct line *line = mem_alloc(sizeof *line);
+    va_list args;
+    int used;
+
+    if (!line)
+        return;
+    used = snprintf(line->text, sizeof line->text, "job %" PRIu64 " (%s) is ", s->job->id, s->job->name);
+    va_start(args, format);
+    vsnprintf(line->text + used, sizeof line->text - (size_t)used, format, args);
+    va_end(args);
+    if (!s->farm->store || store_when_saved(s->farm->store, write_line, line, NULL) != STATUS_OK)
+        write_line(line, STATUS_OK, NULL);
+}
+
 /* ---- verbs without arguments --------------------------------------------------------------------- */
 
 status steer_pause(const struct steering *s, struct error *err UNUSED)
@@ -87,11 +122,10 @@ status steer_pause(const struct steering *s, struct error *err UNUSED)
     if (s->job->state == JOB_STATE_PAUSED)
         return STATUS_OK;
     snprintf(text, sizeof text, "paused by %s", s->who);
-    log_info("job %" PRIu64 " (%s) is %s", s->job->id, s->job->name, text);
     farm_job_revoke(s->farm, s->job, "the job is paused");
     farm_note(s->farm, s->job, s->who, "paused");
     farm_job_change(s->farm, s->job, JOB_STATE_PAUSED, text, s->now_ns);
-    farm_job_save(s->farm, s->job, s->now_ns);
+    say(s, "%s", text);
     closing_step(s->farm, s->job, s->now_ns);
     return STATUS_OK;
 }
@@ -100,13 +134,12 @@ status steer_resume(const struct steering *s, struct error *err UNUSED)
 {
     struct job *job = s->job;
 
-    log_info("job %" PRIu64 " (%s) is resumed by %s", job->id, job->name, s->who);
     suspicion_clear(&job->suspicion);
     hangs_clear(&job->hangs);
     refusals_clear(&job->refusals);
     farm_note(s->farm, job, s->who, "resumed");
     farm_job_change(s->farm, job, JOB_STATE_QUEUED, NULL, s->now_ns);
-    farm_job_save(s->farm, job, s->now_ns);
+    say(s, "resumed by %s", s->who);
     return STATUS_OK;
 }
 
@@ -119,10 +152,9 @@ status steer_finish(const struct steering *s, struct error *err)
     if (!closing_has_begun(s->farm, job))
         return error_set(err, STATUS_ERR_REFUSED,
                          "job %" PRIu64 " has no frame in work that could be finished: 'cancel' it instead", job->id);
-    log_info("job %" PRIu64 " (%s) is finished early by %s", job->id, job->name, s->who);
     farm_note(s->farm, job, s->who, "finish: frames in work complete their first pass");
     farm_job_change(s->farm, job, JOB_STATE_FINISHING, NULL, s->now_ns);
-    farm_job_save(s->farm, job, s->now_ns);
+    say(s, "finished early by %s", s->who);
     closing_step(s->farm, job, s->now_ns);
     return STATUS_OK;
 }
@@ -134,9 +166,9 @@ status steer_start(const struct steering *s, struct error *err UNUSED)
     if (job->needs.after_count == 0 && job->needs.not_before == 0)
         return STATUS_OK;
     waiting_end(s->farm, job);
-    log_info("job %" PRIu64 " (%s) is started by %s, whatever it waited for", job->id, job->name, s->who);
     farm_note(s->farm, job, s->who, "started: it waits for no other job and for no time");
     farm_job_save(s->farm, job, s->now_ns);
+    say(s, "started by %s, whatever it waited for", s->who);
     s->farm->events.job_changed(s->farm->events.user, job);
     return STATUS_OK;
 }
@@ -145,13 +177,18 @@ status steer_start(const struct steering *s, struct error *err UNUSED)
 
 status steer_cancel(const struct steering *s, struct error *err UNUSED)
 {
-    int discard = s->message->job_cancel->discard;
+    int discard = s->message->job_cancel->discard, ended = job_state_ended(s->job->state);
+    int ends = !ended && (s->job->state != JOB_STATE_CANCELLING || discard);
 
-    if (!job_state_ended(s->job->state) && (s->job->state != JOB_STATE_CANCELLING || discard))
+    if (ends)
         farm_note(s->farm, s->job, s->who, "cancel%s", discard ? ", discarding unfinished frames" : "");
     else if (discard)
         farm_note(s->farm, s->job, s->who, "discard: its films are removed");
     farm_cancel(s->farm, s->job, discard, s->now_ns);
+    if (ended && discard)
+        say(s, "rid of its films by %s", s->who);
+    else if (ends)
+        say(s, "cancelled by %s%s", s->who, discard ? ", and its samples are discarded" : "");
     return STATUS_OK;
 }
 
@@ -197,9 +234,10 @@ status steer_develop(const struct steering *s, struct error *err)
 
 /* ---- extend ---------------------------------------------------------------------------------- */
 
-static void note_rules(struct farm *farm, const struct job *job, const char *who, const struct stop_rules *before,
-                       uint32_t spp_before, const struct retarget_result *result)
+static void note_rules(const struct steering *s, const struct stop_rules *before, uint32_t spp_before,
+                       const struct retarget_result *result)
 {
+    const struct job *job = s->job;
     char now[STOP_RULES_TEXT_SIZE], was[STOP_RULES_TEXT_SIZE], frames[128] = "";
 
     if (result->reopened > 0)
@@ -209,8 +247,8 @@ static void note_rules(struct farm *farm, const struct job *job, const char *who
         snprintf(frames, sizeof frames, "; done frames whose films were not kept stay as they are");
     stop_rules_text(now, &job->stop, job->settings.spp);
     stop_rules_text(was, before, spp_before);
-    log_info("job %" PRIu64 " (%s) is extended by %s to %s, was %s%s", job->id, job->name, who, now, was, frames);
-    farm_note(farm, job, who, "extended to %s, was %s%s", now, was, frames);
+    farm_note(s->farm, job, s->who, "extended to %s, was %s%s", now, was, frames);
+    say(s, "extended by %s to %s, was %s%s", s->who, now, was, frames);
 }
 
 static status check_extension(struct job_extension *out, const Azulejo__Wire__JobExtend *wanted, struct error *err)
@@ -240,8 +278,8 @@ status steer_extend(const struct steering *s, struct error *err)
                                             : farm_extend(s->farm, job, &extension, err));
     if (done != STATUS_OK || result.same)
         return done;
-    note_rules(s->farm, job, s->who, &before, spp_before, &result);
     farm_job_save(s->farm, job, s->now_ns);
+    note_rules(s, &before, spp_before, &result);
     return STATUS_OK;
 }
 
@@ -338,9 +376,9 @@ status steer_retry(const struct steering *s, struct error *err)
     if (result == STATUS_OK) {
         suspicion_clear(&job->suspicion);
         refusals_clear(&job->refusals);
-        log_info("job %" PRIu64 " (%s) is tried again by %s", job->id, job->name, s->who);
         farm_note(s->farm, job, s->who, "retry: %zu frame%s%s", count, count == 1 ? "" : "s",
                   unfinished ? "" : ", chosen");
+        say(s, "tried again by %s", s->who);
     }
     job_reopening_release(&chosen);
     mem_free(unfinished);
@@ -360,8 +398,7 @@ status steer_remove(const struct steering *s, struct error *err)
         result = store_job_remove(farm->store, job->id, err);
     if (result != STATUS_OK)
         return result;
-    log_info("job %" PRIu64 " (%s) of %s is removed by %s", job->id, job->name,
-             job->owner[0] ? job->owner : "an unknown owner", s->who);
+    say(s, "removed by %s; it was of %s", s->who, job->owner[0] ? job->owner : "an unknown owner");
     farm_pictures_unwanted(farm, job);
     queue_remove(&farm->queue, job);
     if (farm->events.job_removed)

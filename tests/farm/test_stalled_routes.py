@@ -167,6 +167,11 @@ AT_ONCE = {
 MAY_FAIL = {("PUT", "/api/v1/imports/{import}/files/{path}")}
 
 
+# What the log says of a verb that is done.
+DONE = re.compile(r"job \d+ \(\w+\) is (paused|resumed|finished early|started|tried again|extended|cancelled|rid of its films|removed).*")
+TOLD = {"pause", "resume", "finish", "start", "retry", "extend", "cancel", "remove"}
+
+
 def changing_requests(page):
     """Of the coordinator's own description: (method, path) of all that is not a question."""
     found, path = [], None
@@ -236,12 +241,15 @@ def try_one(farm, disk, page, what, recipe):
     with Hanging(disk):
         request.start()
         waited = ask_others(page, request, "%s %s" % what)
+        early = DONE.search(farm.coordinator.log_text()[log_before:])
+        expect(not waited or not early, "%s %s: the log has it before the disk: %s" % (*what, early and early.group()))
     request.join(60 * PATIENCE)
     expect(not request.is_alive(), "%s %s was never answered" % what)
     answer = request.answer
     expect(what in MAY_FAIL or (not isinstance(answer, OSError) and answer.status < 300), "%s %s: %s" % (*what, answer))
     log = farm.coordinator.log_text()[log_before:]
     expect("held up" not in log, "%s %s: %s" % (*what, log[-600:]))
+    expect("/jobs/" not in path or path.split("/")[-1] not in TOLD or DONE.search(log), "%s %s: the log does not say it: %s" % (*what, log[-600:]))
     return waited
 
 
