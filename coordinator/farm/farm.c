@@ -117,9 +117,9 @@ status farm_submit(struct farm *farm, struct job *job, struct error *err)
 
 void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_ns)
 {
-    if (job_state_ended(job->state) && discard && farm->store) {
-        store_films_remove(farm->store, job->id);
-        log_info("job %llu (%s): its kept films are removed", (unsigned long long)job->id, job->name);
+    if (job_state_ended(job->state) && discard) {
+        job_mark(job, JOB_MARK_DISCARDED);
+        farm_job_save(farm, job, now_ns);
     }
     if (job_state_ended(job->state) || (job->state == JOB_STATE_CANCELLING && !discard))
         return;
@@ -129,7 +129,6 @@ void farm_cancel(struct farm *farm, struct job *job, int discard, uint64_t now_n
     }
     job_mark(job, JOB_MARK_DISCARDED);
     farm_job_change(farm, job, JOB_STATE_CANCELLED, "cancelled, unfinished frames discarded", now_ns);
-    log_info("job %llu (%s) is cancelled, and its samples are discarded", (unsigned long long)job->id, job->name);
 }
 
 /* ---- after a restart ------------------------------------------------------------------------- */
@@ -184,7 +183,7 @@ static void look_at_films(void *user, uint64_t id)
     struct farm *farm = user;
     struct job *job = queue_find(&farm->queue, id);
 
-    if (job && job->state == JOB_STATE_CANCELLED && (job->marks & JOB_MARK_DISCARDED))
+    if (job && job_state_ended(job->state) && (job->marks & JOB_MARK_DISCARDED))
         store_films_remove(farm->store, id);
     else if (job && (!job_state_ended(job->state) || job->state == JOB_STATE_FAILED))
         farm_note_closed(farm, job);

@@ -77,7 +77,7 @@ extern const size_t job_edge_count;
 /* Bits; the numbers are the store's. */
 enum job_mark {
     JOB_MARK_EARLY = 1,     /* DONE by finish, before all its samples */
-    JOB_MARK_DISCARDED = 2, /* CANCELLED, and its films are not kept */
+    JOB_MARK_DISCARDED = 2, /* it has ended, and its films are not kept */
 };
 
 /* What workers measured, summed over merged results. */

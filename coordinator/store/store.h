@@ -74,7 +74,7 @@ status store_job_find(struct store *store, const struct job *job, uint64_t *id, 
 void store_job_forget(struct store *store, uint64_t id);
 /* Store its state and counters soon, by the store's own thread: a sync can take seconds while films are written. A
  * save that fails is kept, and repeated when store_check finds the store usable; store_close tries
- * the waiting saves once more. The films of a job that was cancelled with discard are removed only
+ * the waiting saves once more. The films of a job that ended with discard are removed only
  * when its state is on disk. ERR_NO_MEMORY: the save was not noted. */
 status store_job_save_later(struct store *store, const struct job *job, uint64_t now_ns, struct error *err) MUST_CHECK;
 /* Call done(user, ...) from store_deliver, when all that was noted before (saves, events, workers, shares) is on disk.

@@ -99,7 +99,7 @@ static status row_write(struct store *store, const struct saved_job *row, struct
 /* Its films will not be continued. */
 static int films_are_over(const struct saved_job *row)
 {
-    return row->state == JOB_STATE_CANCELLED && (row->marks & JOB_MARK_DISCARDED);
+    return job_state_ended(row->state) && (row->marks & JOB_MARK_DISCARDED);
 }
 
 static struct saved_job **find_in(struct saved_job **list, uint64_t id)
