@@ -17,108 +17,21 @@
 #include "coordinator/farm/scheduler.h"
 #include "coordinator/farm/waiting.h"
 #include "tests/support/sim_farm.h"
+#include "tests/support/sim_states.h"
 #include "tests/support/steering.h"
-
-static struct sim_worker *connect(struct sim_stored *f, uint32_t threads)
-{
-    return sim_connect(f->sim, f->workers++, threads);
-}
-
-static void tick(struct sim_stored *f)
-{
-    f->sim->now_ns += NS_PER_SECOND;
-    sim_freeze(f->sim);
-    sim_commit(f->sim);
-    farm_tick(&f->sim->farm, f->sim->now_ns);
-}
-
-/* The farm has no job but this one. */
-static struct job *the_job(struct sim_stored *f) { return f->sim->farm.queue.all[0]; }
-
-/* ---- jobs in each state ---------------------------------------------------------------------- */
-
-/* Two frames of 4 tiles: two tiles of frame 1 have their first pass on disk, frame 2 is not begun. */
-static struct job *make_running(struct sim_stored *f)
-{
-    struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 2, 0);
-    struct sim_worker *worker = connect(f, 4);
-
-    assert_true(sim_grant(f->sim, worker, 8) == 8);
-    for (size_t i = 0; i < 2; i++)
-        assert_int_equal(sim_send(f->sim, worker, i, 100), MERGE_PENDING);
-    sim_commit(f->sim);
-    assert_int_equal(job->state, JOB_STATE_RUNNING);
-    assert_false(film_covered(job->frames->film));
-    return job;
-}
-
-static void park(struct sim_stored *f, struct job *job)
-{
-    struct sim_worker *victim = connect(f, 1);
-
-    for (uint64_t i = 1; i < SUSPICION_DEATHS; i++)
-        suspicion_add(&job->suspicion, i, f->sim->now_ns, f->sim->now_ns);
-    closing_note_death(&f->sim->farm, job, &victim->worker, f->sim->now_ns, f->sim->now_ns);
-}
-
-/* Render everything that is lent, until nothing more is. */
-static void render_all(struct sim_stored *f)
-{
-    struct sim_worker *worker = connect(f, 16);
-
-    for (int i = 0; i < 20; i++) {
-        while (sim_grant(f->sim, worker, 64) > 0)
-            for (size_t k = 0; k < worker->unit_count; k++)
-                if (!worker->units[k].sent)
-                    (void)sim_send(f->sim, worker, k, 100);
-        tick(f);
-        sim_develop(f->sim);
-        while (sim_make_picture(f->sim))
-            ;
-    }
-    sim_disconnect(f->sim, f->workers - 1);
-}
-
-static struct job *make(struct sim_stored *f, enum job_state state)
-{
-    struct sim *sim = f->sim;
-    struct job *job = make_running(f);
-
-    switch (state) {
-    case JOB_STATE_QUEUED: /* one that has begun */
-        assert_int_equal(do_verb(&sim->farm, job, VERB_PAUSE, "ana@desk", sim->now_ns, NULL), STATUS_OK);
-        tick(f);
-        assert_int_equal(do_verb(&sim->farm, job, VERB_RESUME, "ana@desk", sim->now_ns, NULL), STATUS_OK);
-        break;
-    case JOB_STATE_PAUSED:
-        assert_int_equal(do_verb(&sim->farm, job, VERB_PAUSE, "ana@desk", sim->now_ns, NULL), STATUS_OK);
-        break;
-    case JOB_STATE_PARKED: park(f, job); break;
-    case JOB_STATE_FINISHING:
-        assert_int_equal(do_verb(&sim->farm, job, VERB_FINISH, "ana@desk", sim->now_ns, NULL), STATUS_OK);
-        break;
-    case JOB_STATE_CANCELLING: farm_cancel(&sim->farm, job, 0, sim->now_ns); break;
-    case JOB_STATE_CANCELLED: farm_cancel(&sim->farm, job, 1, sim->now_ns); break;
-    case JOB_STATE_FAILED: farm_fail(&sim->farm, job, sim->now_ns, "a broken scene"); break;
-    case JOB_STATE_DONE: render_all(f); break;
-    default: break;
-    }
-    assert_int_equal(job->state, state);
-    return job;
-}
 
 /* Cancelled when its last picture was being made. */
 static struct job *make_cancelled_late(struct sim_stored *f)
 {
     struct job *job = sim_submit(f->sim, 16, 16, 4, 1, 1, 0);
-    struct sim_worker *worker = connect(f, 4);
+    struct sim_worker *worker = sim_stored_connect(f, 4);
 
     while (sim_grant(f->sim, worker, 16) > 0) {
         for (size_t k = 0; k < worker->unit_count; k++)
             (void)sim_send(f->sim, worker, k, 100);
         sim_commit(f->sim);
     }
-    tick(f);
+    sim_stored_tick(f);
     farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
     assert_int_equal(job->state, JOB_STATE_CANCELLING);
     return job;
@@ -148,17 +61,17 @@ static void act(struct sim_stored *f, struct job *job, enum job_state to)
             (void)!do_verb_with(farm, job, VERB_RETRY_FRAMES, frame, "ana@desk", f->sim->now_ns, &err);
         }
         return;
-    case JOB_STATE_RUNNING: sim_grant(f->sim, connect(f, 1), 1); return;
+    case JOB_STATE_RUNNING: sim_grant(f->sim, sim_stored_connect(f, 1), 1); return;
     case JOB_STATE_DONE:
         if (job->state == JOB_STATE_FINISHING || job->state == JOB_STATE_RUNNING)
-            render_all(f);
+            sim_stored_render(f);
         else if (job->state == JOB_STATE_CANCELLING)
             sim_develop(f->sim);
         return;
     case JOB_STATE_FAILED: farm_fail(farm, job, now_ns, "a broken scene"); return;
     case JOB_STATE_CANCELLED: farm_cancel(farm, job, 1, now_ns); return;
     case JOB_STATE_CANCELLING: farm_cancel(farm, job, 0, now_ns); return;
-    case JOB_STATE_PARKED: park(f, job); return;
+    case JOB_STATE_PARKED: sim_job_park(f, job); return;
     case JOB_STATE_PAUSED: (void)!do_verb(farm, job, VERB_PAUSE, "ana@desk", now_ns, &err); return;
     case JOB_STATE_FINISHING: (void)!do_verb(farm, job, VERB_FINISH, "ana@desk", now_ns, &err); return;
     default: return;
@@ -178,7 +91,7 @@ static void every_edge(void **state)
             if (from == to)
                 continue;
             job = from == JOB_STATE_CANCELLING && to == JOB_STATE_DONE ? make_cancelled_late(f)
-                                                                       : make(f, (enum job_state)from);
+                                                                       : sim_job_in(f, (enum job_state)from);
             act(f, job, (enum job_state)to);
             if ((int)job->state != (has_edge((enum job_state)from, (enum job_state)to) ? to : from))
                 fail_msg("from %s to %s: it is %s", job_state_word((enum job_state)from),
@@ -297,7 +210,7 @@ static void check_after(struct sim_stored *f, enum job_verb_name verb, enum job_
         assert_int_equal(f->sim->farm.queue.count, 0);
         return;
     }
-    job = the_job(f);
+    job = sim_stored_job(f);
     if (job->state != expected)
         fail_msg("verb %d: it is %s, not %s", verb, job_state_word(job->state), job_state_word(expected));
     if (verb == VERB_PRIORITY && !job_state_ended(expected))
@@ -316,7 +229,7 @@ static void every_verb_in_every_state(void **state)
 
     for (int from = 0; from < JOB_STATE_COUNT; from++)
         for (int verb = 0; verb < VERB_COUNT; verb++) {
-            struct job *job = make(f, (enum job_state)from);
+            struct job *job = sim_job_in(f, (enum job_state)from);
             char outcome = table[verb][from];
             enum job_state expected = outcome == '-' || outcome == '='
                                           ? (enum job_state)from
@@ -350,9 +263,9 @@ static void every_verb_in_every_state(void **state)
 
 static void check_whole(struct sim_stored *f)
 {
-    struct job *job = the_job(f);
+    struct job *job = sim_stored_job(f);
 
-    render_all(f);
+    sim_stored_render(f);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_int_equal(job->frames_done_count, 2);
     assert_int_equal(job->cut_count, 0);
@@ -364,39 +277,39 @@ static void check_whole(struct sim_stored *f)
 static void a_paused_job_stays_paused(void **state)
 {
     struct sim_stored *f = *state;
-    struct job *job = make(f, JOB_STATE_PAUSED);
+    struct job *job = sim_job_in(f, JOB_STATE_PAUSED);
 
     assert_string_equal(job->state_text, "paused by ana@desk");
-    render_all(f);
+    sim_stored_render(f);
     assert_int_equal(job->state, JOB_STATE_PAUSED);
     assert_null(job->frames); /* its film is on disk */
     for (int i = 0; i < 2; i++)
         sim_stored_restart(f);
-    render_all(f);
-    job = the_job(f);
+    sim_stored_render(f);
+    job = sim_stored_job(f);
     assert_int_equal(job->state, JOB_STATE_PAUSED);
     assert_string_equal(job->state_text, "paused by ana@desk");
     assert_int_equal(job->samples_done, 0);
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_RESUME, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
     sim_stored_restart(f);
-    assert_int_equal(the_job(f)->state, JOB_STATE_QUEUED);
+    assert_int_equal(sim_stored_job(f)->state, JOB_STATE_QUEUED);
     check_whole(f);
 }
 
 static void a_finished_job_has_its_first_pass(void **state)
 {
     struct sim_stored *f = *state;
-    struct job *job = make(f, JOB_STATE_FINISHING);
+    struct job *job = sim_job_in(f, JOB_STATE_FINISHING);
 
     for (int i = 0; i < 2; i++) { /* killed in the middle of it */
-        tick(f);
-        assert_int_equal(the_job(f)->frames->end, FRAME_END_NONE); /* two tiles have no sample */
+        sim_stored_tick(f);
+        assert_int_equal(sim_stored_job(f)->frames->end, FRAME_END_NONE); /* two tiles have no sample */
         sim_stored_restart(f);
-        job = the_job(f);
+        job = sim_stored_job(f);
         assert_int_equal(job->state, JOB_STATE_FINISHING);
         assert_non_null(job->frames);
     }
-    render_all(f);
+    sim_stored_render(f);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_true(job->marks & JOB_MARK_EARLY);
     assert_string_equal(job->state_text, "finished early");
@@ -408,12 +321,12 @@ static void a_finished_job_has_its_first_pass(void **state)
     assert_int_equal(job->cuts[0].coverage.tiles_empty, 0);
     assert_true(job_frame_is_left(job, 2) && job_frames_left(job) == 1);
     sim_stored_restart(f);
-    job = the_job(f);
+    job = sim_stored_job(f);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_true(job_frame_is_left(job, 2) && job_frames_left(job) == 1);
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_RETRY, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     sim_stored_restart(f);
-    assert_int_equal(the_job(f)->frames_done_count, 0);
+    assert_int_equal(sim_stored_job(f)->frames_done_count, 0);
     check_whole(f);
 }
 
@@ -422,7 +335,7 @@ static void a_covered_frame_ends_now(void **state)
 {
     struct sim_stored *f = *state;
     struct job *job = sim_submit(f->sim, 32, 32, 32, 1, 1, 0);
-    struct sim_worker *worker = connect(f, 16);
+    struct sim_worker *worker = sim_stored_connect(f, 16);
     size_t count = sim_grant(f->sim, worker, 12), sent = 0;
 
     for (size_t i = 0; i < count; i++)
@@ -434,7 +347,7 @@ static void a_covered_frame_ends_now(void **state)
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_FINISH, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(worker->worker.held.units, 0);
     assert_int_equal(sim_grant(f->sim, worker, 12), 0);
-    tick(f);
+    sim_stored_tick(f);
     sim_develop(f->sim);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_true(job->marks & JOB_MARK_EARLY);
@@ -459,23 +372,23 @@ static void failed_and_cancelled_jobs_go_on(void **state)
     struct sim_stored *f = *state;
 
     for (size_t i = 0; i < 2; i++) {
-        struct job *job = make_running(f);
+        struct job *job = sim_job_running(f);
 
-        tick(f);
+        sim_stored_tick(f);
         if (ends[i] == JOB_STATE_FAILED)
             farm_fail(&f->sim->farm, job, f->sim->now_ns, "a broken scene");
         else
             farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
         sim_develop(f->sim);
-        tick(f);
+        sim_stored_tick(f);
         assert_int_equal(job->state, ends[i]);
         sim_stored_restart(f);
-        job = the_job(f);
+        job = sim_stored_job(f);
         assert_int_equal(job->state, ends[i]);
         assert_true(store_film_exists(f->store, job->id, 1));
         assert_int_equal(do_verb(&f->sim->farm, job, VERB_RETRY, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
         sim_stored_restart(f);
-        job = the_job(f);
+        job = sim_stored_job(f);
         assert_non_null(farm_frame_open(&f->sim->farm, job, 1, f->sim->now_ns));
         assert_true(film_samples(job->frames->film) > 0); /* from its film */
         check_whole(f);
@@ -488,15 +401,15 @@ static void failed_and_cancelled_jobs_go_on(void **state)
 static void retry_takes_only_the_named_frames(void **state)
 {
     struct sim_stored *f = *state;
-    struct job *job = make(f, JOB_STATE_FAILED);
+    struct job *job = sim_job_in(f, JOB_STATE_FAILED);
     const uint32_t second = 2, none = 3;
 
     assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_RETRY_FRAMES, none, "ana@desk", f->sim->now_ns, NULL), STATUS_ERR_INPUT);
     assert_int_equal(job->state, JOB_STATE_FAILED);
     assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_RETRY_FRAMES, second, "ana@desk", f->sim->now_ns, NULL), STATUS_OK);
     sim_stored_restart(f);
-    render_all(f);
-    job = the_job(f);
+    sim_stored_render(f);
+    job = sim_stored_job(f);
     assert_int_equal(job->state, JOB_STATE_DONE);
     assert_true(job_frame_is_done(job, 2) && job_frame_is_left(job, 1));
     assert_int_equal(f->sim->wrong_frames, 0);
@@ -539,7 +452,7 @@ static int exists(const struct sim_stored *f, const char *name)
 static void removing_leaves_nothing(void **state)
 {
     struct sim_stored *f = *state;
-    struct job *job = make(f, JOB_STATE_FAILED), *other;
+    struct job *job = sim_job_in(f, JOB_STATE_FAILED), *other;
     struct buffer picture = BUFFER_INIT;
 
     buffer_puts(&picture, "pixels");
@@ -560,7 +473,7 @@ static void removing_is_completed_at_the_start(void **state)
 {
     struct sim_stored *f = *state;
 
-    make(f, JOB_STATE_FAILED);
+    sim_job_in(f, JOB_STATE_FAILED);
     assert_int_equal(store_job_remove(f->store, 1, NULL), STATUS_OK);
     assert_true(exists(f, "films/1"));
     sim_stored_restart(f);
@@ -572,9 +485,9 @@ static void removing_is_completed_at_the_start(void **state)
 static void a_job_that_is_held_is_freed_later(void **state)
 {
     struct sim_stored *f = *state;
-    struct job *job = make_running(f);
+    struct job *job = sim_job_running(f);
 
-    tick(f);
+    sim_stored_tick(f);
     farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
     assert_int_equal(f->sim->developing_count, 1);
     farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
@@ -591,10 +504,10 @@ static void a_job_that_is_held_is_freed_later(void **state)
 static void discarded_films_do_not_come_back(void **state)
 {
     struct sim_stored *f = *state;
-    struct job *job = make_running(f);
+    struct job *job = sim_job_running(f);
     char path[128];
 
-    tick(f);
+    sim_stored_tick(f);
     farm_cancel(&f->sim->farm, job, 0, f->sim->now_ns);
     farm_cancel(&f->sim->farm, job, 1, f->sim->now_ns);
     store_settle(f->store);
@@ -604,7 +517,7 @@ static void discarded_films_do_not_come_back(void **state)
     snprintf(path, sizeof path, "%s/films/1/frame-0001.kept", f->folder);
     assert_int_equal(file_write_atomic(path, "means", 5, NULL), STATUS_OK);
     sim_develop(f->sim);
-    tick(f);
+    sim_stored_tick(f);
     store_settle(f->store);
     assert_false(exists(f, "films/1"));
 }
@@ -636,11 +549,11 @@ static status take_line(void *user, const struct job_event *event, struct error 
 static void the_log_names_people(void **state)
 {
     struct sim_stored *f = *state;
-    struct job *job = make(f, JOB_STATE_PAUSED);
+    struct job *job = sim_job_in(f, JOB_STATE_PAUSED);
     struct lines lines = {0};
 
     sim_stored_restart(f);
-    job = the_job(f);
+    job = sim_stored_job(f);
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_RESUME, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(do_verb_with(&f->sim->farm, job, VERB_PRIORITY, 3, "ben@desk", f->sim->now_ns, NULL), STATUS_OK);
     assert_int_equal(do_verb(&f->sim->farm, job, VERB_DISCARD, "cy@desk", f->sim->now_ns, NULL), STATUS_OK);
