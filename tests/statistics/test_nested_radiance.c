@@ -218,7 +218,7 @@ static uint32_t checkered_floor(struct scene_builder *b)
 
 /* Everything just behind the lamp: a shadow ray that has lost count of its length behind an interface meets it. The
  * camera's rays cross the interfaces, too. */
-static void lamp_before_a_card(struct scene_builder *b, int kind, int interfaces)
+static void lamp_before_a_card(struct scene_builder *b, int kind, int interfaces, float view)
 {
     const uint32_t quad = (builder_init(b), builder_quad(b));
     struct scene_material *m;
@@ -242,17 +242,19 @@ static void lamp_before_a_card(struct scene_builder *b, int kind, int interfaces
         m->emission[0] = m->emission[1] = m->emission[2] = 250;
         builder_place(b, quad, 3, vec3_splat(0.1f), vec3_make(0, 2, 0));
     }
-    builder_camera(b, vec3_make(0, 1.9f, 5), vec3_make(0, 0, 0), 0.3f);
+    builder_camera(b, vec3_make(0, 1.9f, 5), vec3_make(0, 0, 0), view);
 }
 
 enum { PICTURE_SIDE = 16, PICTURE_FLOATS = PICTURE_SIDE * PICTURE_SIDE * 3 };
 
-static void render_picture(struct scene_builder *b, double *picture)
+static void render_picture(struct scene_builder *b, uint32_t depth, double *picture)
 {
     struct render_settings settings = builder_settings(PICTURE_SIDE, PICTURE_SIDE, 16);
-    struct render_scene *scene = builder_build(b, &settings);
+    struct render_scene *scene;
     struct render_stats stats = {0};
 
+    settings.max_depth = depth ? depth : settings.max_depth;
+    scene = builder_build(b, &settings);
     builder_render(scene, &settings, 0, picture, NULL, &stats);
     render_scene_free(scene);
 }
@@ -270,9 +272,9 @@ static void test_empty_interfaces(void **state)
                 double most = 0, sum = 0;
                 if (kind == LIGHT_DIRECTIONAL)
                     continue; /* nothing is behind it */
-                lamp_before_a_card(&b, kind, interfaces);
+                lamp_before_a_card(&b, kind, interfaces, 0.3f);
                 b.scene.volume_rule = (enum scene_volume_rule)rule;
-                render_picture(&b, interfaces ? with : without);
+                render_picture(&b, 0, interfaces ? with : without);
                 builder_release(&b);
                 for (int i = 0; i < PICTURE_FLOATS; i++) {
                     sum += without[i];
@@ -281,6 +283,41 @@ static void test_empty_interfaces(void **state)
                 if (!(sum / PICTURE_FLOATS > 0.1) || most > 1e-4)
                     fail_msg("light %d, %d interfaces, rule %d: off by %g of a mean of %g", kind, interfaces, rule, most, sum / PICTURE_FLOATS);
             }
+}
+
+/* In something dyed, light fades from the lamp to the card and from there to the camera: for every kind of lamp, straight
+ * and through interfaces. */
+static void test_lamps_in_dye(void **state)
+{
+    static double clear[PICTURE_FLOATS], dyed[PICTURE_FLOATS];
+    const double way = 2 + sqrt(1.9 * 1.9 + 25);
+
+    (void)state;
+    for (int kind = 0; kind <= LIGHT_KIND_COUNT; kind++)
+        for (int interfaces = 0; interfaces <= 2; interfaces += 2) {
+            struct scene_material *m;
+            double sums[2][3] = {{0}};
+            if (kind == LIGHT_DIRECTIONAL)
+                continue; /* it shines from outside */
+            for (int dye = 0; dye < 2; dye++) {
+                struct scene_builder b;
+                double *picture = dye ? dyed : clear;
+                lamp_before_a_card(&b, kind, interfaces, 0.005f);
+                builder_place(&b, builder_sphere(&b, 12, 1), builder_last_material(&b) + 1, vec3_splat(9), vec3_splat(0));
+                m = glass(&b, 1.5f, 1); /* more than the interfaces' */
+                if (dye)
+                    slabs_dye(m, 1);
+                render_picture(&b, 1, picture);
+                for (int i = 0; i < PICTURE_FLOATS; i++)
+                    sums[dye][i % 3] += picture[i];
+                for (int c = 0; c < 3 && dye; c++) {
+                    double is = sums[1][c] / sums[0][c], right = exp(-way * layers_per_metre(m, c));
+                    if (!(sums[0][c] > 0) || fabs(is / right - 1) > 0.01)
+                        fail_msg("light %d, %d interfaces: %g of it is left, not %g", kind, interfaces, is, right);
+                }
+                builder_release(&b);
+            }
+        }
 }
 
 /* ---- all indices times k ------------------------------------------------------------------------ */
@@ -353,10 +390,10 @@ static void test_all_indices_doubled(void **state)
         struct scene_builder b;
         int apart = 0;
         room_filled(&b, how, 1);
-        render_picture(&b, once);
+        render_picture(&b, 0, once);
         builder_release(&b);
         room_filled(&b, how, 2);
-        render_picture(&b, doubled);
+        render_picture(&b, 0, doubled);
         builder_release(&b);
         for (int i = 0; i < PICTURE_FLOATS; i++)
             apart += once[i] != doubled[i];
@@ -371,7 +408,7 @@ int main(void)
         cmocka_unit_test(test_priority),      cmocka_unit_test(test_inside),
         cmocka_unit_test(test_hidden),        cmocka_unit_test(test_camera_inside),
         cmocka_unit_test(test_no_interface),  cmocka_unit_test(test_furnace),
-        cmocka_unit_test(test_empty_interfaces),
+        cmocka_unit_test(test_empty_interfaces), cmocka_unit_test(test_lamps_in_dye),
         cmocka_unit_test(test_all_indices_doubled),
     };
     return cmocka_run_group_tests_name("nested radiance", tests, NULL, NULL);

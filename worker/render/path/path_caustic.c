@@ -123,12 +123,12 @@ static struct vec3 sent(const struct path *way, struct path_vertex *v, const str
     return vec3_mul(way->throughput, weight);
 }
 
-/* Absorption between the caster and a lamp inside of a body. */
+/* Absorption between the caster and a lamp inside of a body, where path_visibility does not know that. */
 static void absorb_to_lamp(struct path *way, const struct path_vertex *v, int through, real distance)
 {
     struct surface end = v->s;
 
-    if (!calls_for(way->scene->effects, EFFECT_ABSORPTION) || !(distance < INFINITY))
+    if (!calls_for(way->scene->effects, EFFECT_ABSORPTION) || path_knows_filling(way->scene) || !(distance < INFINITY))
         return;
     end.front = through ? !v->s.front : v->s.front;
     end.t = distance;

@@ -21,12 +21,20 @@ static real power_heuristic(real a, real b)
     return 1 / (1 + r * r);
 }
 
+/* May a shadow ray be within a body that absorbs? */
+static int has_absorbing_bodies(const struct path *path)
+{
+    return calls_for(path->scene->effects, EFFECT_ABSORPTION) && path_knows_filling(path->scene);
+}
+
 struct vec3 path_visibility(struct path *path, const struct ray *ray)
 {
     path->query.ray_number++;
     if (calls_for(path->scene->effects, INDEX_MATCHED_EFFECTS))
         return path_transmittance(path, ray);
-    return vec3_splat(path_occluded(path, ray) ? 0 : 1);
+    if (path_occluded(path, ray))
+        return vec3_splat(0);
+    return has_absorbing_bodies(path) ? path_filling_transmittance(path->scene, &path->interior, ray->t_max) : vec3_splat(1);
 }
 
 void path_end_at_light(const struct light_sample *light, struct ray *ray)
@@ -130,7 +138,7 @@ struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct
         return black;
     if (calls_for(path->scene->effects, EFFECT_DISPERSION) && path_disperses_at(path, s))
         value = vec3_mul(value, path->wavelength_rgb);
-    if (calls_for(path->scene->effects, INDEX_MATCHED_EFFECTS))
+    if (calls_for(path->scene->effects, INDEX_MATCHED_EFFECTS) || has_absorbing_bodies(path))
         value = vec3_mul(value, notes->visible);
     return weigh_light(light, value, notes);
 }

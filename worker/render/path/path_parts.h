@@ -151,6 +151,13 @@ int path_occluded(const struct path *path, const struct ray *ray);
 enum path_end path_medium(struct path *path, struct path_vertex *v, struct path_notes *notes, real t);
 /* Absorption (Beer-Lambert) over the segment that ends at the vertex, in a refractive object. */
 void path_absorb(struct path *path, const struct surface *s);
+/* Does a path count the bodies that it is inside? */
+static inline int path_knows_filling(const struct render_scene *scene)
+{
+    return calls_for(scene->effects, VOLUME_EFFECTS) && scene->volume_rule == VOLUMES_NESTED;
+}
+/* What the body that the interior says is around leaves of light after `t` metres: of all of it where nothing absorbs. */
+struct vec3 path_filling_transmittance(const struct render_scene *scene, const struct interior *in, real t);
 /* Find what lies beyond the vertex. 0: its boundary is index-matched; the ray has continued straight through it. */
 int path_boundary(struct path *path, struct path_vertex *v);
 /* The indices of refraction on both sides of the vertex. */

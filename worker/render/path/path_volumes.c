@@ -128,6 +128,19 @@ enum path_end path_medium(struct path *path, struct path_vertex *v, struct path_
     return vec3_is_black(path->throughput) ? PATH_BLACK : scatter_in_medium(path, v, notes);
 }
 
+static struct vec3 beer_lambert(struct vec3 a, real distance)
+{
+    return vec3_make(a.x > 0 ? real_exp(-a.x * distance) : 1, a.y > 0 ? real_exp(-a.y * distance) : 1,
+                     a.z > 0 ? real_exp(-a.z * distance) : 1);
+}
+
+struct vec3 path_filling_transmittance(const struct render_scene *scene, const struct interior *in, real t)
+{
+    const struct render_material *filling = path_knows_filling(scene) ? interior_around(scene, in) : NULL;
+
+    return filling && t < INFINITY ? beer_lambert(filling->absorption, t) : vec3_splat(1);
+}
+
 /* Transmittance of the medium along a shadow ray's segment, up to `t` metres. */
 static struct vec3 stretch_transmittance(const struct render_scene *scene, const struct interior *in,
                                          const struct ray *stretch, real t, struct medium_random *random)
@@ -166,6 +179,8 @@ __attribute__((noinline)) struct vec3 path_transmittance(struct path *path, cons
                 return vec3_splat(0);
         }
         visible = vec3_mul(visible, stretch_transmittance(scene, &in, &stretch, met ? s.t : stretch.t_max, &random));
+        if (calls_for(scene->effects, EFFECT_ABSORPTION))
+            visible = vec3_mul(visible, path_filling_transmittance(scene, &in, met ? s.t : stretch.t_max));
         if (!met || vec3_is_black(visible))
             return visible;
         crossing_find(scene, &stretch, &path->query, 0, 0, 0, &in, &s, &crossing);
@@ -188,15 +203,9 @@ __attribute__((noinline)) struct vec3 path_transmittance(struct path *path, cons
 /* The body that contains the segment that ends at the surface; NULL: unknown. */
 static const struct render_material *stretch_filling(const struct path *path, const struct surface *s)
 {
-    if (calls_for(path->scene->effects, VOLUME_EFFECTS) && path->scene->volume_rule == VOLUMES_NESTED)
+    if (path_knows_filling(path->scene))
         return interior_around(path->scene, &path->interior);
     return !s->front && s->material->m.refractive ? s->material : NULL;
-}
-
-static struct vec3 beer_lambert(struct vec3 a, real distance)
-{
-    return vec3_make(a.x > 0 ? real_exp(-a.x * distance) : 1, a.y > 0 ? real_exp(-a.y * distance) : 1,
-                     a.z > 0 ? real_exp(-a.z * distance) : 1);
 }
 
 void path_absorb(struct path *path, const struct surface *s)
