@@ -12,6 +12,11 @@ LAYER_FLAGS = [flag for flag in FLAGS if flag.startswith("azulejo_")]
 NOTES_SHOWN = 20
 
 
+def update_render_passes(settings, _context):
+    for layer in settings.id_data.view_layers:
+        layer.update_render_passes()
+
+
 class AzulejoSettings(bpy.types.PropertyGroup):
     samples: IntProperty(name="Samples", min=0, max=1 << 20, default=256, description="Samples a pixel, at most; 0: no limit")
     target_error: StringProperty(
@@ -21,7 +26,7 @@ class AzulejoSettings(bpy.types.PropertyGroup):
     time_limit: FloatProperty(name="Time Limit", min=0, default=0, unit="NONE", description="Seconds for a frame; 0: no limit")
     max_depth: IntProperty(name="Path Length", min=0, max=1024, default=12, description="Edges of a path after the camera's ray")
     denoise: EnumProperty(
-        name="Denoise", default="OFF", update=lambda self, context: context.view_layer.update_render_passes(),
+        name="Denoise", default="OFF", update=update_render_passes,
         description="Show the picture without its noise; the pass Noisy Image is the picture with it", items=(
             ("OFF", "Off", "The picture as it was rendered"),
             ("ON", "On", "As well as the samples allow"),
