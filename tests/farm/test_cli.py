@@ -798,7 +798,7 @@ def lists_on_a_terminal():
     with Farm() as farm:
         farm.start_coordinator()
         name = "a-name-as-long-as-people-give-\u00e9\u00e9\u00e9\u00e9-shot-0040-v012"
-        farm.submit(farm.scene(), *SMALL, "-o", name, "--frames", "1-100000")
+        farm.submit(farm.scene(), *SMALL, "-o", name, "--frames", "1-100000", "--force")  # however small the disk is
         expect(name in farm.cli("list", expect=0).out, "a pipe")
         master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
