@@ -173,6 +173,34 @@ static void test_lamp_in_water(void **state)
         }
 }
 
+/* A caustic in dyed water fades once on its way, whatever media are elsewhere in the scene. */
+static void test_dyed_water(void **state)
+{
+    (void)state;
+    for (int media = 0; media < 2; media++) {
+        struct render_settings settings = shallow(2);
+        struct scene_material *m;
+        struct scene_builder b;
+
+        floor_seen(&b, 0, 0.4);
+        m = water(&b);
+        m->attenuation_distance = 2;
+        m->attenuation_color[0] = m->attenuation_color[1] = m->attenuation_color[2] = 0.5f;
+        builder_place(&b, builder_slab(&b), builder_last_material(&b), vec3_make(20, REAL(0.5), 20), vec3_make(0, REAL(0.3), 0));
+        (void)lamp_at(&b, 0, 2.3);
+        if (media) {
+            builder_medium(&b)->absorption[0] = 1;
+            m = builder_lambert(&b, 0);
+            m->kind = MATERIAL_INTERFACE;
+            m->medium = 0;
+            builder_place(&b, builder_slab(&b), builder_last_material(&b), vec3_splat(1), vec3_make(0, 0, 50));
+        }
+        expect_near(&b, &settings, ALBEDO / M_PI * layered(0, 1.5, 0.8, WATER) * pow(0.5, (0.8 + 0.4) / 2), 1e-3,
+                    media ? "under dyed water, and a medium elsewhere" : "under dyed water");
+        builder_release(&b);
+    }
+}
+
 /* The sun on water: a beam narrows as it enters. */
 static void test_sun(void **state)
 {
@@ -451,7 +479,7 @@ static void test_asked_or_by_chance(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_water), cmocka_unit_test(test_lamp_in_water),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_water), cmocka_unit_test(test_lamp_in_water), cmocka_unit_test(test_dyed_water),
                                        cmocka_unit_test(test_sun), cmocka_unit_test(test_mirror),
                                        cmocka_unit_test(test_ball), cmocka_unit_test(test_few_ask),
                                        cmocka_unit_test(test_sun_in_a_mirror),

@@ -93,8 +93,8 @@ static int reach_caster(struct path *way, struct path_vertex *v, const struct ca
             stretch.end_cosine = real_abs(vec3_dot(v->s.ng, stretch.direction));
             way->throughput = vec3_mul(way->throughput, path_transmittance(way, &stretch));
         }
-        if (calls_for(scene->effects, EFFECT_ABSORPTION))
-            path_absorb(way, &v->s);
+        if (calls_for(scene->effects, EFFECT_ABSORPTION) && !(calls_for(scene->effects, EFFECT_MEDIUM) && path_knows_filling(scene)))
+            path_absorb(way, &v->s); /* else path_transmittance has done it */
         if (calls_for(EFFECTS_ALL, COINCIDENT_EFFECTS))
             path_crossing_none(&v->crossing);
         if ((calls_for(scene->effects, VOLUME_EFFECTS) ||
