@@ -12,7 +12,7 @@
 #include "common/scene/effects.h"
 #include "tests/support/radiance.h"
 
-enum { COMPARISONS = 98 };
+enum { COMPARISONS = 122 };
 
 static struct render_settings narrow(uint32_t spp, uint32_t depth)
 {
@@ -259,13 +259,48 @@ static void test_mask(void **state)
     }
 }
 
+/* A black square before a sky of 1, in the mode; alpha is the material's times its vertices'. */
+static void test_alpha_of_vertices(void **state)
+{
+    static const float positions[12] = {-1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1};
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    static const struct {
+        float material, vertices;
+    } alphas[] = {{1, 0.25f}, {0.75f, 0.5f}, {0.5f, 1}, {1, 0.75f}};
+
+    (void)state;
+    for (size_t k = 0; k < 8; k++) {
+        const float alpha = alphas[k / 2].material * alphas[k / 2].vertices;
+        const int is_mask = k % 2 == 0;
+        struct render_settings settings = narrow(is_mask ? 16 : 64, 1);
+        struct scene_material *m;
+        struct scene_builder b;
+        float colors[16];
+
+        for (int i = 0; i < 16; i++)
+            colors[i] = i % 4 == 3 ? alphas[k / 2].vertices : 1;
+        builder_init(&b);
+        m = builder_lambert(&b, 0);
+        m->base_color[3] = alphas[k / 2].material;
+        m->alpha_mode = is_mask ? ALPHA_MASK : ALPHA_BLEND;
+        m->alpha_cutoff = 0.5f;
+        builder_place(&b, builder_mesh_mapped(&b, &(struct builder_mapped){.positions = positions, .colors = colors,
+                                                                           .vertex_count = 4, .indices = indices, .triangle_count = 2}),
+                      0, vec3_splat(1), vec3_splat(0));
+        builder_environment_constant(&b, vec3_splat(1));
+        builder_camera(&b, vec3_make(0, 1, 0), vec3_splat(0), 0.002f);
+        radiance_expect(&b, &settings, COMPARISONS, is_mask ? alpha < 0.5f : 1 - (double)alpha, "alpha of vertices");
+        builder_release(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_blend), cmocka_unit_test(test_shadow),
         cmocka_unit_test(test_lamp),
         cmocka_unit_test(test_mix),   cmocka_unit_test(test_diffuse_transmission),
-        cmocka_unit_test(test_mask),
+        cmocka_unit_test(test_mask),  cmocka_unit_test(test_alpha_of_vertices),
     };
     return cmocka_run_group_tests_name("alpha radiance", tests, NULL, NULL);
 }

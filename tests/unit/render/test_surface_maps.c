@@ -340,6 +340,66 @@ static void a_beam_widens_with_the_transform(void **state)
     }
 }
 
+/* What the second of two textures has that the first has not: a number of ways, and what is read by all of them. */
+enum { SLOT_WAYS = 11 };
+static int slot_way, with_first;
+
+/* Two images of one size: the first is the base colour's. */
+static void map_two(struct scene_builder *b, struct scene_material *m)
+{
+    struct scene_texture_slot first, second;
+
+    map_colors(b, m);
+    first = m->base_color_texture;
+    map_colors(b, m);
+    second = m->base_color_texture;
+    m->base_color_texture = first;
+    if (slot_way == 1)
+        b->scene.textures[second.texture].wrap_u = WRAP_MIRROR;
+    if (slot_way == 2)
+        b->scene.textures[second.texture].wrap_v = WRAP_MIRROR;
+    if (slot_way == 3)
+        b->scene.textures[second.texture].nearest = 1;
+    if (slot_way == 4)
+        second.uv_set = 1;
+    if (slot_way > 4)
+        (&second.uv_transform[0][0])[slot_way - 5] += 0.375f;
+    if (!with_first)
+        m->base_color_texture.texture = -1;
+    m->metallic = m->roughness = 1;
+    m->metallic_roughness_texture = second;
+}
+
+/* Two textures may share where they are read only if their slots say the same: each is as it is alone. */
+static void textures_beside_others_lie_as_their_slots_say(void **state)
+{
+    static const float at[][2] = {{0.97f, 0.6f}, {-0.3f, -0.98f}};
+    const struct wall w = {.handedness = 1, .dress = map_two};
+    double plain[2] = {0, 0};
+
+    (void)state;
+    nearest = 0;
+    slot = (struct scene_texture_slot){.uv_transform = {{2, 0, 0.25f}, {0, 2, 0.25f}}}; /* past the image's edges */
+    for (slot_way = 0; slot_way < SLOT_WAYS; slot_way++) {
+        int differs = slot_way == 0;
+        for (size_t k = 0; k < 2; k++) {
+            struct bsdf_params params;
+            double alone;
+            struct surface s;
+
+            with_first = 0;
+            look(&w, at[k][0], at[k][1], 0.05f, &s, &params);
+            alone = (double)params.metallic + 4 * (double)params.alpha;
+            with_first = 1;
+            look(&w, at[k][0], at[k][1], 0.05f, &s, &params);
+            assert_true((double)params.metallic + 4 * (double)params.alpha == alone);
+            plain[k] = slot_way == 0 ? alone : plain[k];
+            differs |= fabs(alone - plain[k]) > 1e-4;
+        }
+        assert_true(differs);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -351,6 +411,7 @@ int main(void)
         cmocka_unit_test(a_lamps_coat_has_its_texture),
         cmocka_unit_test(texture_coordinates_are_the_slots),
         cmocka_unit_test(a_beam_widens_with_the_transform),
+        cmocka_unit_test(textures_beside_others_lie_as_their_slots_say),
     };
     return cmocka_run_group_tests_name("surface maps", tests, NULL, NULL);
 }

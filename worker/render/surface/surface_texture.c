@@ -60,9 +60,10 @@ real material_alpha(const struct render_material *material, const struct render_
     if (slot_is_read(&material->base_color))
         alpha *= slot_lookup(&material->base_color, mesh, vertex, b1, b2, 0, 1).a;
     if (mesh->colors) {
-        const float32 *c = mesh->colors;
-        alpha *= (1 - b1 - b2) * c[4 * (size_t)vertex[0] + 3] + b1 * c[4 * (size_t)vertex[1] + 3] +
-                 b2 * c[4 * (size_t)vertex[2] + 3];
+        const float32 *c = mesh->colors + 3;
+        const real first = c[4 * (size_t)vertex[0]];
+        /* Equal ones give exactly that value: it may be the cutoff. */
+        alpha *= first + b1 * (c[4 * (size_t)vertex[1]] - first) + b2 * (c[4 * (size_t)vertex[2]] - first);
     }
     return alpha;
 }
