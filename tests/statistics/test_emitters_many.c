@@ -179,6 +179,84 @@ static void test_zero_odds_of_ranges(void **state)
     zero_odds_are_earned(8);
 }
 
+/* A light of every kind, still or moved while the shutter is open, with and without a range, beside one that shines everywhere. */
+static struct render_scene *one_beside(struct scene_builder *b, struct test_random *random, enum scene_light_kind kind, int moves)
+{
+    static const float times[2] = {0, 1};
+    struct render_settings settings = builder_settings(4, 4, 1);
+    struct scene_light *l;
+
+    settings.fps = 1;
+    settings.shutter = 1;
+    builder_init(b);
+    builder_lambert(b, 0.5f);
+    builder_place(b, builder_quad(b), 0, vec3_splat(20), vec3_make(0, -10, 0));
+    builder_camera(b, vec3_make(0, 1, 0), vec3_make(0, 1, 5), 1);
+    builder_node(b, -1, 0);
+    for (int path = PATH_TRANSLATION; path <= PATH_ROTATION; path++) {
+        float values[8];
+        double length[2] = {0, 0};
+        const int size = path == PATH_ROTATION ? 4 : 3;
+
+        for (int i = 0; i < 2 * size; i++) {
+            values[i] = 6 * test_random_float(random) - 3;
+            length[i / size] += (double)(values[i] * values[i]);
+        }
+        for (int i = 0; i < size; i++) {
+            values[i] = path == PATH_ROTATION ? (float)((double)values[i] / sqrt(length[0])) : values[i];
+            values[size + i] = !moves ? values[i] : path == PATH_ROTATION ? (float)((double)values[size + i] / sqrt(length[1])) : values[size + i];
+        }
+        builder_channel(b, 0, (enum scene_channel_path)path, 2, times, values);
+    }
+    b->scene.nodes[0].scale[0] = test_random_float(random) < 0.5f ? -1 : 1; /* mirrored */
+    l = builder_light(b, kind);
+    l->node = 0;
+    l->image = 0;
+    (void)builder_texture(b, (const float[]){1, 0.5f, 0.25f}, 1, 1);
+    l->intensity[0] = l->intensity[1] = l->intensity[2] = 1;
+    l->inner_cone_rad = 0.6f * test_random_float(random);
+    l->outer_cone_rad = l->inner_cone_rad + 0.01f + 0.9f * test_random_float(random);
+    l->projection_yfov_rad = 0.1f + 2 * test_random_float(random);
+    l->projection_aspect = 0.3f + 3 * test_random_float(random);
+    l->range = test_random_float(random) < 0.5f ? 1 + 5 * test_random_float(random) : 0;
+    l = builder_light(b, LIGHT_POINT);
+    l->position[1] = 20;
+    l->intensity[0] = l->intensity[1] = l->intensity[2] = 100;
+    return builder_build(b, &settings);
+}
+
+/* What arrives has odds: a light that shines at a place at some moment may be chosen there, whatever the moment. */
+static void test_what_arrives_has_odds(void **state)
+{
+    static const enum scene_light_kind kinds[] = {LIGHT_POINT, LIGHT_SPOT, LIGHT_GONIOMETRIC, LIGHT_PROJECTION};
+    struct test_random random = {29};
+
+    (void)state;
+    for (int i = 0; i < 400; i++) {
+        const enum scene_light_kind kind = kinds[i % 4];
+        struct scene_builder b;
+        struct render_scene *scene = one_beside(&b, &random, kind, i / 4 % 2);
+        const struct emitters *e = &scene->emitters;
+        int arrived = 0;
+
+        assert_int_equal(emitters_local_punctual(e), 2);
+        for (int place = 0; place < 300; place++) {
+            struct light_context context = {.p = random_point(&random, 12), .n = random_direction(&random), .time = test_random_float(&random)};
+            struct light_sample out = {.pdf = 1};
+
+            if (!emitters_sample_one(scene, e->punctual[0], &context, 1, &out) || vec3_is_black(out.radiance) ||
+                vec3_dot(out.direction, context.n) < 1e-3f)
+                continue;
+            arrived++;
+            if (!(light_tree_odds(&e->tree, context.p, context.n, 0) > 0))
+                fail_msg("light %d of kind %d has no odds at (%g %g %g)", i, (int)kind, (double)context.p.x, (double)context.p.y, (double)context.p.z);
+        }
+        assert_true(arrived > 0 || kind == LIGHT_SPOT || kind == LIGHT_PROJECTION || scene->emitters.punctual[0]->range > 0);
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
 /* The same lights give the same tree; every failed allocation is survived. */
 static void test_deterministic(void **state)
 {
@@ -321,6 +399,7 @@ int main(void)
         cmocka_unit_test(test_choices_follow_odds),
         cmocka_unit_test(test_zero_odds_are_earned),
         cmocka_unit_test(test_zero_odds_of_ranges),
+        cmocka_unit_test(test_what_arrives_has_odds),
         cmocka_unit_test(test_deterministic),
         cmocka_unit_test(test_ten_thousand_lamps),
     };

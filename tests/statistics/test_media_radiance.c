@@ -13,7 +13,7 @@
 #include "common/scene/effects.h"
 #include "tests/support/radiance.h"
 
-enum { COMPARISONS = 135 };
+enum { COMPARISONS = 160 };
 
 static const float absorbing[3] = {0.1f, 0.5f, 1.5f}, scattering[3] = {0.9f, 0.3f, 2.0f};
 
@@ -277,6 +277,38 @@ static void test_fog_transmittance(void **state)
     }
 }
 
+/* A face that is nothing else than where fog begins, whichever side is said to be its outside: without fog there is none behind it. */
+static void test_fog_behind_a_face(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        const int flipped = k & 1;
+        struct render_settings settings = narrow(64, 0);
+        struct scene_medium m = medium_of(0.5f, 0, 0);
+        struct scene_material *lamp, *face;
+        struct scene_builder b;
+        double expected[3];
+
+        for (int c = 0; c < 3; c++)
+            expected[c] = 2 * exp(-3 * 0.5 * (double)absorbing[c]);
+        builder_init(&b);
+        foggy(&b, &m);
+        b.scene.volume_rule = k & 2 ? VOLUMES_BOUNDARIES : VOLUMES_NESTED;
+        lamp = builder_lambert(&b, 0);
+        lamp->emission[0] = lamp->emission[1] = lamp->emission[2] = 2;
+        builder_place(&b, builder_quad(&b), 0, vec3_splat(5), vec3_splat(0));
+        face = builder_lambert(&b, 0);
+        face->kind = MATERIAL_INTERFACE;
+        face->medium = face->medium_outside = b.scene.fog;
+        builder_place(&b, builder_quad(&b), 1, vec3_make(5, flipped ? -1 : 1, 5), vec3_make(0, 2, 0));
+        builder_camera(&b, vec3_make(0, 3, 0), vec3_splat(0), 0.002f);
+        radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "lamp behind a face in fog");
+        settings.without = EFFECT_FOG;
+        radiance_expect(&b, &settings, COMPARISONS, 2, "lamp behind a face without fog");
+        builder_release(&b);
+    }
+}
+
 /* Airlight: what a point light beside the line of sight throws into it, by quadrature, up to a
  * black wall. */
 static void test_airlight(void **state)
@@ -375,7 +407,7 @@ int main(void)
         cmocka_unit_test(test_beer_lambert),      cmocka_unit_test(test_glass_filled),
         cmocka_unit_test(test_single_scattering), cmocka_unit_test(test_emission),
         cmocka_unit_test(test_furnace),           cmocka_unit_test(test_fog_transmittance),
-        cmocka_unit_test(test_airlight),          cmocka_unit_test(test_dense),
+        cmocka_unit_test(test_fog_behind_a_face), cmocka_unit_test(test_airlight),          cmocka_unit_test(test_dense),
     };
     return cmocka_run_group_tests_name("media radiance", tests, NULL, NULL);
 }

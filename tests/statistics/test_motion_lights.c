@@ -11,6 +11,7 @@
 #include "common/scene/effects.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
+#include "worker/render/render_scene.h"
 
 enum { SIZE = 62, PIXELS = SIZE * SIZE, SPP = 16, COMPARISONS = 40 };
 
@@ -213,6 +214,44 @@ static void test_turning_sun(void **state)
     builder_release(&b);
 }
 
+/* At the moments between which a light is interpolated it is where it was put, in whatever way its node is mirrored. */
+static void test_poses_at_their_moments(void **state)
+{
+    static const float white[3] = {1, 1, 1};
+
+    (void)state;
+    for (int k = 0; k < 16; k++) {
+        struct render_settings settings = builder_settings(4, 4, 1);
+        const struct punctual *light;
+        struct render_scene *scene;
+        struct scene_builder b;
+
+        settings.fps = settings.shutter = 1;
+        moving_light(&b, k & 1 ? LIGHT_PROJECTION : LIGHT_GONIOMETRIC, 0)->image = 0;
+        (void)builder_texture(&b, white, 1, 1);
+        turn(&b, -1.4, 0.9);
+        for (int c = 0; c < 3; c++)
+            b.scene.nodes[0].scale[c] = k >> (c + 1) & 1 ? -1 : 1;
+        scene = builder_build(&b, &settings);
+        light = scene->emitters.punctual[0];
+        assert_true(light->motion.steps > 2);
+        for (uint32_t i = 0; i < light->motion.steps; i++) {
+            struct punctual_pose moved;
+            const struct punctual_pose *got = punctual_pose_at(light, (real)i / (real)(light->motion.steps - 1), &moved);
+            const struct punctual_pose *put = &light->motion.at[i];
+
+            assert_true(vec3_length(vec3_sub(got->position, put->position)) < 1e-5f);
+            for (int a = 0; a < 3; a++)
+                if (!(vec3_length(vec3_sub(got->axis[a], put->axis[a])) < 1e-5f))
+                    fail_msg("light %d, moment %u of %u, axis %d: (%g %g %g), not (%g %g %g)", k, i, light->motion.steps, a,
+                             (double)got->axis[a].x, (double)got->axis[a].y, (double)got->axis[a].z, (double)put->axis[a].x,
+                             (double)put->axis[a].y, (double)put->axis[a].z);
+        }
+        render_scene_free(scene);
+        builder_release(&b);
+    }
+}
+
 /* A lamp that travels: a small square that faces down, of half side 2 cm, from -2 to 3. The cosines at both
  * ends are h / r: the integral of h^2 / (s^2 + h^2)^2 is s / (2 (s^2 + h^2)) + atan(s / h) / (2 h). The lamp's
  * own size changes that by less than 1e-4. */
@@ -304,6 +343,7 @@ int main(void)
         cmocka_unit_test(test_rising_point),
         cmocka_unit_test(test_sweeping_beams),
         cmocka_unit_test(test_turning_sun),
+        cmocka_unit_test(test_poses_at_their_moments),
         cmocka_unit_test(test_lamp_on_a_line),
         cmocka_unit_test(test_light_in_fog),
     };

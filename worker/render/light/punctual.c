@@ -62,16 +62,15 @@ static struct vec3 mixed_direction(struct vec3 a, struct vec3 b, real share)
     return vec3_is_black(v) ? a : v;
 }
 
-/* The axes, interpolated and made orthonormal again; the frame keeps its handedness. */
+/* The axes, interpolated and made orthonormal again. What follows a node is never mirrored (pose_light). */
 static void mix_axes(struct vec3 out[3], const struct vec3 a[3], const struct vec3 b[3], real share)
 {
-    struct vec3 x = mixed(a[0], b[0], share), y;
+    struct vec3 x = mixed(a[0], b[0], share);
 
     out[2] = mixed_direction(a[2], b[2], share);
     x = vec3_normalize(vec3_mad(x, out[2], -vec3_dot(x, out[2])));
     out[0] = vec3_is_black(x) ? a[0] : x;
-    y = vec3_cross(out[2], out[0]);
-    out[1] = vec3_dot(vec3_cross(a[2], a[0]), a[1]) < 0 ? vec3_neg(y) : y;
+    out[1] = vec3_cross(out[2], out[0]);
 }
 
 const struct punctual_pose *punctual_pose_at(const struct punctual *p, real time, struct punctual_pose *moved)
