@@ -105,7 +105,8 @@ def some_frames_go_on():
         farm.coordinator.kill()
         farm.restart_coordinator()
         counts()
-        # Then the rest, and all of them.
+        # Then the rest, and all of them. The film of another frame may be gone.
+        os.unlink(os.path.join(farm.store, "films", str(few), "frame-0005.kept"))
         farm.cli("extend", few, "--spp", "24", "--frames", "2-4", expect=0)
         farm.wait_for_job(few)
         expect(pictures(farm, few, "rest") == at_once, "the rest")
@@ -113,6 +114,9 @@ def some_frames_go_on():
             wrong = farm.cli("extend", few, "--spp", "32", "--frames", frames)
             expect(wrong.code and words in wrong.err, wrong)
         expect("larger --spp" in farm.cli("extend", few, "--spp", "24", "--frames", "3", expect=5).err, "no more")
+        for frames in (["--frames", "4-5"], []):
+            gone = farm.cli("extend", few, "--spp", "32", *frames, expect=5).err
+            expect("frame 5: its film was not kept" in gone, gone)
 
 
 @tests.add

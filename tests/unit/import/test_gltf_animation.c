@@ -143,9 +143,12 @@ static void test_swinging_between_equal_keys(void **state)
             spline[at] = 1;
         put_floats(&m, "VEC3", spline, 27, 9);
         maker_import(&m, rest, &r);
-        if (at < 0)
+        if (at < 0) {
             assert_int_equal(r.scene.channel_count, 0);
-        else if (at >= 3 && at < 24) /* the outer tangents move nothing */
+            for (int c = 0; c < 3; c++)
+                assert_true(r.scene.instances[0].to_world.m[c][3] + r.scene.origin[c] == 7 + c);
+        }
+        if (at >= 3 && at < 24) /* the outer tangents move nothing */
             assert_int_equal(r.scene.channel_count, 1);
         import_result_release(&r);
     }

@@ -251,6 +251,39 @@ static void test_morph_normals(void **state)
     for (int i = 18; i < 36; i++) /* neither positions nor normals: the second does nothing */
         assert_true(v.morphs[i] == 0);
     import_result_release(&r);
+    /* Of a shape that does not change they are the shape's, too. */
+    m = morph_maker();
+    put_floats(&m, "VEC3", normals, 9, 3);
+    maker_import(&m,
+                 ONE_NODE ",\"meshes\":[{\"weights\":[0.75],\"primitives\":[{\"attributes\":{\"POSITION\":0,\"NORMAL\":6},"
+                          "\"targets\":[{\"POSITION\":2,\"NORMAL\":1}]}]}]", &r);
+    v = view_mesh(&r, 0);
+    assert_floats(v.positions, (const float[]){0, 0, 0, 1, 0, 0, 0, 1, 3}, 9, 0);
+    assert_floats(v.normals, (const float[]){0.6f, 0, 0.8f, 0.6f, 0, 0.8f, 0.6f, 0, 0.8f}, 9, 1e-6f);
+    import_result_release(&r);
+}
+
+/* One mesh at three places: with joints, without, and in another shape. */
+static void test_uses_of_a_mesh(void **state)
+{
+    struct maker m = skin_maker();
+    struct import_result r;
+
+    (void)state;
+    put_floats(&m, "VEC3", (const float[]){0, 0, 1, 0, 0, 1, 0, 0, 1}, 9, 3);
+    maker_import(&m,
+                 "\"scenes\":[{\"nodes\":[0,1,2,3,4]}],\"nodes\":[{\"mesh\":0,\"skin\":0},{\"mesh\":0},{\"mesh\":0,\"weights\":[1]},"
+                 "{\"mesh\":0,\"skin\":0,\"weights\":[1]},{}],\"skins\":[{\"joints\":[4,4]}],\"meshes\":[{\"primitives\":[{\"attributes\":{"
+                 "\"POSITION\":0,\"JOINTS_0\":1,\"WEIGHTS_0\":2},\"targets\":[{\"POSITION\":6}]}]}]", &r);
+    assert_int_equal(r.scene.instance_count, 4);
+    for (uint32_t i = 0; i < 4; i++) {
+        const int is_skinned = i % 3 == 0;
+        const struct mesh_view v = view_mesh(&r, r.scene.instances[i].mesh);
+        assert_int_equal(v.mesh->arrays & MESH_SKIN, is_skinned ? MESH_SKIN : 0);
+        assert_int_equal(r.scene.instances[i].skin, is_skinned ? 0 : -1);
+        assert_true(v.positions[2] == (i < 2 ? 0 : 1));
+    }
+    import_result_release(&r);
 }
 
 /* A triangle that only opens when it is morphed stays. */
@@ -325,6 +358,7 @@ int main(void)
         cmocka_unit_test(test_morph),
         cmocka_unit_test(test_morph_baked),
         cmocka_unit_test(test_morph_normals),
+        cmocka_unit_test(test_uses_of_a_mesh),
         cmocka_unit_test(test_morph_opens),
         cmocka_unit_test(test_morph_faults),
         cmocka_unit_test(test_no_memory),
