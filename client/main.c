@@ -36,26 +36,36 @@ static const char *const group_titles[COMMAND_GROUPS] = {
     [COMMAND_PICTURES] = "pictures",
 };
 
+static const struct {
+    int status;
+    const char *meaning;
+} exits[] = {
+    {0, "success"}, {1, "internal error, or pictures that differ"}, {2, "bad usage"}, {3, "bad input or a limit exceeded"},
+    {4, "no coordinator there"}, {5, "refused or not found"}, {6, "job failed or cancelled"}, {7, "timed out"},
+    {8, "local input or output"}, {9, "some frames or files are missing, or a target was missed"}, {11, "not stored yet"},
+    {12, "verify: tiles differ"}, {130, "interrupted"}, {141, "the output's reader closed it"},
+};
+
 static void print_help(void)
 {
-    printf("usage: azulejo COMMAND [ARGUMENT]...\n\n"
-           "Render pictures on a farm of machines, or on this one.\n");
+    printf("usage: azulejo COMMAND [ARGUMENT]...\n\n");
+    options_print_words("Render pictures on a farm of machines, or on this one.", 0);
     for (int group = 0; group < COMMAND_GROUPS; group++) {
         printf("\n%s:\n", group_titles[group]);
         for (int i = 0; i < COMMAND_COUNT; i++)
-            if (commands[i]->group == (enum command_group)group)
-                printf("  %-11s  %s\n", commands[i]->name, commands[i]->summary);
+            if (commands[i]->group == (enum command_group)group) {
+                printf("  %-11s  ", commands[i]->name);
+                options_print_words(commands[i]->summary, 15);
+            }
     }
-    printf("\n'azulejo COMMAND --help' describes a command, 'azulejo help COMMAND' all of its\n"
-           "options, 'azulejo --version' shows the version.\n\n"
-           "exit status:\n"
-           "  0 success                1 internal error, or pictures that differ\n"
-           "  2 bad usage              3 bad input or a limit exceeded\n"
-           "  4 no coordinator there   5 refused or not found\n"
-           "  6 job failed, cancelled  7 timed out\n"
-           "  8 local input/output     9 some frames or files are missing\n"
-           "  11 not stored yet       12 verify: tiles differ\n"
-           "  130 interrupted          141 the output's reader closed it\n");
+    putchar('\n');
+    options_print_words("'azulejo COMMAND --help' describes a command, 'azulejo help COMMAND' all of its options, "
+                        "'azulejo --version' shows the version.", 0);
+    printf("\nexit status:\n");
+    for (size_t i = 0; i < sizeof exits / sizeof *exits; i++) {
+        printf("  %3d  ", exits[i].status);
+        options_print_words(exits[i].meaning, 7);
+    }
 }
 
 static int report_unknown(const char *what, const char *word)

@@ -64,6 +64,9 @@ status options_size_parse(const char *text, uint64_t *out) MUST_CHECK;
  * COLUMNS, else 80 columns. */
 void options_print_help(const char *usage, const char *description, const struct option *table);
 
+/* Print a text and end the line: it has `indent` columns already, and so will the others; as wide as options_print_help's. */
+void options_print_words(const char *text, size_t indent);
+
 /* How a long table is shown: title and names, with spaces between, in this order; the group with no names has what
  * stands in no other. Ends with a title that is NULL. --help describes the first group and names the rest. */
 struct option_group {

@@ -69,6 +69,15 @@ static void print_words(const char *text, size_t at, size_t indent, size_t width
     putchar('\n');
 }
 
+static size_t help_width(void)
+{
+    const size_t width = terminal_columns(STDOUT_FILENO);
+
+    return width > WIDTH_LEAST ? width : WIDTH_LEAST;
+}
+
+void options_print_words(const char *text, size_t indent) { print_words(text, indent, indent, help_width()); }
+
 /* The bytes of the paragraph that begins here, with its last line's break, and whether all of its lines fit. A line
  * that begins with a space is laid out by hand and stands alone. */
 static size_t paragraph_bytes(const char *text, size_t width, int *fits)
@@ -254,14 +263,13 @@ static void print_usage(const char *usage, size_t width)
 
 void options_print_help(const char *usage, const char *description, const struct option *table)
 {
-    size_t width = terminal_columns(STDOUT_FILENO);
+    const size_t width = help_width();
     const struct option *titled = table;
 
     if (take_help) {
         take_help(take_user, usage, table);
         return;
     }
-    width = width > WIDTH_LEAST ? width : WIDTH_LEAST;
     while (titled->name && titled->kind != OPTION_GROUP)
         titled++;
     print_usage(usage, width);

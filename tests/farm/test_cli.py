@@ -96,6 +96,10 @@ def words_that_are_near():
 def help_fits():
     """help has no line over the terminal's width; --help of many options describes the usual ones and names the rest"""
     with Farm() as farm:
+        for word in ("help", "--help"):
+            for width in (50, 80, 132):
+                text = farm.cli(word, expect=0, connect=False, env={"COLUMNS": str(width)}).out
+                expect(all(len(line) <= width for line in text.splitlines()), (word, width, text))
         for command in COMMANDS:
             short, whole = ([farm.cli(*words, expect=0, connect=False, env={"COLUMNS": str(width)}).out
                              for width in (50, 80, 132)] for words in ((command, "--help"), ("help", command)))
