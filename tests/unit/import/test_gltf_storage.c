@@ -11,7 +11,7 @@
 
 #include "tests/support/gltf_maker.h"
 
-enum { VERTICES = 4, ATTRIBUTES = 10, MORE_SIZE = 300, REST_SIZE = 2000 };
+enum { VERTICES = 4, ATTRIBUTES = 10, MORE_SIZE = 300 };
 enum type { BYTE = 5120, UBYTE = 5121, SHORT = 5122, USHORT = 5123, FLOAT = 5126, PLAIN = 1 << 16 };
 
 /* Values that all of the types hold exactly. */
