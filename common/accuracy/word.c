@@ -22,16 +22,16 @@ double word_unseen(const struct accuracy_evidence *evidence, double squared_erro
     return squared_error > 0 ? 3 * one * one / squared_error : INFINITY;
 }
 
-double accuracy_brightest(const struct scene *scene, double env_strength, double map_max)
+double accuracy_brightest(const struct scene *scene, double env_strength)
 {
     const struct scene_environment *e = &scene->environment;
-    double brightest = 0;
+    double map = e->constant ? 1 : e->brightest > 0 ? (double)e->brightest : INFINITY, brightest = 0;
 
     for (uint32_t i = 0; i < scene->material_count; i++)
         for (int c = 0; c < 3; c++)
             brightest = fmax(brightest, (double)scene->materials[i].emission[c]);
     for (int c = 0; c < 3 && e->present; c++)
-        brightest = fmax(brightest, (double)e->radiance[c] * env_strength * (e->constant ? 1 : map_max));
+        brightest = fmax(brightest, (double)e->radiance[c] * env_strength * map);
     return brightest;
 }
 

@@ -21,8 +21,8 @@ enum { ACCURACY_WORDS_SIZE = 256 };
 double word_unseen(const struct accuracy_evidence *evidence, double squared_error);
 
 /* The radiance (largest channel) of the brightest light that a ray can meet by chance: emitting surfaces and the
- * environment. A map is not read: `map_max` is its largest value, 0 if not known. */
-double accuracy_brightest(const struct scene *scene, double env_strength, double map_max);
+ * environment; infinite if the scene does not say how bright its map is (older releases' do not). */
+double accuracy_brightest(const struct scene *scene, double env_strength);
 
 /* The reasons of each word. */
 #define ACCURACY_DISPLAY_REASONS ((unsigned)ACCURACY_SPARSE)

@@ -29,6 +29,7 @@ static status simplify_environment(struct simplifier *w)
         same = e->radiance[c] * map.pixels[c] <= 1e30f;
     if (same) {
         e->constant = 1;
+        e->brightest = 0;
         for (int c = 0; c < 3; c++)
             e->radiance[c] *= map.pixels[c];
         w->report->uniform_environment = 1;

@@ -58,7 +58,6 @@ struct job *job_new(uint32_t first_frame, uint32_t last_frame)
     if (!job)
         return NULL;
     job->first_frame = job->begin_from = first_frame;
-    job->map_max = NAN;
     job->last_frame = last_frame;
     job->frames_done = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
     job->frames_developed = mem_calloc((size_t)job_frame_count(job) / 8 + 1, 1);
@@ -253,8 +252,6 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
 void job_set_id(struct job *job, uint64_t id) { job->id = id; }
 
 void job_set_submitted(struct job *job, int64_t wall_s) { job->submitted_at = wall_s; }
-
-void job_set_map_max(struct job *job, double value) { job->map_max = value; }
 
 void job_fence(struct job *job, uint64_t epoch) { job->epoch_floor = epoch + 1; }
 

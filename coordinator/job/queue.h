@@ -152,8 +152,6 @@ struct job {
     struct closed_frame closed_sum; /* of them */
     struct cut_frame *cuts;         /* of the frames that are done */
     size_t cut_count, cut_capacity;
-    double map_max;               /* largest value of the environment map; NaN: not computed
-                                          yet */
     struct throughput throughput; /* rate at which its results bring in processor time */
     struct unit_work work;        /* of the frames that are done */
     struct work_stats stats;
@@ -235,8 +233,6 @@ void job_set_state(struct queue *queue, struct job *job, enum job_state state, c
 /* It is submitted: its number, and the seconds since 1970, UTC. */
 void job_set_id(struct job *job, uint64_t id);
 void job_set_submitted(struct job *job, int64_t wall_s);
-/* The largest value of its environment map is known. */
-void job_set_map_max(struct job *job, double value);
 
 /* Results of leases up to this epoch are not the job's: with another cap, a short pass is another unit. */
 void job_fence(struct job *job, uint64_t epoch);

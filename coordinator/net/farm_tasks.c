@@ -165,7 +165,6 @@ static void develop_end(struct task *task)
     struct farm *farm = &task->server->farm;
 
     note_task(task, TRACE_DEVELOP, t->job, t->number);
-    job_set_map_max(t->job, development_map_max(t->development));
     if (task->result == STATUS_OK && !t->frame->closing && !t->frame->returns)
         figures_finished(farm, t->job, t->number, development_point(t->development));
     farm_frame_developed(farm, t->frame, development_revision(t->development), task->result, &task->error,
@@ -205,7 +204,6 @@ static void figures_end(struct task *task)
     note_task(task, TRACE_FIGURES, t->job, t->number);
     if (task->result != STATUS_OK)
         log_debug("job %llu, frame %u: its figures: %s", (unsigned long long)t->job->id, t->number, task->error.text);
-    job_set_map_max(t->job, development_map_max(t->development));
     figures_measured(&task->server->farm, t->job, t->number,
                      &(struct figures_result){development_point(t->development), development_evidence(t->development),
                                               t->cost_ns},

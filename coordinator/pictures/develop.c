@@ -48,7 +48,6 @@ static status development_new(struct development **out, const struct job *job, u
     d->revision = job->revision;
     d->settings = job->settings;
     d->output = job->output;
-    d->map_max = job->map_max;
     if (frame) {
         d->coverage = film_coverage(frame->film);
         d->end = frame->end;
@@ -229,8 +228,6 @@ void development_look(struct development *d, const struct output_settings *outpu
     d->output.picture = output->picture;
     d->is_look = 1;
 }
-
-double development_map_max(const struct development *d) { return d->map_max; }
 
 struct frame_evidence development_evidence(const struct development *d) { return d->evidence; }
 

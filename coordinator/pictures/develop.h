@@ -47,8 +47,6 @@ status develop_frame(struct development *development, struct store *store, struc
 status develop_again(struct development *development, struct store *store, struct error *err) MUST_CHECK;
 /* Compute the figures, and keep them in the frame's history. */
 status develop_figures(struct development *development, struct store *store, struct error *err) MUST_CHECK;
-/* The largest value of the environment map, for the job's next frames; NaN: it was not computed. */
-double development_map_max(const struct development *development);
 /* What figures were judged by, for the frame's next ones. */
 struct frame_evidence development_evidence(const struct development *development);
 /* What develop_figures or develop_frame found; NULL: nothing yet. */

@@ -113,7 +113,6 @@ static status make_of_kept(struct development *d, const struct store *store, str
     if (s == STATUS_OK && (m.width != d->image.width || m.height != d->image.height))
         s = error_set(err, STATUS_ERR_CORRUPT, "frame %u: its picture and its film differ in size", d->frame);
     THEN(s, development_describe(d, store, err));
-    THEN(s, development_find_map_max(d, store, err));
     THEN(s, make(d, &m, err));
     measurement_release(&m);
     return s;
@@ -126,8 +125,7 @@ status development_denoise(struct development *d, const struct store *store, str
     if (d->output.tonemap.denoise == DENOISING_OFF || d->denoised.pixels)
         return STATUS_OK;
     if (d->film) {
-        s = development_find_map_max(d, store, err);
-        THEN(s, measurement_take_guided(&d->measurement, d->film, err));
+        s = measurement_take_guided(&d->measurement, d->film, err);
         THEN(s, make(d, &d->measurement, err));
         measurement_release(&d->measurement);
         return s;

@@ -1,43 +1,13 @@
 /* How wrong a frame may be. */
 #include "coordinator/pictures/develop_parts.h"
 
-#include <math.h>
-
 #include "common/accuracy/word.h"
 #include "common/base/memory.h"
-#include "common/image/image.h"
 #include "common/scene/effects.h"
-#include "coordinator/store/files/blobs.h"
-
-/* The part of the environment map that a path may hit by chance; needed only for frames with
- * caustics. Errors in the map itself are reported by the workers. */
-status development_find_map_max(struct development *d, const struct store *store, struct error *err)
-{
-    const struct scene_environment *e = &d->description.environment;
-    struct buffer file = BUFFER_INIT;
-    struct image_repairs repairs = {0};
-    struct image map = {0};
-    float most = 0;
-    status s;
-
-    if (!isnan(d->map_max) || !d->described || !e->present || e->constant ||
-        !(development_effects(d) & EFFECT_CAUSTICS))
-        return STATUS_OK;
-    s = blobs_read(store_folder(store), &e->image.blob.digest, IMAGE_BYTES_MAX, &file, err);
-    THEN(s, image_decode_hdr(&map, file.data, file.size, "the environment", &repairs, err));
-    for (size_t i = 0; s == STATUS_OK && i < (size_t)map.width * map.height * map.channels; i++)
-        most = map.pixels[i] > most ? map.pixels[i] : most;
-    d->map_max = (double)most;
-    image_release(&map);
-    buffer_release(&file);
-    return status_is_environment(s) ? s : STATUS_OK;
-}
 
 double development_brightest(const struct development *d)
 {
-    if (!d->described)
-        return 0;
-    return accuracy_brightest(&d->description, (double)d->settings.env_strength, isnan(d->map_max) ? 0 : d->map_max);
+    return d->described ? accuracy_brightest(&d->description, (double)d->settings.env_strength) : 0;
 }
 
 /* Once a frame, however often its figures are computed. */
@@ -46,7 +16,6 @@ static status find_evidence(struct development *d, const struct store *store, st
     if (d->evidence.known)
         return STATUS_OK;
     TRY(development_describe(d, store, err));
-    TRY(development_find_map_max(d, store, err));
     d->evidence = (struct frame_evidence){1, development_effects(d), development_brightest(d)};
     return STATUS_OK;
 }

@@ -37,7 +37,6 @@ struct development {
     int image_ends; /* the display picture is the last that is made of `image`, which is then freed */
     int measured;   /* `point` belongs to this development; else it is the newest one, if
                                 any */
-    double map_max; /* as in struct job */
     struct frame_evidence evidence;
     struct measurement measurement; /* copied, if `film` is NULL */
     float *tile_errors;             /* [tiles] display codes, for AOV_ERROR; NULL: not wanted, or not known */
@@ -142,7 +141,6 @@ status development_write_denoised(const struct development *d, struct store *sto
 const char *development_guides_text(const struct development *d);
 const char *denoise_method_name(enum denoise_method method);
 
-status development_find_map_max(struct development *d, const struct store *store, struct error *err);
 /* The radiance of the brightest light that a path may meet by chance; 0: not known. */
 double development_brightest(const struct development *d);
 /* The figures of error, into d->point, and the tiles' errors if the AOV wants them. */

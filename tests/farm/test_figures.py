@@ -1,8 +1,10 @@
 """How wrong a picture is: the same figures wherever they are reported, kept over restarts, and a word where
 they cannot be trusted."""
+import glob
 import json
 import math
 import os
+import struct
 import sys
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
@@ -229,6 +231,29 @@ def what_may_be_understated_says_so():
         expect("may be understated: " in words and "have not been lit yet" in words, words)
         table = farm.cli("list", expect=0).out
         expect("/255?" in table, table)
+
+
+@tests.add
+def the_word_needs_no_map():
+    """how bright a map is stands in the scene: the coordinator, which has the farm's key, decodes no picture that a client sent"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        worker = farm.start_worker()
+        sun, scene = farm.path("sun.pfm"), os.path.join(FEATURES, "glass.gltf")
+        small = ["--size", "48x48", "--spp", "16", "--env", sun]
+        with open(sun, "wb") as out:
+            out.write(b"PF\n16 8\n-1.0\n" + struct.pack("<384f", *([0.1] * 192 + [1e5] * 3 + [0.1] * 189)))
+        first = farm.submit(scene, *small)
+        before = farm.wait_for_job(first)["now"]["figures"]
+        expect(before["unseen"] > 0, before)
+        worker.stop()
+        second = farm.submit(scene, *small)
+        for path in glob.glob(os.path.join(farm.store, "blobs", "??", "*")):
+            if read_bytes(path) == read_bytes(sun):
+                os.unlink(path)
+        farm.start_worker(cache=farm.path("cache-1"))  # it has the map in its cache
+        after = farm.wait_for_job(second)["now"]["figures"]
+        expect(after == before, (before, after))
 
 
 @tests.add

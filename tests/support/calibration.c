@@ -173,35 +173,13 @@ void calibration_render(struct calibration *c, const char *scene_path, const cha
     import_result_release(&import);
 }
 
-/* The largest value of its environment map; 0: it has none. */
-static double map_max(struct import_result *import)
-{
-    const struct scene_environment *e = &import->scene.environment;
-    struct blob_source blobs = imported_source(import);
-    struct image_repairs repairs = {0};
-    struct image map = {0};
-    const uint8_t *data;
-    size_t size;
-    double most = 0;
-
-    if (!e->present || e->constant)
-        return 0;
-    if (blobs.get(blobs.user, &e->image.blob.digest, &data, &size, NULL) != STATUS_OK ||
-        image_decode_hdr(&map, data, size, "the environment", &repairs, NULL) != STATUS_OK)
-        abort();
-    for (size_t i = 0; i < (size_t)map.width * map.height * map.channels; i++)
-        most = (double)map.pixels[i] > most ? (double)map.pixels[i] : most;
-    image_release(&map);
-    return most;
-}
-
 void calibration_describe(struct calibration *c, const char *scene_path, const char *env)
 {
     struct import_result import;
 
     imported_file_under(scene_path, env, &import);
     c->effects = scene_effects_default(&import.scene, 0);
-    c->brightest = accuracy_brightest(&import.scene, 1, map_max(&import));
+    c->brightest = accuracy_brightest(&import.scene, 1);
     import_result_release(&import);
 }
 

@@ -123,14 +123,18 @@ status builder_leave_out(struct builder *b, const char *file, uint64_t line, con
 
 /* ---- the environment ---------------------------------------------------------------------- */
 
-static uint64_t count_too_bright(const struct image *image)
+/* The number of pixels above SCENE_RADIANCE_MAX. `brightest`: the largest value, at most that. */
+static uint64_t count_too_bright(const struct image *image, float *brightest)
 {
     uint64_t count = 0;
 
+    *brightest = 0;
     for (size_t i = 0; i < (size_t)image->width * image->height; i++) {
-        const float *p = image->pixels + 3 * i;
-        count += p[0] > SCENE_RADIANCE_MAX || p[1] > SCENE_RADIANCE_MAX || p[2] > SCENE_RADIANCE_MAX;
+        const float *p = image->pixels + 3 * i, most = fmaxf(p[0], fmaxf(p[1], p[2]));
+        count += most > SCENE_RADIANCE_MAX;
+        *brightest = fmaxf(*brightest, most);
     }
+    *brightest = fminf(*brightest, SCENE_RADIANCE_MAX);
     return count;
 }
 
@@ -186,7 +190,7 @@ static status check_environment(struct builder *b, const char *name, uint8_t **d
         image_release(&image);
         return result;
     }
-    too_bright = count_too_bright(&image);
+    too_bright = count_too_bright(&image, &b->environment.brightest);
     if (too_bright)
         builder_warn(b, "environment radiance", "%s: the map has %llu pixels above %g: they count as that", name,
                      (unsigned long long)too_bright, (double)SCENE_RADIANCE_MAX);

@@ -227,6 +227,7 @@ static void pack_environment(struct buffer *out, const struct scene_environment 
         image.name = TEXT(env->image.name);
         image.blob = &blob;
         m.image = &image;
+        m.brightest = env->brightest;
     }
     if (!floats_equal(&env->to_map[0][0], unturned, 9))
         FLOATS(&m, to_map, env->to_map, 9);

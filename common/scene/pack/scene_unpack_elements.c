@@ -134,6 +134,7 @@ status unpack_environment(struct scene_reader *r, const ProtobufCMessage *messag
         return STATUS_OK;
     }
     TAKE_FLOATS_IF(radiance, to->radiance, 3);
+    to->brightest = m->brightest;
     return unpack_image(r, m->image, &to->image);
 }
 

@@ -320,6 +320,7 @@ static status check_environment(const struct check_place *at, const struct scene
             to_map.m[r][c] = (double)env->to_map[r][c];
     if (!is_orthonormal(&to_map.m[0][0], 4) || !(transform_d_determinant(&to_map) > 0))
         return check_complain(at, "to_map", "is not a rotation");
+    TRY(check_range(at, "brightest", env->brightest, 0, SCENE_RADIANCE_MAX));
     return env->constant ? STATUS_OK : check_image(at, &env->image);
 }
 

@@ -17,6 +17,7 @@
 #include "common/accuracy/word.h"
 #include "common/base/memory.h"
 #include "common/scene/effects.h"
+#include "common/scene/scene.h"
 #include "tests/support/statistics.h"
 
 enum { SIZE = 64, PIXELS = SIZE * SIZE, VALUES = PIXELS * 3, TILES = 16 };
@@ -246,6 +247,38 @@ static void test_unmet_light_warns(void **state)
     f = figures_of(&n, &evidence);
     assert_true(f.reliable && accuracy_rmse_is_reliable(&f));
     noisy_release(&n);
+}
+
+/* Of a scene, without its pictures: older ones do not say how bright their map is. */
+static void test_brightest_light(void **state)
+{
+    struct scene_material lamp;
+    struct scene scene;
+
+    (void)state;
+    scene_init(&scene);
+    assert_true(accuracy_brightest(&scene, 1) == 0);
+    scene_material_default(&lamp);
+    lamp.emission[2] = 8;
+    scene.materials = &lamp;
+    scene.material_count = 1;
+    assert_true(accuracy_brightest(&scene, 1) == 8);
+    scene.environment.present = 1;
+    scene.environment.brightest = 100;
+    scene.environment.radiance[1] = 3;
+    assert_true(accuracy_brightest(&scene, 0.5) == 150);
+    scene.environment.brightest = 2;
+    assert_true(accuracy_brightest(&scene, 0.5) == 8);
+    scene.environment.brightest = 0;
+    assert_true(isinf(accuracy_brightest(&scene, 0.5)));
+    assert_true(accuracy_brightest(&scene, 0) == 8);
+    scene.environment.constant = 1;
+    assert_true(accuracy_brightest(&scene, 5) == 15);
+    scene.environment.present = 0;
+    assert_true(accuracy_brightest(&scene, 5) == 8);
+    scene.materials = NULL;
+    scene.material_count = 0;
+    scene_release(&scene);
 }
 
 static void test_nothing_and_too_little(void **state)
@@ -755,7 +788,8 @@ int main(void)
         cmocka_unit_test(test_samples_of_tiles),
         cmocka_unit_test(test_variance_of_the_sum), cmocka_unit_test(test_known_noise),     cmocka_unit_test(test_intervals_hold),
         cmocka_unit_test(test_light_level_does_not_count), cmocka_unit_test(test_firefly_counts),
-        cmocka_unit_test(test_unmet_light_warns), cmocka_unit_test(test_nothing_and_too_little),
+        cmocka_unit_test(test_unmet_light_warns), cmocka_unit_test(test_brightest_light),
+        cmocka_unit_test(test_nothing_and_too_little),
         cmocka_unit_test(test_backdrop_does_not_count), cmocka_unit_test(test_worst_part),
         cmocka_unit_test(test_fireflies),
         cmocka_unit_test(test_few_samples_have_met_the_light),

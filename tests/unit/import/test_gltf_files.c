@@ -174,6 +174,7 @@ static void test_environment(void **state)
     assert_true(r.scene.environment.present && !r.scene.environment.constant);
     assert_string_equal(r.scene.environment.image.name, "sky.exr");
     assert_int_equal(r.scene.environment.image.blob.size_bytes, exr.size);
+    assert_true(r.scene.environment.brightest == 1);
     assert_int_equal(r.blob_count, 2);
     assert_warned(&r, "1 negative");
     assert_false(warned(&r, "no light"));
@@ -188,6 +189,7 @@ static void test_environment(void **state)
     assert_int_equal(import_scene(scene, &options, &r, &err), STATUS_OK);
     assert_warned(&r, "4x2 pixels of a picture of 16x8, from column 5, row 3");
     assert_false(warned(&r, "twice as wide"));
+    assert_true(r.scene.environment.brightest == 3 * 4 * 2);
     for (size_t i = 0; i < r.blob_count; i++) {
         struct image_repairs repairs = {0};
         struct image whole;
@@ -205,6 +207,18 @@ static void test_environment(void **state)
     }
     assert_int_equal(seen, 1);
     import_result_release(&r);
+    /* Each channel counts, and none above what counts at all. */
+    for (size_t i = 0; i < 3; i++) {
+        how.window = NULL;
+        image.pixels[9 + i] = i == 1 ? 2e30f : 100 + (float)i;
+        buffer_clear(&exr);
+        assert_int_equal(exr_encode(&exr, &image, &how, &err), STATUS_OK);
+        write_file("part.exr", exr.data, exr.size, path, sizeof path);
+        assert_int_equal(import_scene(scene, &options, &r, &err), STATUS_OK);
+        assert_true(r.scene.environment.brightest == (i == 1 ? SCENE_RADIANCE_MAX : 100 + (float)i));
+        import_result_release(&r);
+        image.pixels[9 + i] = 0;
+    }
     how.window = &(const struct exr_window){60000, 60000, 5, 3};
     buffer_clear(&exr);
     assert_int_equal(exr_encode(&exr, &image, &how, &err), STATUS_OK);

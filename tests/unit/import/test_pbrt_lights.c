@@ -272,6 +272,7 @@ static void check_map(int latlong, const char *before, const char *light, const 
     struct buffer file = BUFFER_INIT, text = BUFFER_INIT;
     struct image_repairs repairs = {0};
     char *folder = pbrt_folder_make();
+    float brightest = 0;
     struct import_result r;
     struct error err = {0};
 
@@ -288,6 +289,9 @@ static void check_map(int latlong, const char *before, const char *light, const 
             assert_int_equal(image_decode_hdr(&got, r.blobs[i].data, r.blobs[i].size_bytes, "e", &repairs, &err),
                              STATUS_OK);
     assert_int_equal(got.width, latlong == 2 ? got.height : 2 * got.height);
+    for (size_t i = 0; i < (size_t)3 * got.width * got.height; i++)
+        brightest = fmaxf(brightest, got.pixels[i]);
+    assert_true(brightest > 0 && r.scene.environment.brightest == brightest);
     for (size_t k = 0; k < sizeof directions / sizeof *directions; k++) {
         float seen[3];
         look_at_environment(&r, &got, directions[k], seen);

@@ -171,6 +171,7 @@ static void assert_environment_equal(const struct scene_environment *x, const st
         SAME(image.blob.digest);
         SAME(image.blob.size_bytes);
         SAME(radiance);
+        SAME(brightest);
         SAME(to_map);
     }
     assert_int_equal(x->portal_count, y->portal_count);
@@ -306,6 +307,7 @@ static void test_round_trip(void **state)
     scene_sample(&scene);
     check_round_trip(&scene);
     scene.instances[1].asset = "set";
+    scene.environment.brightest = 3;
     check_round_trip(&scene);
     scene_environment_default(&scene.environment);
     scene.environment.present = scene.environment.constant = 1;
@@ -765,6 +767,9 @@ static void test_refuses_environment(void **state)
     REFUSE("environment", (s.environment.constant = 1, s.environment.radiance[1] = -1));
     REFUSE("environment", (s.environment.constant = 1, s.environment.radiance[2] = NAN));
     REFUSE("environment", s.environment.radiance[0] = -1);
+    REFUSE("environment[0].brightest", s.environment.brightest = -1);
+    REFUSE("environment[0].brightest", s.environment.brightest = 2e30f);
+    REFUSE("environment[0].brightest", s.environment.brightest = NAN);
     REFUSE("environment[0].to_map", s.environment.to_map[0][2] = NAN);
     REFUSE("environment[0].to_map", s.environment.to_map[0][2] = 1.1f);
     REFUSE("environment[0].to_map", s.environment.to_map[0][2] = -1); /* mirrors */
