@@ -33,6 +33,7 @@
 
 /* An emissive triangle is a light, and so is the environment. */
 #define LIGHT_CHOICES(CHOICE)                                                                                          \
+    CHOICE(LIGHT_CHOICE, LEARNED, 3, "learned") /* tree; where walls hide lights, by what arrives too (lamp_guide.h) */ \
     CHOICE(LIGHT_CHOICE, TREE, 0, "tree")       /* by what a light can contribute at the shaded point */               \
     CHOICE(LIGHT_CHOICE, POWER, 1, "power")     /* by its power alone */                                               \
     CHOICE(LIGHT_CHOICE, UNIFORM, 2, "uniform") /* all lights alike */

@@ -83,9 +83,9 @@
     SETTING(o, CHOICE, enum sampler_kind, sampler, SAMPLER_SOBOL, 0, 0, LISTED, "azulejo:sampler", "sampler", "NAME",  \
             "random numbers: scrambled Sobol' points, or independent ones (default sobol)",                            \
             CHOICE_OF(SAMPLER, SAMPLERS))                                                                              \
-    SETTING(o, CHOICE, enum light_choice, light_choice, LIGHT_CHOICE_TREE, 0, 0, LISTED, "azulejo:lightChoice",        \
+    SETTING(o, CHOICE, enum light_choice, light_choice, LIGHT_CHOICE_LEARNED, 0, 0, LISTED, "azulejo:lightChoice",        \
             "light-choice", "HOW",                                                                                     \
-            "choose lights by their effect at the point, by their power, or uniformly (default tree)",                 \
+            "choose lights by their effect at the point (learned: and by what walls hide), by their power, or uniformly (default learned)",                 \
             CHOICE_OF(LIGHT_CHOICE, LIGHT_CHOICES), .says = "light choice")                                            \
     SETTING(o, SWITCH, int, no_roulette, 0, 0, 1, LISTED, "azulejo:roulette", "roulette", "HOW",                       \
             "end paths that carry little light at random; off: only at --max-depth (default on)",                      \

@@ -81,6 +81,7 @@ SCENES = [
     Scene("textured", "features/alpha.gltf"),
     Scene("layered", "features/clearcoat.gltf"),
     Scene("many lights", "features/many-lights.gltf"),
+    Scene("lamps, hidden", "features/house.pbrt"),
     Scene("glass", "features/glass.gltf"),
     Scene("glass", "features/nested.gltf"),
     Scene("glass", "liquids/wine.gltf"),

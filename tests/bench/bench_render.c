@@ -148,7 +148,7 @@ int main(int argc, char **argv)
     const char *groups = NULL;
     int aovs = 0;
     double shutter = 0;
-    const char *without = NULL, *sampler = "sobol", *light_choice = "tree", *roulette = "on";
+    const char *without = NULL, *sampler = "sobol", *light_choice = "learned", *roulette = "on";
     const char *texture_filter = "cone", *bvh_quality = "medium", *robust = "on";
     double clamp = 0;
     const struct option table[] = {
@@ -161,7 +161,7 @@ int main(int argc, char **argv)
          "importance|uniform|bsdf|importance-only|uniform-only|learned"},
         {"sampler", 0, OPTION_CHOICE, &sampler, "NAME", "random numbers", 0, 0, "sobol|independent"},
         {"light-choice", 0, OPTION_CHOICE, &light_choice, "HOW", "odds of lights", 0, 0,
-         "tree|power|uniform"},
+         "learned|tree|power|uniform"},
         {"roulette", 0, OPTION_CHOICE, &roulette, "HOW", "Russian roulette", 0, 0, "on|off"},
         {"clamp", 0, OPTION_REAL, &clamp, "X", "radiance of a sample at most", 0,
          (double)SETTINGS_CLAMP_MAX, NULL},

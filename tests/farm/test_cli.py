@@ -461,7 +461,7 @@ def settings_of_a_job():
         expect((settings["fps"], settings["shutter"]) == (24, 0), settings)
         expect(settings["lens_radius"] == settings["focus_distance"] == 0 and not settings["pinhole"], settings)
         expect(settings["without"] == [] and settings["aovs"] == [], settings)
-        choices = {"env_sampling": "learned", "sampler": "sobol", "light_choice": "tree",
+        choices = {"env_sampling": "learned", "sampler": "sobol", "light_choice": "learned",
                    "no_roulette": False, "texture_filter": "cone", "bvh_quality": "medium",
                    "not_robust": False, "clamp": 0, "exr_names": "plain"}
         expect({name: settings[name] for name in choices} == choices, settings)

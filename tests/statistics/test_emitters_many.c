@@ -84,16 +84,16 @@ static void test_choices_follow_odds(void **state)
                 float u = test_random_float(&random), v = test_random_float(&random), odds;
                 uint32_t item;
 
-                if (!light_tree_choose(&tree, p, n, &u, &v, &item, &odds)) {
+                if (!light_tree_choose(&tree, NULL, p, n, &u, &v, &item, &odds)) {
                     none++;
                     continue;
                 }
                 assert_true(u >= 0 && u < 1 && v >= 0 && v < 1);
-                assert_true(odds > 0 && odds == light_tree_odds(&tree, p, n, item));
+                assert_true(odds > 0 && odds == light_tree_odds(&tree, NULL, p, n, item));
                 hits[item]++;
             }
             for (uint32_t i = 0; i <= count; i++) {
-                double odds = i < count ? (double)light_tree_odds(&tree, p, n, i) : 1 - sum;
+                double odds = i < count ? (double)light_tree_odds(&tree, NULL, p, n, i) : 1 - sum;
                 double expected = odds * SAMPLES, got = i < count ? hits[i] : none;
 
                 sum += odds;
@@ -142,7 +142,7 @@ static void zero_odds_are_earned(float longest_reach)
         for (uint32_t i = 0; i < COUNT; i++) {
             const struct light_bounds *b = &bounds[i];
 
-            if (b->intensity == 0 || light_tree_odds(&tree, p, n, i) > 0)
+            if (b->intensity == 0 || light_tree_odds(&tree, NULL, p, n, i) > 0)
                 continue;
             zeros++;
             for (int k = 0; k < 60; k++) { /* points of its box, and its extreme normals */
@@ -248,7 +248,7 @@ static void test_what_arrives_has_odds(void **state)
                 vec3_dot(out.direction, context.n) < 1e-3f)
                 continue;
             arrived++;
-            if (!(light_tree_odds(&e->tree, context.p, context.n, 0) > 0))
+            if (!(light_tree_odds(&e->tree, NULL, context.p, context.n, 0) > 0))
                 fail_msg("light %d of kind %d has no odds at (%g %g %g)", i, (int)kind, (double)context.p.x, (double)context.p.y, (double)context.p.z);
         }
         assert_true(arrived > 0 || kind == LIGHT_SPOT || kind == LIGHT_PROJECTION || scene->emitters.punctual[0]->range > 0);

@@ -19,7 +19,7 @@ enum { POINTS = 400, SIDE = 20, TRIES = 20000 };
 
 /* Points on a square of the floor, 2 m wide around the origin, and on its other side. */
 struct made_up {
-    struct sky_point points[POINTS];
+    struct pilot_point points[POINTS];
     struct vec3 axis; /* of the cone */
     real cosine;      /* of its opening, -1: all arrives */
     struct environment_light light;
@@ -223,13 +223,15 @@ static void test_holds_where_the_pilot_was(void **state)
     assert_null(region_at(&m, vec3_make(-0.7f, 0, 0.2f), none)); /* in a medium */
     assert_null(region_at(&m, vec3_make(-0.7f, 3, 0.2f), up));
     assert_null(region_at(&m, vec3_make(90, 0, 0.2f), up));
+    assert_null(region_at(&m, vec3_make(-0.7f, -3, 0.2f), up));
+    assert_null(region_at(&m, vec3_make(-0.7f, 0, -90), up));
     unmake(&m);
     make(&m, MAP_SKY, 180); /* all arrives: the map does as well */
-    assert_int_equal(m.light.guide.region_count, 0);
+    assert_int_equal(m.light.guide.at.count, 0);
     assert_null(middle(&m));
     unmake(&m);
     make(&m, MAP_SKY, 0); /* nothing does */
-    assert_int_equal(m.light.guide.region_count, 0);
+    assert_int_equal(m.light.guide.at.count, 0);
     unmake(&m);
 }
 

@@ -208,7 +208,9 @@ static void take_picture(const struct model *m, const struct model_way *way, uin
 
     settings.seed = seed;
     settings.shutter = 0.5f;
-    settings.env_sampling = ENV_SAMPLING_IMPORTANCE; /* what is learned of a scaled scene has other rounding errors: other noise */
+    /* What is learned of a scaled scene has other rounding errors: other noise. */
+    settings.env_sampling = ENV_SAMPLING_IMPORTANCE;
+    settings.light_choice = LIGHT_CHOICE_TREE;
     import_model(m, way, &import);
     scene = imported_build(&import, &settings, 0);
     groups_render_apart(scene, &settings, 0, out->mean, out->apart, &stats);

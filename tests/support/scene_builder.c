@@ -388,6 +388,57 @@ void builder_windowed_room(struct scene_builder *b)
     builder_camera(b, vec3_make(0, 0.5f, 3.8f), vec3_make(0, 0.2f, 0), 0.9f);
 }
 
+static void add_lamp(struct scene_builder *b, uint32_t mesh, float radiance, struct vec3 scale, struct vec3 place)
+{
+    struct scene_material *m = builder_lambert(b, 0);
+
+    m->emission[0] = m->emission[1] = m->emission[2] = radiance;
+    builder_place(b, mesh, builder_last_material(b), scale, place);
+}
+
+void builder_lamp_rooms(struct scene_builder *b)
+{
+    enum { ROOMS = 3, OUTER = 6, WALL = 3 };
+    const float x0 = -2, x1 = -2 + 4 * ROOMS, y0 = -1, y1 = 2, z0 = -2.5f, z1 = 4;
+    float quads[OUTER + WALL * (ROOMS - 1)][4][3] = {
+        {{x0, y0, z0}, {x0, y0, z1}, {x1, y0, z1}, {x1, y0, z0}}, {{x0, y1, z0}, {x1, y1, z0}, {x1, y1, z1}, {x0, y1, z1}},
+        {{x0, y0, z0}, {x1, y0, z0}, {x1, y1, z0}, {x0, y1, z0}}, {{x0, y0, z1}, {x0, y1, z1}, {x1, y1, z1}, {x1, y0, z1}},
+        {{x1, y0, z0}, {x1, y0, z1}, {x1, y1, z1}, {x1, y1, z0}}, {{x0, y0, z0}, {x0, y1, z0}, {x0, y1, z1}, {x0, y0, z1}},
+    };
+    uint32_t walls, quad, ball;
+
+    builder_init(b);
+    for (int i = 1; i < ROOMS; i++) {
+        const float x = x0 + 4 * (float)i, door0 = 1.6f, door1 = 2.6f, top = 1;
+        const float wall[WALL][4][3] = {{{x, y0, z0}, {x, y0, door0}, {x, y1, door0}, {x, y1, z0}},
+                                        {{x, y0, door1}, {x, y0, z1}, {x, y1, z1}, {x, y1, door1}},
+                                        {{x, top, door0}, {x, top, door1}, {x, y1, door1}, {x, y1, door0}}};
+        memcpy(quads[OUTER + WALL * (i - 1)], wall, sizeof wall);
+    }
+    walls = builder_quads(b, (const float(*)[4][3])quads, OUTER + WALL * (ROOMS - 1));
+    quad = builder_quad(b);
+    ball = builder_sphere(b, 12, 1);
+    builder_lambert(b, 0.6f);
+    builder_place(b, walls, builder_last_material(b), vec3_splat(1), vec3_make(0, 0, 0));
+    builder_lambert(b, 0.7f);
+    builder_place(b, ball, builder_last_material(b), vec3_splat(0.6f), vec3_make(0.4f, -0.4f, -0.5f));
+    for (int i = 0; i < ROOMS; i++) {
+        const float x = 4 * (float)i, bright = i == 0 ? 1 : 8;
+        struct scene_light *light = builder_light(b, LIGHT_POINT);
+
+        for (int k = 0; k < 4; k++)
+            add_lamp(b, quad, 30 * bright, vec3_make(0.1f, -1, 0.1f),
+                     vec3_make(x + (k % 2 ? 1 : -1.2f), 1.95f, k / 2 ? 2.8f : -0.9f));
+        add_lamp(b, ball, 6 * bright, vec3_splat(0.15f), vec3_make(x + 1.4f, -0.7f, -2));
+        light->position[0] = x - 1;
+        light->position[1] = 1.2f;
+        light->position[2] = -2;
+        for (int c = 0; c < 3; c++)
+            light->intensity[c] = bright;
+    }
+    builder_camera(b, vec3_make(0, 0.5f, 3.8f), vec3_make(0, 0.2f, 0), 0.9f);
+}
+
 static struct scene_blob add_exr(struct scene_builder *b, const float *rgb, uint32_t width, uint32_t height)
 {
     struct image image = {width, height, 3, NULL};

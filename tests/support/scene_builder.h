@@ -73,6 +73,9 @@ void builder_room(struct scene_builder *b, void (*dress)(struct scene_builder *b
 /* Four walls, floor and ceiling, a window of 1 x 1 m in the wall at x = -2, a ball, no lamp, and a camera inside. Give it an
  * environment. Takes the place of builder_init. */
 void builder_windowed_room(struct scene_builder *b);
+/* Three rooms in a row, with doors between them, lamps of every kind that has a place in each, and a camera in the first,
+ * where they are dimmest: most of the light is hidden. Takes the place of builder_init. */
+void builder_lamp_rooms(struct scene_builder *b);
 /* A lat-long map of floats [height][width][3], stored as an EXR blob. */
 void builder_environment_map(struct scene_builder *b, const float *rgb, uint32_t width, uint32_t height);
 

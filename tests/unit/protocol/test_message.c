@@ -131,7 +131,7 @@ static void test_settings_of_old(void **state)
     assert_true(out.lens_radius == defaults.lens_radius);
     assert_true(out.focus_distance == defaults.focus_distance);
     assert_true(out.without == 0 && out.aovs == 0);
-    assert_true(out.sampler == defaults.sampler && out.light_choice == defaults.light_choice);
+    assert_true(out.sampler == defaults.sampler && out.light_choice == LIGHT_CHOICE_TREE);
     assert_true(out.texture_filter == defaults.texture_filter && out.clamp == 0);
     assert_true(out.bvh_quality == defaults.bvh_quality && !out.not_robust && !out.no_roulette);
 }

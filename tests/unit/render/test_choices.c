@@ -308,7 +308,7 @@ static void test_light_choice(void **state)
         builder_camera(&b, vec3_make(0, 5, 0), vec3_splat(0), 1);
         settings.light_choice = (enum light_choice)choice;
         scene = builder_build(&b, &settings);
-        assert_int_equal(scene->emitters.tree.node_count > 0, choice == LIGHT_CHOICE_TREE);
+        assert_int_equal(scene->emitters.tree.node_count > 0, choice == LIGHT_CHOICE_TREE || choice == LIGHT_CHOICE_LEARNED);
         for (uint32_t i = 0; i < 4; i++)
             assert_true(fabs((double)light_table_odds(&scene->emitters.table, i) - expected[choice][i]) < 1e-6);
         render_scene_free(scene);

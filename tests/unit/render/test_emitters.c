@@ -279,7 +279,7 @@ static void test_bounds_hold(void **state)
                 struct vec3 d =
                     vec3_normalize(vec3_make(2 * test_random_float(&random) - 1, 2 * test_random_float(&random) - 1,
                                              2 * test_random_float(&random) - 1));
-                float odds = light_tree_odds(&tree, vec3_mad(vec3_make(1, 2, 3), d, 2), vec3_splat(0), 0);
+                float odds = light_tree_odds(&tree, NULL, vec3_mad(vec3_make(1, 2, 3), d, 2), vec3_splat(0), 0);
                 int shines = !vec3_is_black(shine(p, d));
 
                 assert_true(odds > 0 || !shines);
@@ -316,9 +316,9 @@ static void test_outshone_lights(void **state)
                                                   .intensity = i == strong ? 1e9f : 1};
             }
             assert_int_equal(light_tree_init(&tree, bounds, count, &err), STATUS_OK);
-            odds = (double)light_tree_odds(&tree, vec3_splat(0.5f), vec3_splat(0), strong);
+            odds = (double)light_tree_odds(&tree, NULL, vec3_splat(0.5f), vec3_splat(0), strong);
             for (uint32_t i = 0; i < count; i++)
-                sum += (double)light_tree_odds(&tree, vec3_splat(0.5f), vec3_splat(0), i);
+                sum += (double)light_tree_odds(&tree, NULL, vec3_splat(0.5f), vec3_splat(0), i);
             assert_true(odds >= 1 - 1.0 / 8 - LEVELS_BELOW * 0x1p-10 && fabs(sum - 1) < 1e-4);
             assert_true(count > 2 || odds <= 1 - 1.0 / 16);
             light_tree_release(&tree);

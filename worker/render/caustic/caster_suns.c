@@ -54,6 +54,7 @@ static int sees_sun(const struct looking *l, const struct caster *caster, const 
     const struct caster_ref *ref = &caster->refs[node->first + number % node->count];
     struct sampler sampler = {0};
     struct caster_face face;
+    struct light_sample sun;
     struct vec3 direction;
     struct surface s;
     struct sample2 at, to;
@@ -65,7 +66,8 @@ static int sees_sun(const struct looking *l, const struct caster *caster, const 
     (void)caster_face_of(l->scene, ref, &face);
     environment_aim_at_windows(l->scene->environment, to.u, to.v, &direction, &pdf);
     surface_of(l, ref, &face, at.u, at.v, direction, &s);
-    return pdf > 0 && kernel_recording.arrives(l->scene, &sampler, &s, &l->air, direction) > 0;
+    sun = light_of_sky(direction);
+    return pdf > 0 && kernel_recording.arrives(l->scene, &sampler, &s, &l->air, &sun) > 0;
 }
 
 static void look_from(struct looking *l, const struct caster *caster, struct caster_node *node)

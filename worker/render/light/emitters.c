@@ -127,7 +127,7 @@ static status grow_tree(struct emitters *e, struct weights *w, struct error *err
     if (w->choice == LIGHT_CHOICE_UNIFORM)
         for (uint32_t i = 0; i < w->count; i++)
             w->intensity[i] = w->intensity[i] > 0;
-    if (w->choice != LIGHT_CHOICE_TREE)
+    if (w->choice == LIGHT_CHOICE_POWER || w->choice == LIGHT_CHOICE_UNIFORM)
         return light_table_init(&e->table, w->intensity, w->count, err);
     for (uint32_t i = 0; i < w->count; i++)
         largest = w->intensity[i] > largest ? w->intensity[i] : largest;
@@ -233,6 +233,7 @@ void emitters_release(struct emitters *e)
 {
     portals_release(&e->environment.portals);
     sky_guide_release(&e->environment.guide);
+    lamp_guide_release(&e->guide);
     light_tree_release(&e->tree);
     light_table_release(&e->table);
     for (uint32_t i = 0; e->punctual && i < e->punctual_count; i++)

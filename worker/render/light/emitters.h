@@ -17,6 +17,7 @@
 #include "worker/render/light/environment/environment_light.h"
 #include "worker/render/light/face_light.h"
 #include "worker/render/light/light.h"
+#include "worker/render/light/lamp_guide.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/light/punctual.h"
 #include "worker/render/light/tree.h"
@@ -35,6 +36,7 @@ struct emitters {
     real *directional_start;  /* [directional_count + 1] where each one's share begins */
     struct light_tree tree;   /* items: punctual lights with a place, then the faces */
     struct light_table table; /* of the same items, in place of the tree */
+    struct lamp_guide guide;  /* of the tree */
     struct hit *faces;        /* [face_count] of emissive instances */
     uint8_t *dark;            /* [face_count] bits: the emissive texture is black there */
 };
@@ -62,6 +64,10 @@ static inline uint32_t emitters_local_punctual(const struct emitters *e)
  * each in [0, 1). Returns 0 for "no sample". light_radiance() tells the sample's radiance. Charges the kind of light (profile_scope.h). */
 int emitters_sample(const struct render_scene *scene, const struct light_context *context, real u, real v,
                     struct light_sample *out);
+
+/* Sample a point of this item of the tree; the item was chosen with these odds among all lights. As emitters_sample. */
+int emitters_sample_item(const struct render_scene *scene, uint32_t item, const struct light_context *context,
+                         real odds, real u, real v, struct light_sample *out);
 
 /* Sample this light of the scene's list; the sample's pdf is `odds`. As emitters_sample. */
 int emitters_sample_one(const struct render_scene *scene, const struct punctual *light,

@@ -67,24 +67,32 @@ static int emitters_sample_directional(const struct render_scene *scene, const s
     return emitters_sample_punctual(scene, e->punctual[low], context, out);
 }
 
+int emitters_sample_item(const struct render_scene *scene, uint32_t item, const struct light_context *context,
+                         real odds, real u, real v, struct light_sample *out)
+{
+    const struct emitters *e = &scene->emitters;
+    const uint32_t punctual = emitters_local_punctual(e);
+
+    out->pdf = odds;
+    if (item < punctual)
+        return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context, out);
+    return emitters_sample_face(scene, &e->faces[item - punctual], context, u, v, out);
+}
+
 static int emitters_sample_local(const struct render_scene *scene, const struct light_context *context, real u, real v,
                                  struct light_sample *out)
 {
     const struct emitters *e = &scene->emitters;
-    const uint32_t punctual = emitters_local_punctual(e);
     uint32_t item;
     real odds;
 
     /* Choosing among lights of both kinds counts as the faces': they are the many. */
     profile_account(e->face_count ? PROFILE_ACCOUNT(EMISSIVE_MESH) : PROFILE_ACCOUNT(PUNCTUAL_LIGHT));
     if (e->tree.node_count == 0 ? !light_table_choose(&e->table, &u, &v, &item, &odds)
-                                : !light_tree_choose(&e->tree, context->p, context->n, &u, &v, &item, &odds))
+                                : !light_tree_choose(&e->tree, lamp_guide_seen(&e->guide, context), context->p,
+                                                     context->n, &u, &v, &item, &odds))
         return 0;
-    out->pdf = odds * e->local_odds;
-    if (item < punctual)
-        return emitters_sample_punctual(scene, e->punctual[e->directional_count + item], context, out);
-    item -= punctual;
-    return emitters_sample_face(scene, &e->faces[item], context, u, v, out);
+    return emitters_sample_item(scene, item, context, odds * e->local_odds, u, v, out);
 }
 
 static int emitters_choose(const struct render_scene *scene, const struct light_context *context, real u, real v,
@@ -163,7 +171,8 @@ static real emitters_face_odds(const struct emitters *e, const struct light_cont
     uint32_t item = emitters_local_punctual(e) + face;
 
     return e->local_odds * (e->tree.node_count == 0 ? light_table_odds(&e->table, item)
-                                                    : light_tree_odds(&e->tree, context->p, context->n, item));
+                                                    : light_tree_odds(&e->tree, lamp_guide_seen(&e->guide, context),
+                                                                      context->p, context->n, item));
 }
 
 real emitters_face_pdf(const struct render_scene *scene, const struct light_context *context, uint32_t face,

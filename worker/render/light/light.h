@@ -84,6 +84,12 @@ struct light_sample {
                               that is sampled alone): no MIS */
 };
 
+/* The environment in a direction, to ask what of it arrives. */
+static inline struct light_sample light_of_sky(struct vec3 direction)
+{
+    return (struct light_sample){.kind = LIGHT_ENVIRONMENT, .direction = direction, .distance = INFINITY};
+}
+
 static inline struct vec3 light_radiance(const struct light_sample *light)
 {
     return light->unread ? environment_radiance(light->unread, light->direction) : light->radiance;

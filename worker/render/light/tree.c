@@ -77,10 +77,15 @@ static inline real bounded_odds(real odds, int depth)
 }
 
 /* Odds of the left of two siblings, whose parent is at that depth; negative: neither can contribute. */
-static real left_odds(const struct light_node *pair, struct vec3 p, struct vec3 n, int depth)
+static real left_odds(const struct light_node *pair, const float32 *seen, struct vec3 p, struct vec3 n, int depth)
 {
-    real left = importance(&pair[0], p, n), right = importance(&pair[1], p, n);
-    real sum = left + right;
+    real left = importance(&pair[0], p, n), right = importance(&pair[1], p, n), sum;
+
+    if (seen && pair->known) {
+        left *= (real)seen[pair[0].known - 1];
+        right *= (real)seen[pair[1].known - 1];
+    }
+    sum = left + right;
 
     if (!(sum > 0))
         return (real)health_density(sum) - 1;
@@ -93,8 +98,8 @@ static real left_odds(const struct light_node *pair, struct vec3 p, struct vec3 
     return bounded_odds(left / sum, depth);
 }
 
-int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, real *u, real *v, uint32_t *item,
-                      real *odds)
+int light_tree_choose(const struct light_tree *tree, const float32 *seen, struct vec3 p, struct vec3 n, real *u,
+                      real *v, uint32_t *item, real *odds)
 {
     const struct light_node *node = tree->nodes;
     real *number = u, *other = v;
@@ -103,7 +108,7 @@ int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 
     *odds = 1;
     for (int depth = 0; node->leaf_count == 0; depth++) {
         const struct light_node *pair = &tree->nodes[node->first];
-        real left = left_odds(pair, p, n, depth), *spent = number;
+        real left = left_odds(pair, seen, p, n, depth), *spent = number;
 
         if (left < 0)
             return 0;
@@ -132,7 +137,7 @@ int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 
     return 1;
 }
 
-real light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n, uint32_t item)
+real light_tree_odds(const struct light_tree *tree, const float32 *seen, struct vec3 p, struct vec3 n, uint32_t item)
 {
     const struct light_node *node = tree->nodes;
     uint64_t trail;
@@ -143,7 +148,7 @@ real light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n
         return 0;
     for (trail = tree->trail[item]; node->leaf_count == 0; trail >>= 1) {
         const struct light_node *pair = &tree->nodes[node->first];
-        real left = left_odds(pair, p, n, depth++);
+        real left = left_odds(pair, seen, p, n, depth++);
 
         if (left < 0)
             return 0;

@@ -56,7 +56,8 @@ struct light_node {
     real intensity;      /* relative to the whole tree's */
     uint32_t first;      /* the left child, the right one follows it; in a leaf: into `order` */
     uint16_t leaf_count; /* 0: not a leaf */
-    uint16_t two_sided;
+    uint8_t two_sided;
+    uint8_t known; /* its number in a guide (lamp_guide.h), from 1 on; 0: it has none, nor has its sibling */
 };
 
 struct light_tree {
@@ -74,8 +75,9 @@ status light_tree_init(struct light_tree *tree, const struct light_bounds *bound
 void light_tree_release(struct light_tree *tree);
 
 /* Choose a light for point p with unit normal n (black: all sides). u and v, each in [0, 1), are
- * used in turns and returned rescaled. 0: no light reaches p. */
-int light_tree_choose(const struct light_tree *tree, struct vec3 p, struct vec3 n, real *u, real *v, uint32_t *item,
-                      real *odds);
+ * used in turns and returned rescaled. `seen`: factors, above 0, of the importance of the nodes that are known, by
+ * their numbers less 1; NULL: 1. 0: no light reaches p. */
+int light_tree_choose(const struct light_tree *tree, const float32 *seen, struct vec3 p, struct vec3 n, real *u,
+                      real *v, uint32_t *item, real *odds);
 /* The odds with which light_tree_choose chooses that light. */
-real light_tree_odds(const struct light_tree *tree, struct vec3 p, struct vec3 n, uint32_t item);
+real light_tree_odds(const struct light_tree *tree, const float32 *seen, struct vec3 p, struct vec3 n, uint32_t item);

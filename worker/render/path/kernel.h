@@ -16,13 +16,14 @@ typedef size_t tile_render_function(const struct render_scene *scene, uint32_t f
 typedef struct vec3 sample_render_function(const struct render_scene *scene, uint32_t frame, uint32_t x, uint32_t y,
                                            uint32_t number, struct vec3 *radiance, struct render_stats *stats);
 
-/* What of the light from a direction (unit, above the surface) arrives at a point, 0..1: one draw, with the sampler's
- * numbers, where it is left to chance. `in`: the volumes in front of the surface. */
+/* What of the light of a sample (above the surface) arrives at a point, 0..1: one draw, with the sampler's numbers, where
+ * it is left to chance. `in`: the volumes in front of the surface. */
 struct sampler;
 struct surface;
 struct interior;
+struct light_sample;
 typedef real arrives_function(const struct render_scene *scene, const struct sampler *sampler, const struct surface *s,
-                              const struct interior *in, struct vec3 direction);
+                              const struct interior *in, const struct light_sample *light);
 
 struct kernel {
     const char *name;

@@ -210,14 +210,15 @@ static int sees_subject(const struct path *path)
 }
 
 real path_arrives(const struct render_scene *scene, const struct sampler *sampler, const struct surface *s,
-                  const struct interior *in, struct vec3 direction)
+                  const struct interior *in, const struct light_sample *light)
 {
     struct render_stats stats = {0};
     struct vec3 visible;
     struct path path;
     struct ray ray;
 
-    surface_leave(s, direction, &ray);
+    surface_leave(s, light->direction, &ray);
+    path_end_at_light(light, &ray);
     path_start(&path, scene, sampler, &ray, (struct camera_cone){0}, &stats);
     path.interior = *in;
     visible = path_visibility(&path, &ray);

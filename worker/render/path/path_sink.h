@@ -81,7 +81,7 @@ static inline void sink_vertex_begins(const struct path *path, struct path_verte
     notes->added[FROM_PATH] = vec3_splat(0);
     if (KERNEL_RECORDS) {
         record_vertex_begins(path, v, notes);
-        sky_pilot_vertex_begins(path);
+        light_pilot_vertex_begins(path);
     }
 }
 
@@ -97,7 +97,7 @@ static inline void sink_vertex(struct path *path, struct path_vertex *v, const s
         sink_unscattered(&v->s.basis);
     if (KERNEL_RECORDS) {
         record_vertex_ends(path, v, notes, end);
-        sky_pilot_vertex_ends(v, notes);
+        light_pilot_vertex_ends(v, notes);
     }
     if (FAULT(NAN_DIRECTION))
         path->ray.direction = vec3_normalize(vec3_splat(NAN));

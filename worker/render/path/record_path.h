@@ -14,6 +14,6 @@ void record_vertex_begins(const struct path *path, struct path_vertex *v, struct
 void record_vertex_ends(const struct path *path, const struct path_vertex *v, const struct path_notes *notes,
                         enum path_end end);
 
-/* Likewise for the pilot that asks what of the environment arrives (sky_pilot.h). */
-void sky_pilot_vertex_begins(const struct path *path);
-void sky_pilot_vertex_ends(const struct path_vertex *v, const struct path_notes *notes);
+/* Likewise for the pilot that asks what light arrives (light_pilot.h). */
+void light_pilot_vertex_begins(const struct path *path);
+void light_pilot_vertex_ends(const struct path_vertex *v, const struct path_notes *notes);

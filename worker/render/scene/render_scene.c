@@ -19,7 +19,7 @@
 #include "worker/render/path/enclosure.h"
 #include "worker/render/path/interior.h"
 #include "worker/render/path/kernel.h"
-#include "worker/render/path/sky_pilot.h"
+#include "worker/render/path/light_pilot.h"
 #include "worker/render/medium/medium.h"
 #include "worker/render/scene/render_material.h"
 #include "worker/render/scene/render_memory.h"
@@ -531,7 +531,7 @@ status render_scene_new(struct render_scene **out, const struct scene *scene, co
     if (s == STATUS_OK)
         s = caustic_pilot_run(w, err);
     if (s == STATUS_OK)
-        s = sky_pilot_run(w, err);
+        s = light_pilot_run(w, err);
     if (s != STATUS_OK) {
         render_scene_free(w);
         return s;

@@ -1,8 +1,7 @@
 /* sky_guide: which parts of the environment arrive where.
  *
- * In a room most shadow rays towards the environment end at a wall. The guide divides the scene into regions (by the
- * side that a surface faces, and by place) and the map into cells, and has a distribution over the cells for each
- * region: their light, times the cosine, times what of it arrives at points of the region that a pilot found. Within a
+ * In a room most shadow rays towards the environment end at a wall. The guide divides the scene into regions
+ * (light/learned/regions.h) and the map into cells, and has a distribution over the cells for each region: their light, times the cosine, times what of it arrives at points of the region that a pilot found. Within a
  * cell directions follow the map's luminance. Every density is known, so whatever the guide believes, pictures stay
  * unbiased; light that it does not expect keeps a tenth of its choices, a sun half.
  *
@@ -18,43 +17,28 @@
 #include "worker/render/light/environment/density.h"
 #include "worker/render/light/environment/environment.h"
 #include "worker/render/light/light.h"
+#include "worker/render/light/learned/regions.h"
 
-enum { SKY_COLUMNS = 32, SKY_ROWS = 16, SKY_CELLS = SKY_COLUMNS * SKY_ROWS, SKY_SIDES = 6 };
+enum { SKY_COLUMNS = 32, SKY_ROWS = 16, SKY_CELLS = SKY_COLUMNS * SKY_ROWS };
 
 struct environment_light;
 
-/* Of the kd-tree over places: `axis` 0..2: places below `at` go to `child`, others to the node behind it. SKY_LEAF:
- * `child` is a region, or SKY_NOWHERE. */
-enum { SKY_LEAF = 3 };
-#define SKY_NOWHERE UINT32_MAX
-struct sky_node {
-    real at;
-    uint32_t axis, child;
-};
-
 struct sky_region {
-    real low[3], high[3];      /* where it holds: around its points */
     struct distribution cells; /* SKY_ROWS x SKY_COLUMNS */
     real window_share;         /* of the choices: one of the map's windows */
     real *window_start;        /* [windows + 1] 0 to 1 */
 };
 
 struct sky_guide {
-    uint32_t region_count; /* 0: there is no guide */
-    struct sky_region *regions;
-    struct sky_node *nodes; /* first the root of each side */
-    struct density *cells;  /* [SKY_CELLS] by luminance, without the windows; cells.total 0: black */
-};
-
-/* A point at which the pilot asked for light. */
-struct sky_point {
-    struct vec3 p, n; /* world; unit geometric normal, on the side that is lit */
+    struct regions at;          /* none: there is no guide */
+    struct sky_region *regions; /* [at.count] */
+    struct density *cells;      /* [SKY_CELLS] by luminance, without the windows; cells.total 0: black */
 };
 
 /* What the pilot found. arrives(): what of the light from `direction` (unit, above the point's surface) reaches the
  * point, 0..1; called by several threads. */
 struct sky_pilot {
-    const struct sky_point *points;
+    const struct pilot_point *points;
     uint32_t count;
     real (*arrives)(void *user, uint32_t point, struct vec3 direction);
     void *user;
@@ -67,34 +51,12 @@ status sky_guide_init(struct sky_guide *g, const struct environment_light *light
                       struct error *err) MUST_CHECK;
 void sky_guide_release(struct sky_guide *g);
 
-/* The side that a surface faces: of the axis that its normal is nearest to. */
-static inline uint32_t sky_side_of(struct vec3 n)
-{
-    const real x = real_abs(n.x), y = real_abs(n.y), z = real_abs(n.z);
-
-    return x >= y && x >= z ? n.x < 0 : y >= z ? 2 + (n.y < 0) : 4 + (n.z < 0);
-}
-
-static inline const struct sky_region *sky_region_holds(const struct sky_region *region, const real p[3])
-{
-    for (int axis = 0; axis < 3; axis++)
-        if (p[axis] < region->low[axis] || p[axis] > region->high[axis])
-            return NULL;
-    return region;
-}
-
 /* Where the context is; NULL: the map alone is sampled there. */
 static inline const struct sky_region *sky_guide_region(const struct sky_guide *g, const struct light_context *context)
 {
-    const real p[3] = {context->p.x, context->p.y, context->p.z};
-    const struct sky_node *node;
+    const uint32_t region = g->at.count ? regions_find(&g->at, context->p, context->n) : REGION_NOWHERE;
 
-    if (g->region_count == 0 || vec3_is_black(context->n))
-        return NULL;
-    node = g->nodes + sky_side_of(context->n);
-    while (node->axis != SKY_LEAF)
-        node = g->nodes + node->child + (p[node->axis] >= node->at);
-    return node->child == SKY_NOWHERE ? NULL : sky_region_holds(&g->regions[node->child], p);
+    return region == REGION_NOWHERE ? NULL : &g->regions[region];
 }
 
 /* u, v in [0, 1). 0: no sample. *pdf: per solid angle. */

@@ -1,6 +1,5 @@
 /* sky_guide_build: the guide from what a pilot found. The same bits for any number of threads. */
 #include <stdatomic.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/base/memory.h"
@@ -9,9 +8,8 @@
 #include "worker/render/light/environment/environment_light.h"
 #include "worker/render/light/environment/environment_map.h"
 #include "worker/render/light/environment/sky_guide.h"
+#include "worker/render/light/learned/moments.h"
 
-/* A region has at most so many points of the pilot; a district, of which regions are parts, at most so many. */
-enum { REGION_POINTS = 24, DISTRICT_POINTS = 16 * REGION_POINTS };
 /* Directions that are tried in each cell and window, from points by turns: of a district, and then of its regions, there
  * only in cells from which, or from whose neighbours, something arrived in the district. Squares of whole numbers or twice
  * such. */
@@ -25,8 +23,6 @@ enum { DISTRICT_RAYS = 8, REGION_RAYS = 16, WINDOW_RAYS = 64, PARTS_MAX = SKY_CE
 #define NEIGHBOUR_SHARE 0.12
 /* The district's, likewise. */
 #define DISTRICT_SHARE 0.1
-/* A region reaches so far beyond its points, of their extent: elsewhere the pilot has not been. */
-#define BOX_MARGIN 0.25f
 /* Where the variance of a direct light's sample is less than so many times its squared mean, other noise is more. */
 #define NOISE_MIN 6
 /* A region is guided if that lowers the variance of its direct light to this: far, for the map's samples are better
@@ -36,124 +32,18 @@ enum { DISTRICT_RAYS = 8, REGION_RAYS = 16, WINDOW_RAYS = 64, PARTS_MAX = SKY_CE
 #define DISTRICT_GAIN 0.6
 #define SCENE_POINTS 0.1
 
-/* ---- regions ---------------------------------------------------------------------------------- */
-
-/* A district or a region. */
-struct stretch {
-    uint32_t first, count; /* of the order */
-    uint32_t district;     /* of a region */
-};
-
-struct key {
-    real at; /* along the axis that is split */
-    uint32_t point;
-};
-
-struct growth {
-    const struct sky_pilot *pilot;
-    struct key *order; /* [pilot->count] the points, by leaf */
-    struct sky_node *nodes;
-    uint32_t node_count;
-    struct stretch *districts, *regions;
-    uint32_t district_count, region_count;
-};
-
-static real place(const struct growth *g, uint32_t point, uint32_t axis)
-{
-    const struct vec3 p = g->pilot->points[point].p;
-
-    return axis == 0 ? p.x : axis == 1 ? p.y : p.z;
-}
-
-/* By place; no two points are alike. */
-static int compare_keys(const void *a_, const void *b_)
-{
-    const struct key *a = a_, *b = b_;
-
-    return a->at != b->at ? (a->at > b->at) - (a->at < b->at) : (a->point > b->point) - (a->point < b->point);
-}
-
-static uint32_t longest_axis(const struct growth *g, uint32_t first, uint32_t count, real *extent)
-{
-    uint32_t best = 0;
-
-    *extent = -1;
-    for (uint32_t axis = 0; axis < 3; axis++) {
-        real low = INFINITY, high = -INFINITY;
-
-        for (uint32_t i = first; i < first + count; i++) {
-            low = real_min(low, place(g, g->order[i].point, axis));
-            high = real_max(high, place(g, g->order[i].point, axis));
-        }
-        if (high - low > *extent) {
-            *extent = high - low;
-            best = axis;
-        }
-    }
-    return best;
-}
-
-/* Half of the points to each child, down to regions. `district`: the one around, UINT32_MAX: not yet. */
-static void grow(struct growth *g, uint32_t node, uint32_t first, uint32_t count, uint32_t district)
-{
-    const uint32_t half = count / 2, children = g->node_count;
-    real extent;
-    uint32_t axis;
-
-    g->nodes[node].axis = SKY_LEAF;
-    g->nodes[node].child = SKY_NOWHERE;
-    if (count == 0)
-        return;
-    axis = longest_axis(g, first, count, &extent);
-    if (district == UINT32_MAX && (count <= DISTRICT_POINTS || !(extent > 0))) {
-        district = g->district_count++;
-        g->districts[district] = (struct stretch){first, count, district};
-    }
-    if (count <= REGION_POINTS || !(extent > 0)) {
-        g->nodes[node].child = g->region_count;
-        g->regions[g->region_count++] = (struct stretch){first, count, district};
-        return;
-    }
-    for (uint32_t i = first; i < first + count; i++)
-        g->order[i].at = place(g, g->order[i].point, axis);
-    qsort(g->order + first, count, sizeof *g->order, compare_keys);
-    g->nodes[node].axis = axis;
-    g->nodes[node].at = g->order[first + half].at;
-    g->nodes[node].child = children;
-    g->node_count += 2;
-    grow(g, children, first, half, district);
-    grow(g, children + 1, first + half, count - half, district);
-}
-
-static void grow_sides(struct growth *g)
-{
-    uint32_t first = 0;
-
-    g->node_count = SKY_SIDES;
-    for (uint32_t side = 0; side < SKY_SIDES; side++) {
-        uint32_t count = 0;
-
-        for (uint32_t i = 0; i < g->pilot->count; i++)
-            if (sky_side_of(g->pilot->points[i].n) == side)
-                g->order[first + count++].point = i;
-        grow(g, side, first, count, UINT32_MAX);
-        first += count;
-    }
-}
-
 /* ---- a region's distribution ------------------------------------------------------------------ */
 
 /* A direction that was tried. */
 struct trial {
+    struct light_trial of; /* `density`: within its cell or window */
     uint32_t point;
-    real density; /* within its cell or window */
-    real light;   /* luminance times cosine / pi of what arrives */
-    real cosine;
     struct vec3 direction;
 };
 
 struct building {
-    struct growth growth;
+    struct region_growth growth;
+    const struct sky_pilot *pilot;
     struct sky_guide *guide;
     const struct environment_light *light;
     double light_of_all;          /* of the parts */
@@ -178,7 +68,7 @@ static double try_part(const struct building *b, const struct stretch *in, uint3
                        struct trial *trials)
 {
     const struct environment *env = b->light->map;
-    const struct sky_pilot *pilot = b->growth.pilot;
+    const struct sky_pilot *pilot = b->pilot;
     const uint32_t across = rays >= 64 ? 8 : rays >= 16 ? 4 : 2, down = rays / across;
     const real share = part < SKY_CELLS ? 1 : environment_part_share(env, environment_first_window(env) + part - SKY_CELLS);
     double open = 0, arrived = 0;
@@ -195,14 +85,14 @@ static double try_part(const struct building *b, const struct stretch *in, uint3
 
         density_choose(part_of(b, part), real_min(u, REAL_BELOW_ONE), real_min(v, REAL_BELOW_ONE), &choice);
         t->point = point;
-        t->density = choice.pdf / share;
+        t->of.density = choice.pdf / share;
         t->direction = vec3_normalize(environment_from_map(env, environment_chosen(&choice)));
-        t->cosine = real_max(vec3_dot(t->direction, pilot->points[point].n), 0);
-        if (t->cosine > 0)
+        t->of.cosine = real_max(vec3_dot(t->direction, pilot->points[point].n), 0);
+        if (t->of.cosine > 0)
             arrives = pilot->arrives(pilot->user, point, t->direction);
-        t->light = arrives > 0 ? arrives * t->cosine * REAL_INV_PI *
+        t->of.light = arrives > 0 ? arrives * t->of.cosine * REAL_INV_PI *
                                      vec3_luminance(environment_radiance(env, t->direction)) : 0;
-        weight = (double)(t->cosine * t->cosine);
+        weight = (double)(t->of.cosine * t->of.cosine);
         open += weight;
         arrived += weight * (double)(arrives * arrives);
     }
@@ -226,28 +116,10 @@ static double smoothed(const double *arrives, uint32_t part)
     return sum;
 }
 
-/* Around the points of a stretch. */
-static void find_box(const struct growth *g, const struct stretch *in, struct sky_region *out)
-{
-    for (uint32_t axis = 0; axis < 3; axis++) {
-        real low = INFINITY, high = -INFINITY;
-
-        for (uint32_t i = in->first; i < in->first + in->count; i++) {
-            low = real_min(low, place(g, g->order[i].point, axis));
-            high = real_max(high, place(g, g->order[i].point, axis));
-        }
-        out->low[axis] = low - BOX_MARGIN * (high - low);
-        out->high[axis] = high + BOX_MARGIN * (high - low);
-    }
-}
-
-static status region_init(const struct building *b, const struct stretch *in, const double *weights,
-                          struct sky_region *out, struct error *err)
+static status region_init(const struct building *b, const double *weights, struct sky_region *out, struct error *err)
 {
     const uint32_t windows = windows_of(b->light->map);
     double cells = 0, all = 0, sum = 0;
-
-    find_box(&b->growth, in, out);
 
     out->window_start = mem_calloc((size_t)windows + 1, sizeof *out->window_start);
     NEED(out->window_start, err, "the environment's guide");
@@ -276,46 +148,23 @@ static void region_release(struct sky_region *region)
     memset(region, 0, sizeof *region);
 }
 
-/* The direct light of a diffuse surface by multiple importance sampling, one sample by light sampling and one by the
- * cosine: means and second moments of the two. */
-struct moments {
-    double light, light2, scattered, scattered2;
-};
-
-static double variance_of(const struct moments *m)
-{
-    return m->light2 - m->light * m->light + m->scattered2 - m->scattered * m->scattered;
-}
-
-/* A trial, of which the light sampling has density q. */
-static void add_trial(const struct trial *t, double q, double count, struct moments *m)
-{
-    const double p = (double)t->cosine / PI_D, sum = q * q + p * p, f = (double)t->light;
-    const double share = 1 / ((double)t->density * count);
-
-    m->light += f * q * q / sum * share;
-    m->light2 += f * f * q * q * q / (sum * sum) * share;
-    m->scattered += f * p * p / sum * share;
-    m->scattered2 += f * f * p * p * p / (sum * sum) * share;
-}
-
 static void add_trials(const struct building *b, const struct sky_region *region, const struct trial *trials,
-                       uint32_t count, struct moments *by_map, struct moments *by_guide)
+                       uint32_t count, struct light_moments *by_map, struct light_moments *by_guide)
 {
-    const struct sky_pilot *pilot = b->growth.pilot;
+    const struct sky_pilot *pilot = b->pilot;
 
     for (uint32_t k = 0; k < count; k++) {
         const struct trial *t = &trials[k];
-        const struct sky_point *point = &pilot->points[t->point];
+        const struct pilot_point *point = &pilot->points[t->point];
         const struct light_context context = {.p = point->p, .n = point->n};
         real pdf;
 
-        if (!(t->light > 0))
+        if (!(t->of.light > 0))
             continue;
         (void)environment_light_radiance(b->light, &context, t->direction, &pdf);
-        add_trial(t, (double)(pdf * pilot->odds), count, by_map);
+        light_moments_add(by_map, &t->of, (double)(pdf * pilot->odds), count);
         pdf = sky_guide_pdf(b->guide, b->light->map, region, t->direction);
-        add_trial(t, (double)(pdf * pilot->odds), count, by_guide);
+        light_moments_add(by_guide, &t->of, (double)(pdf * pilot->odds), count);
     }
 }
 
@@ -338,7 +187,7 @@ static void measure_open(const struct building *b, const struct stretch *in, uin
         density_choose(part_of(b, part), 0.5f, 0.5f, &choice);
         direction = vec3_normalize(environment_from_map(b->light->map, environment_chosen(&choice)));
         for (uint32_t i = in->first; i < in->first + in->count; i++) {
-            const real cosine = vec3_dot(direction, b->growth.pilot->points[b->growth.order[i].point].n);
+            const real cosine = vec3_dot(direction, b->pilot->points[b->growth.order[i].point].n);
 
             open[part] += cosine > 0 ? (double)(cosine * cosine) / in->count : 0;
         }
@@ -353,7 +202,7 @@ static status stretch_learn(const struct building *b, const struct stretch *in, 
 {
     const uint32_t parts = SKY_CELLS + windows_of(b->light->map);
     const double share = sight ? DISTRICT_SHARE : 0;
-    struct moments by_map = {0}, by_guide = {0};
+    struct light_moments by_map = {0}, by_guide = {0};
     double weights[PARTS_MAX], least[PARTS_MAX], opens = 0, arrives = 0, unseen = 0, mean;
 
     *before = *after = 0;
@@ -381,13 +230,13 @@ static status stretch_learn(const struct building *b, const struct stretch *in, 
     }
     for (uint32_t part = 0; part < parts; part++)
         weights[part] = (1 - unseen) * weights[part] / arrives + least[part];
-    TRY(region_init(b, in, weights, out, err));
+    TRY(region_init(b, weights, out, err));
     for (uint32_t part = 0; part < parts; part++)
         if (trials->arrives[part] >= 0 && (!sight || sight[part] > 0))
             add_trials(b, out, trials->trial[part], part < SKY_CELLS ? rays : WINDOW_RAYS, &by_map, &by_guide);
-    mean = by_map.light + by_map.scattered;
-    *before = variance_of(&by_map);
-    *after = *before > NOISE_MIN * mean * mean ? variance_of(&by_guide) : *before;
+    mean = light_moments_mean(&by_map);
+    *before = light_moments_variance(&by_map);
+    *after = *before > NOISE_MIN * mean * mean ? light_moments_variance(&by_guide) : *before;
     return STATUS_OK;
 }
 
@@ -430,30 +279,18 @@ static void learn_regions(void *user, size_t begin, size_t end)
 
 /* ---- the guide --------------------------------------------------------------------------------- */
 
-/* Give the leaves below the node their regions' new numbers, and take out nodes that tell nothing apart. */
-static void prune(struct sky_guide *g, uint32_t node, const uint32_t *kept)
-{
-    struct sky_node *n = &g->nodes[node], *child = g->nodes + n->child;
-
-    if (n->axis == SKY_LEAF) {
-        n->child = n->child == SKY_NOWHERE ? SKY_NOWHERE : kept[n->child];
-        return;
-    }
-    prune(g, n->child, kept);
-    prune(g, n->child + 1, kept);
-    if (child[0].axis == SKY_LEAF && child[0].child == SKY_NOWHERE && child[1].axis == SKY_LEAF &&
-        child[1].child == SKY_NOWHERE)
-        *n = (struct sky_node){0, SKY_LEAF, SKY_NOWHERE};
-}
-
-static void choose_regions(struct building *b, uint32_t *kept)
+/* None are kept in a scene that is not guided. */
+static status choose_regions(struct building *b, struct error *err)
 {
     struct sky_guide *g = b->guide;
+    uint8_t *keep = mem_calloc((size_t)b->growth.region_count + 1, 1);
     uint32_t count = 0, points = 0;
+    status s;
 
+    NEED(keep, err, "the environment's guide");
     for (uint32_t i = 0; i < b->growth.region_count; i++) {
-        kept[i] = SKY_NOWHERE;
-        if (!(b->after[i] < REGION_GAIN * b->before[i])) {
+        keep[i] = b->after[i] < REGION_GAIN * b->before[i];
+        if (!keep[i]) {
             region_release(&g->regions[i]);
             continue;
         }
@@ -462,41 +299,29 @@ static void choose_regions(struct building *b, uint32_t *kept)
             g->regions[count] = g->regions[i];
             memset(&g->regions[i], 0, sizeof g->regions[i]);
         }
-        kept[i] = count++;
+        count++;
     }
-    g->region_count = count;
-    if (points == 0 || points < SCENE_POINTS * b->growth.pilot->count) {
-        sky_guide_release(g);
-        return;
-    }
-    for (uint32_t side = 0; side < SKY_SIDES; side++)
-        prune(g, side, kept);
+    s = points > 0 && points >= SCENE_POINTS * b->pilot->count ? region_growth_finish(&b->growth, keep, &g->at, err)
+                                                               : STATUS_OK;
+    mem_free(keep);
+    return s;
 }
 
 status sky_guide_init(struct sky_guide *out, const struct environment_light *light, const struct sky_pilot *pilot,
                       struct error *err)
 {
-    const size_t count = pilot->count;
     struct sky_guide made = {0}, *const g = &made; /* while it is made, the light is sampled without it */
-    struct building b = {.guide = g, .light = light, .growth.pilot = pilot};
-    uint32_t *kept = mem_alloc_array(count + 1, sizeof *kept);
-    status s = STATUS_OK;
+    struct building b = {.guide = g, .light = light, .pilot = pilot};
+    status s = region_growth_init(&b.growth, pilot->points, pilot->count, err);
 
     memset(out, 0, sizeof *out);
-    b.growth.order = mem_alloc_array(count + 1, sizeof *b.growth.order);
-    b.growth.regions = mem_alloc_array(count + 1, sizeof *b.growth.regions);
-    b.growth.districts = mem_alloc_array(count + 1, sizeof *b.growth.districts);
-    g->nodes = b.growth.nodes = mem_calloc(2 * count + SKY_SIDES, sizeof *g->nodes);
     g->cells = mem_calloc(SKY_CELLS, sizeof *g->cells);
-    if (!kept || !b.growth.order || !b.growth.regions || !b.growth.districts || !g->nodes || !g->cells)
+    if (s == STATUS_OK && !g->cells)
         s = error_no_memory(err, "the environment's guide");
-    if (s == STATUS_OK)
-        s = environment_cells_build(light->map, SKY_COLUMNS, SKY_ROWS, g->cells, err);
+    THEN(s, environment_cells_build(light->map, SKY_COLUMNS, SKY_ROWS, g->cells, err));
     if (s == STATUS_OK) {
         for (uint32_t part = 0; part < SKY_CELLS + windows_of(light->map); part++)
             b.light_of_all += part_of(&b, part)->cells.total;
-        grow_sides(&b.growth);
-        g->region_count = b.growth.region_count;
         g->regions = mem_calloc((size_t)b.growth.region_count + 1, sizeof *g->regions);
         b.before = mem_calloc((size_t)b.growth.region_count + 1, sizeof *b.before);
         b.after = mem_calloc((size_t)b.growth.region_count + 1, sizeof *b.after);
@@ -510,15 +335,14 @@ status sky_guide_init(struct sky_guide *out, const struct environment_light *lig
         if (atomic_load(&b.failed))
             s = error_no_memory(err, "the environment's guide");
     }
-    if (s == STATUS_OK)
-        choose_regions(&b, kept);
-    else
+    THEN(s, choose_regions(&b, err));
+    if (g->at.count == 0) {
+        for (uint32_t i = 0; g->regions && i < b.growth.region_count; i++)
+            region_release(&g->regions[i]);
         sky_guide_release(g);
+    }
     *out = made;
-    mem_free(kept);
-    mem_free(b.growth.order);
-    mem_free(b.growth.regions);
-    mem_free(b.growth.districts);
+    region_growth_release(&b.growth);
     mem_free(b.sights);
     mem_free(b.before);
     mem_free(b.after);
@@ -527,12 +351,12 @@ status sky_guide_init(struct sky_guide *out, const struct environment_light *lig
 
 void sky_guide_release(struct sky_guide *g)
 {
-    for (uint32_t i = 0; g->regions && i < g->region_count; i++)
+    for (uint32_t i = 0; g->regions && i < g->at.count; i++)
         region_release(&g->regions[i]);
     for (uint32_t i = 0; g->cells && i < SKY_CELLS; i++)
         density_release(&g->cells[i]);
     mem_free(g->regions);
-    mem_free(g->nodes);
+    regions_release(&g->at);
     mem_free(g->cells);
     memset(g, 0, sizeof *g);
 }

@@ -1,14 +1,17 @@
-/* The pilot of the environment's guide: a room with a window is guided, and alike for any number of threads, instruction
- * set, part of the picture, seed and number of samples; a field is not, nor is a job that asks for the map alone. */
+/* The pilot of the guides: a room with a window, and rooms with lamps, are guided, and alike for any number of threads,
+ * instruction set, part of the picture, seed and number of samples; a field is not, nor is a job that asks for the map, or
+ * the tree of lights, alone. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
 
 #include "tests/support/scene_builder.h"
+#include "tests/support/statistics.h"
 #include "worker/render/render_scene.h"
 
 enum { WIDTH = 48, HEIGHT = 32, SPP = 8 };
@@ -20,18 +23,32 @@ static struct render_scene *build(struct scene_builder *b, const struct render_s
 
 static const struct sky_guide *guide_of(const struct render_scene *scene) { return &scene->emitters.environment.guide; }
 
+static void expect_same_lamps(const struct lamp_guide *g, const struct lamp_guide *h)
+{
+    assert_true(g->known_count > 20);
+    assert_int_equal(g->known_count, h->known_count);
+    assert_int_equal(g->at.count, h->at.count);
+    assert_memory_equal(g->seen, h->seen, g->at.count * g->known_count * sizeof *g->seen);
+    assert_memory_equal(g->at.boxes, h->at.boxes, g->at.count * sizeof *g->at.boxes);
+}
+
 static void expect_same(const struct render_scene *a, const struct render_scene *b)
 {
     const struct sky_guide *g = guide_of(a), *h = guide_of(b);
 
-    assert_true(g->region_count > 10);
-    assert_int_equal(g->region_count, h->region_count);
-    for (uint32_t i = 0; i < g->region_count; i++) {
+    if (a->emitters.tree.node_count > 0) {
+        assert_true(a->emitters.guide.at.count > 10);
+        expect_same_lamps(&a->emitters.guide, &b->emitters.guide);
+        return;
+    }
+    assert_true(g->at.count > 10);
+    assert_int_equal(g->at.count, h->at.count);
+    for (uint32_t i = 0; i < g->at.count; i++) {
         const struct distribution *c = &g->regions[i].cells, *d = &h->regions[i].cells;
 
         assert_memory_equal(c->column_start, d->column_start, (size_t)SKY_ROWS * (SKY_COLUMNS + 1) * sizeof *c->column_start);
         assert_memory_equal(c->row_start, d->row_start, (SKY_ROWS + 1) * sizeof *c->row_start);
-        assert_memory_equal(g->regions[i].low, h->regions[i].low, sizeof g->regions[i].low);
+        assert_memory_equal(&g->at.boxes[i], &h->at.boxes[i], sizeof g->at.boxes[i]);
         assert_true(g->regions[i].window_share == h->regions[i].window_share);
     }
 }
@@ -44,14 +61,13 @@ static void lit_room(struct scene_builder *b)
     builder_environment_constant(b, vec3_make(5, 6, 8));
 }
 
-static void test_alike(void **state)
+static void expect_alike(void (*make)(struct scene_builder *b))
 {
     struct render_settings settings = settings_of(), other;
     struct render_scene *first, *second;
     struct scene_builder b;
 
-    (void)state;
-    lit_room(&b);
+    make(&b);
     first = build(&b, &settings);
     render_build_threads(5);
     second = build(&b, &settings);
@@ -80,8 +96,15 @@ static void test_alike(void **state)
     builder_release(&b);
 }
 
+static void test_alike(void **state)
+{
+    (void)state;
+    expect_alike(lit_room);
+    expect_alike(builder_lamp_rooms);
+}
+
 /* A part of the picture has the whole's samples. */
-static void test_a_region(void **state)
+static void expect_part(void (*make)(struct scene_builder *b))
 {
     enum { PART = 16 };
     static double whole[WIDTH * HEIGHT * 3], part[PART * PART * 3];
@@ -90,8 +113,7 @@ static void test_a_region(void **state)
     struct render_scene *first, *second;
     struct scene_builder b;
 
-    (void)state;
-    lit_room(&b);
+    make(&b);
     cut.whole_width = WIDTH;
     cut.whole_height = HEIGHT;
     cut.width = cut.height = PART;
@@ -109,34 +131,59 @@ static void test_a_region(void **state)
     builder_release(&b);
 }
 
-/* It pays: the room's noise, by the two groups. */
-static double noise_of(struct scene_builder *b, const struct render_settings *settings)
+static void test_a_region(void **state)
 {
-    static double mean[WIDTH * HEIGHT * 3], variance[WIDTH * HEIGHT * 3];
+    (void)state;
+    expect_part(lit_room);
+    expect_part(builder_lamp_rooms);
+}
+
+static int ascending(const void *a_, const void *b_)
+{
+    const double *a = a_, *b = b_;
+
+    return (*a > *b) - (*a < *b);
+}
+
+/* It pays: the rooms' noise, by the two groups, in the mean and in the median channel. */
+static void noise_of(struct scene_builder *b, const struct render_settings *settings, double *mean, double *median)
+{
+    static double picture[WIDTH * HEIGHT * 3], variance[WIDTH * HEIGHT * 3];
     struct render_stats stats = {0};
     struct render_scene *scene = build(b, settings);
-    double sum = 0;
 
-    builder_render(scene, settings, 0, mean, variance, &stats);
+    builder_render(scene, settings, 0, picture, variance, &stats);
+    *mean = 0;
     for (int i = 0; i < WIDTH * HEIGHT * 3; i++)
-        sum += variance[i];
+        *mean += variance[i] / (WIDTH * HEIGHT * 3);
+    qsort(variance, WIDTH * HEIGHT * 3, sizeof *variance, ascending);
+    *median = variance[WIDTH * HEIGHT * 3 / 2];
     render_scene_free(scene);
-    return sum;
 }
 
 static void test_less_noise(void **state)
 {
-    struct render_settings settings = settings_of(), by_map = settings;
+    struct render_settings settings = settings_of(), other = settings;
     struct scene_builder b;
-    double learned, map;
+    double learned[2], alone[2];
 
     (void)state;
     lit_room(&b);
-    by_map.env_sampling = ENV_SAMPLING_IMPORTANCE;
-    learned = noise_of(&b, &settings);
-    map = noise_of(&b, &by_map);
-    print_message("# variance by the map alone over that with the guide: %.2f\n", map / learned);
-    assert_true(map > 2 * learned);
+    other.env_sampling = ENV_SAMPLING_IMPORTANCE;
+    noise_of(&b, &settings, &learned[0], &learned[1]);
+    noise_of(&b, &other, &alone[0], &alone[1]);
+    print_message("# variance by the map alone over that with the guide: %.2f\n", alone[0] / learned[0]);
+    assert_true(alone[0] > 2 * learned[0]);
+    builder_release(&b);
+
+    builder_lamp_rooms(&b);
+    settings.max_depth = other.max_depth = 1;
+    other.light_choice = LIGHT_CHOICE_TREE;
+    noise_of(&b, &settings, &learned[0], &learned[1]);
+    noise_of(&b, &other, &alone[0], &alone[1]);
+    print_message("# variance by the tree of lights alone over that with the guide: %.2f, median %.2f\n",
+                  alone[0] / learned[0], alone[1] / learned[1]);
+    assert_true(alone[1] > 1.7 * learned[1]);
     builder_release(&b);
 }
 
@@ -161,8 +208,8 @@ static void test_curtain(void **state)
         builder_place(&b, builder_mesh(&b, corners, NULL, 3, triangle, 1, 0), builder_last_material(&b), vec3_splat(1),
                       vec3_make(-0.1f * (float)i, 0, 0));
         scene = build(&b, &settings);
-        print_message("# regions behind curtain %d: %u\n", i, guide_of(scene)->region_count);
-        assert_true(guide_of(scene)->region_count > 10);
+        print_message("# regions behind curtain %d: %u\n", i, guide_of(scene)->at.count);
+        assert_true(guide_of(scene)->at.count > 10);
         render_scene_free(scene);
         builder_release(&b);
     }
@@ -172,7 +219,8 @@ static void expect_none(struct scene_builder *b, const struct render_settings *s
 {
     struct render_scene *scene = build(b, settings);
 
-    assert_int_equal(guide_of(scene)->region_count, 0);
+    assert_int_equal(guide_of(scene)->at.count, 0);
+    assert_int_equal(scene->emitters.guide.at.count, 0);
     render_scene_free(scene);
 }
 
@@ -192,6 +240,51 @@ static void test_only_where_it_helps(void **state)
             expect_none(&b, &settings);
     }
     builder_release(&b);
+    builder_lamp_rooms(&b);
+    for (int how = 0; how < LIGHT_CHOICE_COUNT; how++) {
+        settings.light_choice = (enum light_choice)how;
+        if (how != LIGHT_CHOICE_LEARNED)
+            expect_none(&b, &settings);
+    }
+    builder_release(&b);
+}
+
+/* Light that scattering meets by chance is weighed with the odds by which it is chosen there. */
+static void test_chosen_as_met(void **state)
+{
+    enum { SIDE = 12, TRIES = 64 };
+    struct render_settings settings = settings_of();
+    struct test_random random = {3};
+    uint32_t guided = 0, met = 0;
+    struct render_scene *scene;
+    struct scene_builder b;
+
+    (void)state;
+    builder_lamp_rooms(&b);
+    scene = build(&b, &settings);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const struct light_context context = {
+            .p = vec3_make(-1.9f + 3.8f * (real)(i % SIDE) / SIDE, -1, -2.4f + 6 * (real)(i / SIDE) / SIDE), .n = {0, 1, 0}};
+
+        guided += lamp_guide_seen(&scene->emitters.guide, &context) != NULL;
+        for (int k = 0; k < TRIES; k++) {
+            struct light_sample light;
+            struct vec3 c[3];
+            real area, pdf;
+
+            if (!emitters_sample(scene, &context, test_random_float(&random), test_random_float(&random), &light) || !light.on_face)
+                continue;
+            triangle_of_instance(scene, &scene->instances[light.face.instance], light.face.triangle, 0, c);
+            area = 0.5f * vec3_length(vec3_cross(vec3_sub(c[1], c[0]), vec3_sub(c[2], c[0])));
+            pdf = emitters_face_pdf(scene, &context, (uint32_t)((const struct hit *)light.light - scene->emitters.faces),
+                                    light.distance * light.distance, light.cosine, area);
+            assert_true(real_abs(pdf - light.pdf) < 0.01f * light.pdf);
+            met++;
+        }
+    }
+    assert_true(guided > SIDE * SIDE / 4 && met > 1000);
+    render_scene_free(scene);
+    builder_release(&b);
 }
 
 int main(void)
@@ -201,6 +294,7 @@ int main(void)
         cmocka_unit_test(test_a_region),
         cmocka_unit_test(test_less_noise),
         cmocka_unit_test(test_curtain),
+        cmocka_unit_test(test_chosen_as_met),
         cmocka_unit_test(test_only_where_it_helps),
     };
 
