@@ -16,7 +16,7 @@ static status simplify_environment(struct simplifier *w)
     int same = 1;
     status st;
 
-    if (!e->present || e->constant)
+    if (!e->present || e->constant || e->varies)
         return STATUS_OK;
     st = w->reader.get(w->reader.user, &e->image.blob.digest, &data, &size_bytes, w->err);
     THEN(st, image_decode_hdr(&map, data, size_bytes, e->image.name, &repairs, w->err));

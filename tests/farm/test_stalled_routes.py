@@ -224,6 +224,7 @@ def ask_others(page, request, what):
         before = time.monotonic()
         page.get("/healthz", token="")
         page.get("/api/v1/jobs?first=1")
+        page.get("/api/v1/workers/first")
         took = time.monotonic() - before
         expect(took < SOON_S * PATIENCE, "%s held up others for %.1f s" % (what, took))
         asked += 1
@@ -301,7 +302,8 @@ def the_coordinators_own_token():
         request.join(60 * PATIENCE)
         expect(waited and request.answer.status == 200, "%s %s" % (waited, request.answer))
         page.token = request.answer.json()["secret"]
-        expect(page.get("/api/v1/jobs").status == 200, "the new token is not taken")
+        answer = page.get("/api/v1/jobs")
+        expect(answer.status == 200, "the new token is not taken: %s" % answer)
 
 
 @tests.add

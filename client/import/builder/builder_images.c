@@ -123,18 +123,20 @@ status builder_leave_out(struct builder *b, const char *file, uint64_t line, con
 
 /* ---- the environment ---------------------------------------------------------------------- */
 
-/* The number of pixels above SCENE_RADIANCE_MAX. `brightest`: the largest value, at most that. */
-static uint64_t count_too_bright(const struct image *image, float *brightest)
+/* The number of pixels above SCENE_RADIANCE_MAX. The environment's largest value is at most that. */
+static uint64_t look_at_map(const struct image *image, struct scene_environment *environment)
 {
+    float brightest = 0;
     uint64_t count = 0;
 
-    *brightest = 0;
+    environment->varies = 0;
     for (size_t i = 0; i < (size_t)image->width * image->height; i++) {
         const float *p = image->pixels + 3 * i, most = fmaxf(p[0], fmaxf(p[1], p[2]));
         count += most > SCENE_RADIANCE_MAX;
-        *brightest = fmaxf(*brightest, most);
+        brightest = fmaxf(brightest, most);
+        environment->varies |= memcmp(p, image->pixels, 3 * sizeof *p) != 0;
     }
-    *brightest = fminf(*brightest, SCENE_RADIANCE_MAX);
+    environment->brightest = fminf(brightest, SCENE_RADIANCE_MAX);
     return count;
 }
 
@@ -190,7 +192,7 @@ static status check_environment(struct builder *b, const char *name, uint8_t **d
         image_release(&image);
         return result;
     }
-    too_bright = count_too_bright(&image, &b->environment.brightest);
+    too_bright = look_at_map(&image, &b->environment);
     if (too_bright)
         builder_warn(b, "environment radiance", "%s: the map has %llu pixels above %g: they count as that", name,
                      (unsigned long long)too_bright, (double)SCENE_RADIANCE_MAX);

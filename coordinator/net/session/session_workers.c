@@ -378,7 +378,8 @@ status session_workers(struct session *session, const Azulejo__Wire__Envelope *m
     const Azulejo__Wire__WorkerQuery *query = message->worker_query;
     struct held_subject subject = {.number = query->job};
 
-    if (!query->gone || strlen(query->name) > WORKER_LABEL_MAX) /* no worker has such a name */
+    /* No worker has such a name, or the one that has it is here. */
+    if (!query->gone || strlen(query->name) > WORKER_LABEL_MAX || roster_find(&session->server->farm, query->name))
         return answer(session, message->request, query->name, query->job, query->gone, now_ns, err);
     if (held_has_room(session->server, err) != STATUS_OK)
         return STATUS_ERR_LIMIT;

@@ -216,8 +216,21 @@ static void test_environment(void **state)
         write_file("part.exr", exr.data, exr.size, path, sizeof path);
         assert_int_equal(import_scene(scene, &options, &r, &err), STATUS_OK);
         assert_true(r.scene.environment.brightest == (i == 1 ? SCENE_RADIANCE_MAX : 100 + (float)i));
+        assert_true(r.scene.environment.varies);
         import_result_release(&r);
         image.pixels[9 + i] = 0;
+    }
+    /* One of one colour is a colour. */
+    for (int other = 1; other >= 0; other--) {
+        for (size_t i = 0; i < 3 * 4 * 2; i++)
+            image.pixels[i] = 1 + (float)(i % 3) + (float)(other && i == 23);
+        buffer_clear(&exr);
+        assert_int_equal(exr_encode(&exr, &image, &how, &err), STATUS_OK);
+        write_file("part.exr", exr.data, exr.size, path, sizeof path);
+        assert_int_equal(import_scene(scene, &options, &r, &err), STATUS_OK);
+        assert_int_equal(r.scene.environment.constant, !other);
+        assert_true(other ? r.scene.environment.varies : r.scene.environment.radiance[1] == 2);
+        import_result_release(&r);
     }
     how.window = &(const struct exr_window){60000, 60000, 5, 3};
     buffer_clear(&exr);

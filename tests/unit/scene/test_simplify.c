@@ -643,6 +643,13 @@ static void test_uniform_environment(void **state)
         assert_int_equal(e->constant, !odd);
         assert_true(e->radiance[1] == (odd ? 3 : 1.5f));
         builder_release(&b);
+        /* A map that was looked at is not decoded again. */
+        start(&b);
+        builder_environment_map(&b, rgb, 4, 2);
+        b.scene.environment.varies = 1;
+        assert_int_equal(simplified(&b).uniform_environment, 0);
+        assert_int_equal(b.scene.environment.constant, 0);
+        builder_release(&b);
     }
 }
 
