@@ -46,25 +46,22 @@ static status certify(struct web *web, struct error *err)
 
 static void end_connections(struct web *web)
 {
-    for (uint32_t i = 0; i < web->ended_count; i++) {
-        if (web->http)
-            http_end_token(web->http, web->ended[i].token, web->ended[i].cookies);
-        web_calls_end_token(web->calls, web->ended[i].token);
-    }
-    web->ended_count = 0;
+    if (web->http)
+        http_end_retired(web->http);
+    web_calls_end_retired(web->calls);
+    web->ended_ns = 0;
 }
 
+/* What begins from now on is of what the token is then: a renewed one has its number. */
 static void on_token_ended(void *user, uint64_t token, int cookies)
 {
     struct web *web = user;
 
-    /* So many at once: they were asked for one by one, and the earlier ones' answers are on their way. */
-    if (web->ended_count == WEB_ENDS_MAX)
-        end_connections(web);
-    if (web->ended_count == 0)
+    if (web->http)
+        http_retire_token(web->http, token, cookies);
+    web_calls_retire_token(web->calls, token);
+    if (web->ended_ns == 0)
         web->ended_ns = clock_monotonic_ns();
-    web->ended[web->ended_count].token = token;
-    web->ended[web->ended_count++].cookies = cookies;
 }
 
 /* ---- the page's own connection ----------------------------------------------------------------- */
@@ -170,7 +167,7 @@ static void on_tick(uv_timer_t *timer)
     link_tick(&web->farm, now_ns);
     web_calls_tick(web->calls, now_ns);
     callers_tick(&web->callers, clock_wall_s(), on_token_ended, web);
-    if (web->ended_count && now_ns - web->ended_ns >= WEB_ENDS_MS * NS_PER_MS)
+    if (web->ended_ns && now_ns - web->ended_ns >= WEB_ENDS_MS * NS_PER_MS)
         end_connections(web);
     imports_tick(web->imports, now_ns);
     if (web->http)

@@ -22,7 +22,6 @@ enum {
     WEB_AGAIN_MIN_MS = 200,      /* between two tries to connect, doubling */
     WEB_AGAIN_MAX_MS = 5000,
     WEB_ENDS_MS = 300,           /* an ended token's own answers are sent first */
-    WEB_ENDS_MAX = 64,
 };
 
 struct web_options {
@@ -65,15 +64,10 @@ struct web {
     char fingerprint[3 * 32];
     char wall[64], wall_lacks[256]; /* what the kernel has and lacks of it (wall.h) */
     struct callers callers;
-    struct live *live;       /* live.h */
-    struct web_calls *calls; /* call.h */
-    struct imports *imports; /* import.h */
-    struct {
-        uint64_t token;
-        int cookies;
-    } ended[WEB_ENDS_MAX]; /* tokens whose connections are to end */
-    uint32_t ended_count;
-    uint64_t ended_ns;
+    struct live *live;         /* live.h */
+    struct web_calls *calls;   /* call.h */
+    struct imports *imports;   /* import.h */
+    uint64_t ended_ns;         /* a token ended, and what was begun with it is still there; 0: there is none */
     char address[WEB_URL_MAX]; /* "http://127.0.0.1:7421" */
     struct error why;          /* why it ends by itself */
 };

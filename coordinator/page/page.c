@@ -290,32 +290,30 @@ static status greet(void *user, struct session *session, uint64_t token, struct 
 static void end_sessions(struct page *page)
 {
     struct error why = {0};
-    uint32_t waiting = 0; /* sessions that get an answer first: a token may end itself */
 
     error_set(&why, STATUS_ERR_REFUSED, "the token was revoked");
+    page->sessions_end = 0;
     for (struct session *s = page->server->sessions, *next; s; s = next) {
         next = s->next;
-        for (uint32_t i = 0; s->token && i < page->ended_count; i++)
-            if (s->token == page->ended[i]) {
-                waiting += s->held > 0;
-                if (s->held == 0)
-                    session_end(s, &why);
-                break;
-            }
+        if (!s->token_ended)
+            continue;
+        if (s->held == 0)
+            session_end(s, &why);
+        else
+            page->sessions_end = 1; /* it gets an answer first: a token may end itself */
     }
-    if (waiting == 0 || page->ended_count == PAGE_ENDED_MAX)
-        page->ended_count = 0;
 }
 
-/* Not now: the session that asked for it gets its answer first. */
+/* Not now: the session that asked for it gets its answer first. Sessions that begin from now on are of what the token is
+ * then: a renewed one has its number. */
 static void on_token_ended(void *user, uint64_t token, int cookies)
 {
     struct page *page = user;
 
     (void)cookies; /* their key follows from the token */
-    if (page->ended_count == PAGE_ENDED_MAX)
-        end_sessions(page);
-    page->ended[page->ended_count++] = token;
+    for (struct session *s = page->server->sessions; s; s = s->next)
+        s->token_ended |= s->token == token;
+    page->sessions_end = 1;
 }
 
 /* ---- the guest --------------------------------------------------------------------------------- */
@@ -384,7 +382,7 @@ static void tick(void *user, uint64_t now_ns)
 
     token_end_tick(page, now_ns);
     token_answers_send(page, 0, now_ns);
-    if (!page->answers)
+    if (page->sessions_end && !page->answers)
         end_sessions(page);
     tell_state(page, 0);
     metrics_tick(&page->metrics, now_ns);

@@ -14,7 +14,7 @@
 #include "coordinator/page/keeper.h"
 #include "coordinator/page/metrics.h"
 
-enum { PAGE_LINK_MAX = PAGE_URL_MAX + 160, PAGE_ENDED_MAX = 64 };
+enum { PAGE_LINK_MAX = PAGE_URL_MAX + 160 };
 
 struct feed;
 struct token_answer;
@@ -34,8 +34,7 @@ struct page {
     struct web_tokens *tokens;
     uint64_t tokens_version, tokens_taken, tokens_ticked_ns; /* taken: the page knows them */
     struct token_answer *answers;                            /* that wait until the page knows of a change */
-    uint64_t ended[PAGE_ENDED_MAX];                          /* tokens whose sessions are to end */
-    uint32_t ended_count;
+    int sessions_end;                                        /* some session's token has ended */
     struct metrics metrics;
     struct feed *feed;
     struct watching *watching;

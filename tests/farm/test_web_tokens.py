@@ -240,6 +240,25 @@ def ends_at_once():
 
 
 @tests.add
+def a_renewed_one_holds():
+    """what is begun with a renewed token stays, while that of the old one ends; no request with the new one is refused"""
+    with Farm() as farm:
+        page = started(farm)
+        made = create(farm, "view", "--name", "desk")
+        for _ in range(3):
+            old = Listening(page, made["secret"])
+            made = farm.cli("token", "renew", "desk", "--json", expect=0).json()
+            new = Listening(page, made["secret"])
+            until = time.monotonic() + 0.6  # longer than what was begun with the old one may stay
+            while time.monotonic() < until:
+                expect(role_of(page, made["secret"]) == "view", "the new token is refused")
+            expect(old.stream_ended(8) and old.socket_ended(8), "what was begun with the old one")
+            expect(not new.stream_ended(0.5) and not new.socket_ended(0.5), "what was begun with the new one")
+            new.close()
+            old.close()
+
+
+@tests.add
 def itself():
     """an admin's token that revokes itself over the API still gets its answer"""
     with Farm() as farm:

@@ -24,7 +24,8 @@ struct calling {
     uint64_t token;
     struct waiting *first; /* its requests that wait */
     uint64_t used_ns;
-    int closing; /* takes no more requests; freed when the connection has ended */
+    int retires; /* its token has ended: it takes no more requests, */
+    int closing; /* and it is freed when the connection has ended */
     int paused;  /* its request's client, or the farm, takes no more for now */
 };
 
@@ -201,7 +202,7 @@ static struct calling *calling_of(struct web_calls *calls, const struct web_call
                                   struct error *err)
 {
     for (struct calling *c = calls->first; c && kind == WEB_CALL_SHARED; c = c->next)
-        if (c->kind == WEB_CALL_SHARED && !c->closing && c->token == caller->token)
+        if (c->kind == WEB_CALL_SHARED && !c->retires && !c->closing && c->token == caller->token)
             return c;
     return calling_new(calls, caller, kind, err);
 }
@@ -221,10 +222,16 @@ void web_calls_tick(struct web_calls *calls, uint64_t now_ns)
             calling_end(c);
 }
 
-void web_calls_end_token(struct web_calls *calls, uint64_t token)
+void web_calls_retire_token(struct web_calls *calls, uint64_t token)
 {
     for (struct calling *c = calls->first; c; c = c->next)
-        if (c->token == token && !c->closing) {
+        c->retires |= c->token == token;
+}
+
+void web_calls_end_retired(struct web_calls *calls)
+{
+    for (struct calling *c = calls->first; c; c = c->next)
+        if (c->retires && !c->closing) {
             c->closing = 1;
             link_abort(c->peer, STATUS_ERR_REFUSED, "the token was revoked");
         }

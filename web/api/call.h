@@ -24,8 +24,9 @@ enum {
 status web_calls_new(struct web_calls **out, struct link_peers *farm, struct error *err) MUST_CHECK;
 /* Ends sessions that are not used. */
 void web_calls_tick(struct web_calls *calls, uint64_t now_ns);
-/* The token was revoked: what it asked for ends. */
-void web_calls_end_token(struct web_calls *calls, uint64_t token);
+/* The token has ended: what was asked for with it takes no more requests, and ends. */
+void web_calls_retire_token(struct web_calls *calls, uint64_t token);
+void web_calls_end_retired(struct web_calls *calls);
 /* After the loop has ended; NULL is fine. */
 void web_calls_free(struct web_calls *calls);
 

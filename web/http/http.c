@@ -180,11 +180,17 @@ static int was_begun_with(const struct http_connection *c, uint64_t token, int c
     return caller && (caller->token == token || (cookies && caller->by_cookie));
 }
 
-void http_end_token(struct http *http, uint64_t token, int cookies)
+void http_retire_token(struct http *http, uint64_t token, int cookies)
+{
+    for (struct http_connection *c = http->first; c; c = c->next)
+        c->retires |= was_begun_with(c, token, cookies);
+}
+
+void http_end_retired(struct http *http)
 {
     for (struct http_connection *c = http->first, *next; c; c = next) {
         next = c->next;
-        if (was_begun_with(c, token, cookies))
+        if (c->retires && (c->request || c->socket))
             http_kill(c);
     }
 }

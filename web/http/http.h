@@ -45,5 +45,6 @@ struct http_counts {
     uint32_t connections, sockets;
 };
 struct http_counts http_counts(const struct http *http);
-/* End what was begun with this token, or with any cookie if `cookies`: requests, streams and WebSockets. */
-void http_end_token(struct http *http, uint64_t token, int cookies);
+/* Note what was begun with this token, or with any cookie if `cookies`: requests, streams and WebSockets; and end it. */
+void http_retire_token(struct http *http, uint64_t token, int cookies);
+void http_end_retired(struct http *http);

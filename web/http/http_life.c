@@ -78,7 +78,7 @@ struct http_request *http_request_new(struct http_connection *c)
     c->state = HTTP_ANSWERING;
     c->begun = c->ended = c->is_chunked = c->no_body = c->is_head = c->is_old = c->close_after = c->lingers = 0;
     c->body_left = c->discarded = 0;
-    c->body_over = 0;
+    c->body_over = c->retires = 0;
     http_resume_reading(c);
     http_deadline(c, 0);
     return request;

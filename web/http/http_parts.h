@@ -59,6 +59,7 @@ struct http_connection {
     int is_dead;                    /* to be ended; */
     int is_ending;                  /* the library ends it, once the loop has closed its socket */
     int was_refused;                /* by the library, when it was new */
+    int retires;                    /* the token of its request or WebSocket has ended since */
     uint64_t heard_ns, pinged_ns;   /* of a WebSocket */
     int ping_wanted;
     unsigned close_code; /* of a WebSocket; 0: not closing */

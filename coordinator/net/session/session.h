@@ -60,6 +60,7 @@ struct session {
     uint32_t process;
     uint32_t of_page; /* 1: it proved the page's key; */
     uint64_t token;   /* and acts for this token, as a client; 0: for itself */
+    int token_ended;  /* since it began */
     uint64_t key;     /* the number of its key's name (holders.h); 0: a shared one */
     uint64_t holder;  /* whose ceilings count (holders.h); 0: it has none */
     int silent;       /* it was considered dead */
