@@ -350,7 +350,7 @@ struct scene_environment {
     int constant;             /* the same radiance from everywhere */
     float radiance[3];        /* for `constant`; multiplies the map */
     float brightest;          /* the largest value of the map, at most SCENE_RADIANCE_MAX; 0: black, or not known */
-    int varies;               /* whoever decoded the map saw more than one colour; not in the wire form */
+    int varies;               /* an importer found more than one colour in the map; not packed */
     float to_map[3][3];       /* rotation from world to the map's axes, before the job's own */
     uint32_t portal_count;
     struct scene_portal *portals;

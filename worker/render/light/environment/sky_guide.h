@@ -1,9 +1,10 @@
 /* sky_guide: which parts of the environment arrive where.
  *
  * In a room most shadow rays towards the environment end at a wall. The guide divides the scene into regions
- * (light/learned/regions.h) and the map into cells, and has a distribution over the cells for each region: their light, times the cosine, times what of it arrives at points of the region that a pilot found. Within a
- * cell directions follow the map's luminance. Every density is known, so whatever the guide believes, pictures stay
- * unbiased; light that it does not expect keeps a tenth of its choices, a sun half.
+ * (light/learned/regions.h) and the map into cells, and has a distribution over the cells for each region: their light,
+ * times the cosine, times what of it arrives at points of the region that a pilot found. Within a cell directions follow
+ * the map's luminance. Every density is known, so whatever the guide believes, pictures stay unbiased; light that it does
+ * not expect keeps a tenth of its choices, a sun half.
  *
  * A region whose distribution would not lower the second moment of the direct light clearly has none: there the map
  * alone is sampled. So open scenes cost a look-up, and a scene without any such region has no guide.
