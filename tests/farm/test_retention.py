@@ -369,7 +369,8 @@ def full_disk():
         farm.start_coordinator(*COLLECT_ALL)
         farm.start_worker()
         scene = farm.scene()
-        old = [farm.submit(scene, "--size", "320x200", "--spp", "1") for _ in range(3)]
+        # What is removed is far more than what the database's log grows by meanwhile: the reserve must fit beside that.
+        old = [farm.submit(scene, "--size", "640x400", "--spp", "1") for _ in range(3)]
         for job in old:
             farm.wait_for_job(job)
         number = farm.submit(scene, "--size", "128x80", "--spp", "768")
