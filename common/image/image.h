@@ -125,7 +125,7 @@ struct exr_attribute {
 
 /* More channels for an EXR file, beside the picture's. */
 struct exr_channel {
-    const char *name; /* "N.X"; no two alike, and none of R, G, B, A */
+    const char *name; /* "N.X"; no two alike, and none of the picture's */
     int precise;      /* float even where the picture is half */
 };
 struct exr_channels {
@@ -158,6 +158,12 @@ struct exr_options {
  * chromaticities of Rec. 709. Deterministic: same input, same bytes. */
 status exr_encode(struct buffer *out, const struct image *image, const struct exr_options *options,
                   struct error *err) MUST_CHECK;
+/* A file of exr_encode again, with the picture `layer` (3 channels) in place of these channels' and with these attributes in place of
+ * those whose names begin with `prefix`; everything else to the bit. ERR_NOT_FOUND: it has no such channels; ERR_INPUT,
+ * ERR_LIMIT, ERR_NO_MEMORY. */
+status exr_replace(struct buffer *out, const uint8_t *data, size_t size_bytes, const char *name,
+                   const char *const channels[3], const struct image *layer, const char *prefix,
+                   const struct exr_attribute *attributes, size_t attribute_count, struct error *err) MUST_CHECK;
 
 /* Encode display values 0..1 (already transfer-encoded) as 8-bit RGB PNG, rounding after adding a fixed blue-noise-like
  * dither of at most half a step; an sRGB chunk says how the values are meant. Deterministic. */

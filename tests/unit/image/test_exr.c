@@ -908,6 +908,112 @@ static void test_threads(void **state)
     image_release(&in);
 }
 
+/* ---- a layer that is replaced ---------------------------------------------------------------- */
+
+enum { LAYERED = 5, LAYER_WIDTH = 37, LAYER_HEIGHT = 2 * EXR_LINES + 5 };
+static const struct exr_channel layered[LAYERED] = {{"Z", 1}, {"clean.R", 0}, {"clean.G", 0}, {"clean.B", 0}, {"P.X", 1}};
+static const char *const layer_names[3] = {"clean.R", "clean.G", "clean.B"};
+
+static float layer_value(int version, size_t pixel, uint32_t c) { return (float)(pixel % 91) * (version ? 0.37f : -1.9f) + (float)c; }
+
+static void fill_layered(void *user, uint32_t y, uint32_t height, float *planes)
+{
+    const size_t pixels = (size_t)LAYER_WIDTH * height, first = (size_t)y * LAYER_WIDTH;
+
+    for (size_t i = 0; i < pixels; i++) {
+        planes[i] = 1 / (float)(first + i + 3);
+        for (uint32_t c = 0; c < 3; c++)
+            planes[(1 + c) * pixels + i] = layer_value(*(const int *)user, first + i, c);
+        planes[4 * pixels + i] = (float)(first + i) * 1e7f; /* beyond a half */
+    }
+}
+
+/* With what is replaced before and after what stays, or at the end. */
+static void encode_layered(struct buffer *out, const struct image *image, int half, const struct exr_window *window, int version)
+{
+    static const double origin[3] = {1e300, -2, 3};
+    static const float matrix[16] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 0.1f};
+    static const int32_t rate[2] = {30000, 1001};
+    const struct exr_attribute mine[2] = {{.name = "clean:error", .number = version ? 2.5 : 7}, {.name = "clean:by", .text = "means"}};
+    const struct exr_attribute stays[4] = {{.name = "text", .text = "of two\nlines"}, {.name = "origin", .point = origin},
+                                           {.name = "toWorld", .matrix = matrix}, {.name = "rate", .fraction = rate}};
+    struct exr_attribute all[6];
+    const struct exr_channels more = {layered, LAYERED, fill_layered, &version};
+    const struct exr_options options = {.half = half, .window = window, .more = &more, .attributes = all, .attribute_count = 6};
+
+    for (int i = 0; i < 4; i++)
+        all[version ? i : i + 1] = stays[i];
+    all[version ? 4 : 0] = mine[0];
+    all[5] = mine[1];
+    assert_int_equal(exr_encode(out, image, &options, NULL), STATUS_OK);
+}
+
+/* The file is to the bit what it would have been. */
+static void test_replace(void **state)
+{
+    static const struct exr_window window = {LAYER_WIDTH + 20, LAYER_HEIGHT + 9, 13, 4};
+    const struct exr_attribute attributes[2] = {{.name = "clean:error", .number = 2.5}, {.name = "clean:by", .text = "means"}};
+    struct image layer = make_image(LAYER_WIDTH, LAYER_HEIGHT, 3);
+    struct error err = {0};
+
+    (void)state;
+    for (size_t i = 0; i < (size_t)LAYER_WIDTH * LAYER_HEIGHT * 3; i++)
+        layer.pixels[i] = layer_value(1, i / 3, i % 3);
+    for (int kind = 0; kind < 8; kind++) {
+        struct buffer before = BUFFER_INIT, after = BUFFER_INIT, wanted = BUFFER_INIT;
+        struct image image = make_image(LAYER_WIDTH, LAYER_HEIGHT, kind & 4 ? 4 : 3);
+        encode_layered(&before, &image, kind & 1, kind & 2 ? &window : NULL, 0);
+        encode_layered(&wanted, &image, kind & 1, kind & 2 ? &window : NULL, 1);
+        if (exr_replace(&after, before.data, before.size, "x", layer_names, &layer, "clean:", attributes, 2, &err) != STATUS_OK)
+            fail_msg("%s", err.text);
+        assert_int_equal(after.size, wanted.size);
+        assert_memory_equal(after.data, wanted.data, after.size);
+        buffer_clear(&after);
+        assert_int_equal(exr_replace(&after, before.data, before.size / 2, "x", layer_names, &layer, "", NULL, 0, &err),
+                         STATUS_ERR_INPUT);
+        image_release(&image);
+        buffer_release(&wanted);
+        buffer_release(&after);
+        buffer_release(&before);
+    }
+    image_release(&layer);
+}
+
+static void test_nothing_to_replace(void **state)
+{
+    struct image image = make_image(LAYER_WIDTH, LAYER_HEIGHT, 3), small = make_image(LAYER_WIDTH, LAYER_HEIGHT - 1, 3);
+    struct buffer file = BUFFER_INIT, out = BUFFER_INIT;
+    struct error err = {0};
+    long n;
+
+    (void)state;
+    assert_int_equal(exr_encode(&file, &image, NULL, NULL), STATUS_OK);
+    assert_int_equal(exr_replace(&out, file.data, file.size, "x", layer_names, &image, "", NULL, 0, &err), STATUS_ERR_NOT_FOUND);
+    assert_non_null(strstr(err.text, "clean.R"));
+    buffer_clear(&file);
+    encode_layered(&file, &image, 0, NULL, 0);
+    assert_int_equal(exr_replace(&out, file.data, file.size, "x", layer_names, &small, "", NULL, 0, &err), STATUS_ERR_INPUT);
+    assert_int_equal(exr_replace(&out, file.data, 20, "x", layer_names, &image, "", NULL, 0, &err), STATUS_ERR_INPUT);
+    assert_int_equal(out.size, 0);
+    for (n = 0;; n++) { /* no memory anywhere */
+        struct buffer into = BUFFER_INIT;
+        status st;
+        long failed;
+        mem_fault_arm(n, 1);
+        st = exr_replace(&into, file.data, file.size, "x", layer_names, &image, "", NULL, 0, NULL);
+        failed = mem_fault_count();
+        mem_fault_arm(-1, 0);
+        buffer_release(&into);
+        assert_true((st == STATUS_OK) == (failed == 0));
+        if (failed == 0)
+            break;
+    }
+    assert_true(n > 20);
+    buffer_release(&file);
+    image_release(&small);
+    image_release(&image);
+}
+
 /* ---- halves, repairs --------------------------------------------------------------------- */
 
 static void test_half_conversion(void **state)
@@ -994,6 +1100,8 @@ int main(void)
         cmocka_unit_test(test_incompressible),
         cmocka_unit_test(test_half_clamps_and_counts),
         cmocka_unit_test(test_attributes),
+        cmocka_unit_test(test_replace),
+        cmocka_unit_test(test_nothing_to_replace),
         cmocka_unit_test(test_every_compression),
         cmocka_unit_test(test_luminance_and_chroma),
         cmocka_unit_test(test_tiles_and_levels),
