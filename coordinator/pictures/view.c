@@ -1,0 +1,113 @@
+#include "coordinator/pictures/view.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "common/math/elementary.h"
+#include "common/scene/pose.h"
+
+/* To the camera's coordinates: x to the right, y up, z forward, as OpenEXR has it. */
+static int find_to_camera(struct scene_view *view, const double origin[3], const struct transform_d *to_world)
+{
+    struct transform_d in;
+
+    if (!transform_d_invert(to_world, &in))
+        return 0;
+    for (int r = 0; r < 3; r++) {
+        const double sign = r == 2 ? -1 : 1;
+        view->to_camera[r][3] = sign * in.m[r][3];
+        for (int c = 0; c < 3; c++) {
+            view->to_camera[r][c] = sign * in.m[r][c];
+            view->to_camera[r][3] -= view->to_camera[r][c] * origin[c];
+        }
+    }
+    view->to_camera[3][3] = 1;
+    return 1;
+}
+
+static void find_to_screen(struct scene_view *view, const struct scene_camera *camera, const struct render_settings *s)
+{
+    const double aspect = (double)settings_whole_width(s) / (double)settings_whole_height(s);
+    const int perspective = camera->kind == CAMERA_PERSPECTIVE;
+    const double half = perspective ? (double)det_tan((float)camera->yfov_rad * 0.5f) : (double)camera->ymag;
+    double screen[4][4] = {{0}};
+
+    screen[0][0] = 0.5 / (half * aspect);
+    screen[1][1] = -0.5 / half;
+    screen[0][perspective ? 2 : 3] = screen[1][perspective ? 2 : 3] = 0.5;
+    /* With perspective the third coordinate becomes 1/z, so that the matrix has an inverse. */
+    screen[2][perspective ? 3 : 2] = 1;
+    screen[3][perspective ? 2 : 3] = 1;
+    for (int r = 0; r < 4; r++)
+        for (int c = 0; c < 4; c++)
+            for (int k = 0; k < 4; k++)
+                view->to_screen[r][c] += screen[r][k] * view->to_camera[k][c];
+    view->has_screen = 1;
+}
+
+status scene_view_find(const struct scene *scene, const struct render_settings *settings, uint32_t frame,
+                       enum scene_space from, struct scene_view *view, struct error *err)
+{
+    static const double nowhere[3] = {0, 0, 0};
+    struct scene_camera camera;
+    struct scene_pose pose;
+    double open_s, close_s;
+
+    memset(view, 0, sizeof *view);
+    if (settings->camera >= scene->camera_count)
+        return STATUS_OK;
+    scene_shutter(scene, settings, frame, &open_s, &close_s);
+    TRY(scene_pose_init(&pose, scene, open_s, err));
+    pose_camera(&pose, scene, settings->camera, &camera);
+    scene_pose_release(&pose);
+    view->has_camera = find_to_camera(view, from == SPACE_OF_FILE ? scene->origin : nowhere, &camera.to_world);
+    if (view->has_camera && camera.kind != CAMERA_PANORAMA)
+        find_to_screen(view, &camera, settings);
+    return STATUS_OK;
+}
+
+int scene_views_agree(const struct scene_view *a, const struct scene_view *b)
+{
+    return a->has_camera && b->has_camera && a->has_screen == b->has_screen &&
+           memcmp(a->to_camera, b->to_camera, sizeof a->to_camera) == 0 &&
+           memcmp(a->to_screen, b->to_screen, sizeof a->to_screen) == 0;
+}
+
+/* Pixels from the whole picture's corner; 0: behind the camera. */
+static int project(const struct scene_view *view, const struct render_settings *s, const double point[3], double out[2])
+{
+    double at[4];
+
+    for (int r = 0; r < 4; r++)
+        at[r] = view->to_screen[r][0] * point[0] + view->to_screen[r][1] * point[1] + view->to_screen[r][2] * point[2] +
+                view->to_screen[r][3];
+    if (!(at[3] > 0))
+        return 0;
+    out[0] = at[0] / at[3] * settings_whole_width(s);
+    out[1] = at[1] / at[3] * settings_whole_height(s);
+    return 1;
+}
+
+/* A pixel's point lies anywhere in it: what it moves by is added to the pixel itself. */
+static int64_t follow(const struct scene_view *here, const struct scene_view *there, const struct render_settings *s,
+                      const double point[3], uint32_t x, uint32_t y)
+{
+    double from[2], to[2], u, v;
+
+    if (!project(here, s, point, from) || !project(there, s, point, to))
+        return -1;
+    u = floor(x + to[0] - from[0] + 0.5);
+    v = floor(y + to[1] - from[1] + 0.5);
+    return u >= 0 && v >= 0 && u < s->width && v < s->height ? (int64_t)v * s->width + (int64_t)u : -1;
+}
+
+void scene_view_follow(const struct scene_view *here, const struct scene_view *there,
+                       const struct render_settings *settings, const float *positions, int32_t *source)
+{
+    const size_t pixels = (size_t)settings->width * settings->height;
+
+    for (size_t p = 0; p < pixels; p++) {
+        const double point[3] = {(double)positions[p], (double)positions[pixels + p], (double)positions[2 * pixels + p]};
+        source[p] = (int32_t)follow(here, there, settings, point, (uint32_t)(p % settings->width), (uint32_t)(p / settings->width));
+    }
+}
