@@ -40,14 +40,17 @@ static void load_pixel(struct block *b, const struct denoise_input *input, size_
         }
 }
 
-static void load(struct block *b, const struct denoise_input *input)
+static void load(struct block *b, const struct denoise_input *input, const int32_t *source)
 {
     for (uint32_t v = 0, to = 0; v < BLOCK_SIDE; v++)
         for (uint32_t u = 0; u < BLOCK_SIDE; u++, to++) {
             const int64_t at_x = (int64_t)b->x + u - BLOCK_MARGIN, at_y = (int64_t)b->y + v - BLOCK_MARGIN;
             const uint32_t x = clamped(at_x, input->width), y = clamped(at_y, input->height);
-            load_pixel(b, input, (size_t)y * input->width + x, to);
-            b->weight[to] = x == at_x && y == at_y && is_known(input, x, y);
+            const uint32_t pixel = y * input->width + x;
+            const int lost = source && source[pixel] < 0;
+            const uint32_t from = source && !lost ? (uint32_t)source[pixel] : pixel;
+            load_pixel(b, input, from, to);
+            b->weight[to] = x == at_x && y == at_y && !lost && is_known(input, from % input->width, from / input->width);
         }
 }
 
@@ -177,7 +180,7 @@ static void tame(struct block *b)
             memcpy(b->colour[g][c], b->scratch[g * 3 + c], sizeof(block_plane));
 }
 
-void block_load(struct block *b, const struct denoise_input *input, uint32_t x, uint32_t y)
+static void load_all(struct block *b, const struct denoise_input *input, const int32_t *source, uint32_t x, uint32_t y)
 {
     b->x = x;
     b->y = y;
@@ -185,8 +188,33 @@ void block_load(struct block *b, const struct denoise_input *input, uint32_t x, 
     b->height = input->height - y < BLOCK_INNER ? input->height - y : BLOCK_INNER;
     b->fireflies = 0;
     b->removed = b->light = 0;
-    load(b, input);
+    load(b, input, source);
     divide_by_albedo(b, input);
     tame(b);
+}
+
+static void take_means(struct block *b, const struct denoise_input *input, float *const means[2])
+{
+    for (uint32_t v = 0, to = 0; v < BLOCK_SIDE; v++)
+        for (uint32_t u = 0; u < BLOCK_SIDE; u++, to++) {
+            const size_t x = clamped((int64_t)b->x + u - BLOCK_MARGIN, input->width);
+            const size_t y = clamped((int64_t)b->y + v - BLOCK_MARGIN, input->height);
+            for (int g = 0; g < 2; g++)
+                for (size_t c = 0; c < 3; c++)
+                    b->colour[g][c][to] = means[g][(y * input->width + x) * 3 + c] / b->albedo[g][c][to];
+        }
+}
+
+void block_load(struct block *b, const struct denoise_input *input, float *const means[2], uint32_t x, uint32_t y)
+{
+    load_all(b, input, NULL, x, y);
+    if (means)
+        take_means(b, input, means);
+    pool_variances(b);
+}
+
+void block_load_other(struct block *b, const struct denoise_other *other, uint32_t x, uint32_t y)
+{
+    load_all(b, other->picture, other->source, x, y);
     pool_variances(b);
 }

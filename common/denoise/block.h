@@ -40,8 +40,11 @@ static inline uint32_t block_index(uint32_t x, uint32_t y)
     return (y + BLOCK_MARGIN) * BLOCK_SIDE + x + BLOCK_MARGIN;
 }
 
-/* Everything but `result` of the block whose inner part begins at (x, y). */
-void block_load(struct block *block, const struct denoise_input *input, uint32_t x, uint32_t y);
+/* Everything but results of the block whose inner part begins at (x, y). `means`: colours to take instead of the input's, without
+ * direct light, of each group [height][width][3]; NULL: those of the input. */
+void block_load(struct block *block, const struct denoise_input *input, float *const means[2], uint32_t x, uint32_t y);
+/* The same place of another frame. */
+void block_load_other(struct block *block, const struct denoise_other *other, uint32_t x, uint32_t y);
 
 enum joint_colours {
     JOINT_FEATURES, /* weights from features alone */

@@ -7,6 +7,7 @@
 
 #include "common/base/memory.h"
 #include "common/denoise/block.h"
+#include "common/denoise/frames.h"
 #include "common/denoise/judge.h"
 #include "common/denoise/mix.h"
 #include "common/system/parallel.h"
@@ -20,9 +21,12 @@ struct work {
     struct denoise_result *result;
     struct filtered filtered;
     uint32_t blocks_across, blocks;
-    struct block *spaces; /* one for each thread */
+    struct frames frames;       /* of other frames, if there are any */
+    struct denoise_other other; /* the one that is added */
+    int first, last;            /* it is the first, the last of them */
+    struct block *spaces;       /* for each thread, one, or one and another frame's */
     atomic_flag *taken;
-    unsigned space_count;
+    unsigned space_count, space_blocks;
     struct block_sum {
         uint64_t fireflies;
         double removed, light;
@@ -31,7 +35,7 @@ struct work {
     uint32_t done;
 };
 
-static status check_input(const struct denoise_input *input, struct error *err)
+static status check_picture(const struct denoise_input *input, struct error *err)
 {
     const size_t values = (size_t)input->width * input->height * 3;
     const float *pictures[] = {input->groups[0], input->groups[1], input->albedo[0], input->albedo[1],
@@ -51,12 +55,12 @@ static struct block *take_space(struct work *w)
 {
     for (unsigned i = 0;; i = (i + 1) % w->space_count) /* there are as many as threads */
         if (!atomic_flag_test_and_set_explicit(&w->taken[i], memory_order_acquire))
-            return &w->spaces[i];
+            return &w->spaces[i * w->space_blocks];
 }
 
 static void give_space(struct work *w, struct block *space)
 {
-    atomic_flag_clear_explicit(&w->taken[space - w->spaces], memory_order_release);
+    atomic_flag_clear_explicit(&w->taken[(size_t)(space - w->spaces) / w->space_blocks], memory_order_release);
 }
 
 static void store(const struct work *w, const struct block *b, block_plane *from, const float *direct, float *out)
@@ -75,8 +79,51 @@ static void tell(struct work *w)
         return;
     pthread_mutex_lock(&w->lock);
     w->done++;
-    w->options->progress(w->options->progress_user, 0.95 * w->done / w->blocks);
+    w->options->progress(w->options->progress_user, 0.95 * w->done / ((double)w->blocks * (1 + w->input->other_count)));
     pthread_mutex_unlock(&w->lock);
+}
+
+static void place_of(const struct work *w, size_t block, uint32_t *x, uint32_t *y)
+{
+    *x = (uint32_t)(block % w->blocks_across) * BLOCK_INNER;
+    *y = (uint32_t)(block / w->blocks_across) * BLOCK_INNER;
+}
+
+static void add_blocks(void *user, size_t begin, size_t end)
+{
+    struct work *w = user;
+    struct block *b = take_space(w);
+    uint32_t x, y;
+
+    for (size_t i = begin; i < end; i++) {
+        place_of(w, i, &x, &y);
+        block_load(b, w->input, NULL, x, y);
+        if (w->first)
+            frames_begin(&w->frames, w->input, b);
+        block_load_other(b + 1, &w->other, x, y);
+        frames_add(&w->frames, w->input, b, b + 1);
+        if (w->last)
+            frames_end(&w->frames, w->input, b);
+        tell(w);
+    }
+    give_space(w, b);
+}
+
+/* Means of the picture and other frames, into w->frames. */
+static status add_frames(struct work *w, struct error *err)
+{
+    const struct denoise_input *in = w->input;
+
+    for (uint32_t k = 0; k < in->other_count; k++) {
+        TRY(in->other(in->other_user, k, &w->other, err));
+        TRY(check_picture(w->other.picture, err));
+        if (w->other.picture->width != in->width || w->other.picture->height != in->height)
+            return error_set(err, STATUS_ERR_INPUT, "cannot denoise: the frames differ in size");
+        w->first = k == 0;
+        w->last = k + 1 == in->other_count;
+        parallel_for(w->space_count, w->blocks, 1, add_blocks, w);
+    }
+    return STATUS_OK;
 }
 
 static void filter_blocks(void *user, size_t begin, size_t end)
@@ -84,10 +131,11 @@ static void filter_blocks(void *user, size_t begin, size_t end)
     struct work *w = user;
     struct block *b = take_space(w);
     const int fast = w->options->method == DENOISE_FAST;
+    uint32_t x, y;
 
     for (size_t i = begin; i < end; i++) {
-        block_load(b, w->input, (uint32_t)(i % w->blocks_across) * BLOCK_INNER,
-                   (uint32_t)(i / w->blocks_across) * BLOCK_INNER);
+        place_of(w, i, &x, &y);
+        block_load(b, w->input, w->input->other_count ? w->frames.sums : NULL, x, y);
         w->sums[i] = (struct block_sum){b->fireflies, b->removed, b->light};
         if (fast)
             block_filter_joint(b, FAST_RADIUS, w->input->normal[0] ? JOINT_FEATURES : JOINT_COLOURS);
@@ -180,7 +228,8 @@ static status work_init(struct work *w, struct error *err)
         w->space_count = w->blocks;
     if (w->space_count > PARALLEL_THREADS_MAX)
         w->space_count = PARALLEL_THREADS_MAX;
-    w->spaces = mem_alloc_array(w->space_count, sizeof *w->spaces);
+    w->space_blocks = in->other_count ? 2 : 1;
+    w->spaces = mem_alloc_array((size_t)w->space_count * w->space_blocks, sizeof *w->spaces);
     w->taken = mem_calloc(w->space_count, sizeof *w->taken);
     w->sums = mem_calloc(w->blocks, sizeof *w->sums);
     f->shares = mem_calloc(cells, sizeof *f->shares);
@@ -190,6 +239,11 @@ static status work_init(struct work *w, struct error *err)
     for (int g = 0; g < 2; g++) {
         f->pictures[g] = mem_alloc_array(values, sizeof(float));
         NEED(f->pictures[g], err, "the denoised picture");
+        if (in->other_count) {
+            w->frames.sums[g] = mem_alloc_array(values, sizeof(float));
+            w->frames.total[g] = mem_alloc_array(values / 3, sizeof(float));
+            NEED(w->frames.sums[g] && w->frames.total[g], err, "means over frames");
+        }
         if (w->options->method != DENOISE_FULL)
             continue;
         f->fitted[g] = mem_alloc_array(values, sizeof(float));
@@ -198,12 +252,22 @@ static status work_init(struct work *w, struct error *err)
     return STATUS_OK;
 }
 
+static void release_frames(struct work *w)
+{
+    for (int g = 0; g < 2; g++) {
+        mem_free(w->frames.sums[g]);
+        mem_free(w->frames.total[g]);
+        w->frames.sums[g] = w->frames.total[g] = NULL;
+    }
+}
+
 static void work_release(struct work *w)
 {
     for (int g = 0; g < 2; g++) {
         mem_free(w->filtered.fitted[g]);
         mem_free(w->filtered.pictures[g]);
     }
+    release_frames(w);
     mem_free(w->filtered.products);
     mem_free(w->filtered.shares);
     mem_free(w->sums);
@@ -216,6 +280,7 @@ static void run(struct work *w)
     const unsigned threads = w->space_count;
 
     parallel_for(threads, w->blocks, 1, filter_blocks, w);
+    release_frames(w);
     parallel_for(threads, w->filtered.down, 1, compare_rows, w);
     parallel_for(threads, w->filtered.down, 1, choose_rows, w);
     parallel_for(threads, w->input->height, DENOISE_TILE, show_lines, w);
@@ -238,8 +303,9 @@ status denoise(const struct denoise_input *input, const struct denoise_options *
     status s;
 
     memset(result, 0, sizeof *result);
-    TRY(check_input(input, err));
+    TRY(check_picture(input, err));
     s = work_init(&w, err);
+    THEN(s, add_frames(&w, err));
     if (s == STATUS_OK) {
         run(&w);
         s = judge_result(&w.filtered, options, result, err);

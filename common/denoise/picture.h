@@ -5,6 +5,15 @@
 
 #include "common/accuracy/accuracy.h"
 
+struct denoise_input;
+
+/* A frame before or after, whose noise is independent of this one's. */
+struct denoise_other {
+    const struct denoise_input *picture; /* of the same size, with the same variables; its own others do not count */
+    const int32_t *source; /* [height][width]: which of its pixels (row-major) shows what this one's pixel shows; less than
+                            * 0: none. NULL: the same pixel */
+};
+
 /* All pictures are [height][width][3], linear. NULL: not there. */
 struct denoise_input {
     uint32_t width, height;
@@ -15,6 +24,10 @@ struct denoise_input {
                              * smooth glass and off mirrors; part of `groups`, and stays untouched */
     const uint32_t *samples; /* of a pixel, [tiles of 16x16, row-major][2 groups]; NULL: both are everywhere. A tile
                               * that lacks a group stays raw, and no other looks at it. */
+    /* Other frames that take part, one at a time: each stays until the next call, or until denoise() returns. */
+    uint32_t other_count;
+    status (*other)(void *user, uint32_t k, struct denoise_other *out, struct error *err);
+    void *other_user;
 };
 
 enum denoise_method {

@@ -108,7 +108,7 @@ static void measure(int kind, int features)
             groups.input.albedo[g] = albedo[g];
         }
         for (uint32_t at = 0; at < 4; at++) {
-            block_load(b, &groups.input, at % 2 * BLOCK_INNER, at / 2 * BLOCK_INNER);
+            block_load(b, &groups.input, NULL, at % 2 * BLOCK_INNER, at / 2 * BLOCK_INNER);
             filter_block(b, &toy, &groups, features, sums);
         }
         toy_groups_release(&groups);
