@@ -109,6 +109,7 @@ static status prepare(struct pilot *p, struct error *err)
         request->settings.spp = (uint32_t)p->pilot_spp;
     estimate->pilot_spp = request->settings.spp;
     request->output.tonemap.temporal = 1; /* most of the frames to average are not rendered */
+    request->output.tonemap.denoise_around = 0;
     request->estimate = 1;
     return signals_catch(err);
 }

@@ -130,6 +130,8 @@ static void print_output(const Azulejo__Wire__OutputSettings *o)
         buffer_printf(&line, ", averaged over %u frames", o->temporal);
     if (o->denoise[0] && strcmp(o->denoise, denoising_name(DENOISING_OFF)) != 0)
         buffer_printf(&line, ", denoised%s", strcmp(o->denoise, denoising_name(DENOISING_FAST)) == 0 ? " (fast)" : "");
+    if (o->denoise_around > 0 && o->denoise[0] && strcmp(o->denoise, denoising_name(DENOISING_OFF)) != 0)
+        buffer_printf(&line, " with %u frame%s before and after each", o->denoise_around, o->denoise_around == 1 ? "" : "s");
     if (o->tonemap_file.len)
         buffer_printf(&line, ", with %s", message_text(text, sizeof text, o->tonemap_file_name));
     field_print(stdout, "tone map", buffer_text(&line));

@@ -15,7 +15,7 @@ static const struct option_group option_groups[] = {
     {"camera and picture:", "first-middle-last fps shutter lens focus alpha region aov"},
     {"light and paths:", "max-depth seed sampler env-sampling light-choice roulette clamp texture-filter bvh-quality "
                         "robust isa"},
-    {"tone mapping:", "tonemap-param lut auto-exposure percentile white-balance temporal"},
+    {"tone mapping:", "tonemap-param lut auto-exposure percentile white-balance temporal denoise denoise-around"},
     {"files:", "format exr-names png-bits jpeg-quality no-dither half manifest video bits quality"},
     {"the job:", "priority after not-before require memory owner token force"},
     {"more:", ""},

@@ -18,6 +18,8 @@ status output_options_check(const struct output_options *o, struct output_reques
     if (o->formats)
         result = parse_formats(o->formats, &out->formats, err);
     THEN(result, tonemap_options_check(&o->tone, &out->tonemap, &out->tonemap_file, err));
+    if (result == STATUS_OK && out->tonemap.denoise_around > 0 && out->tonemap.denoise == DENOISING_OFF)
+        result = error_set(err, STATUS_ERR_USAGE, "--denoise-around: frames around one take part in --denoise on or fast; give that, too");
     out->png_bits = o->png_bits ? (uint32_t)strtoul(o->png_bits, NULL, 10) : 0;
     out->jpeg_quality = (uint32_t)o->jpeg_quality;
     out->no_dither = o->no_dither;

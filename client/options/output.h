@@ -24,7 +24,7 @@ struct output_options {
 /* Rows for a command's table; `o` is a struct output_options. */
 #define OUTPUT_OPTION_ROWS(o)                                                                   \
     TONEMAP_OPTION_ROWS((o).tone),                                                              \
-    LOOK_ROW((o).tone, temporal),                                                            \
+    LOOK_ROW((o).tone, temporal), LOOK_ROW((o).tone, denoise_around),                        \
     {"format", 0, OPTION_STRING, &(o).formats, "FORMAT,...",                                    \
      "which pictures are made: exr, png and jpg", 0, 0, NULL},                                  \
     {"png-bits", 0, OPTION_CHOICE, &(o).png_bits, "N", "bits of a PNG's channel (default 8)", 0, 0, \

@@ -290,7 +290,7 @@ static void draw_labels(struct image *image, const struct sheet *s)
 static const struct setting *look_row(const char *name)
 {
     for (int i = 0; i < LOOK_COUNT; i++)
-        if (i != LOOK_temporal && i != LOOK_denoise && strcmp(look_rows[i].option, name) == 0)
+        if (i != LOOK_temporal && i != LOOK_denoise && i != LOOK_denoise_around && strcmp(look_rows[i].option, name) == 0)
             return &look_rows[i];
     return NULL;
 }

@@ -152,7 +152,11 @@
     /* the EXR keeps the raw picture and has this one as a layer */                                                    \
     SETTING(o, CHOICE, enum denoising, denoise, DENOISING_OFF, 0, 0, OWN_LINE, NULL, "denoise", "HOW",                 \
             "show the picture without its noise, as well as its samples allow, or faster and less well (default off)", \
-            CHOICE_OF(DENOISING, DENOISINGS))
+            CHOICE_OF(DENOISING, DENOISINGS))                                                                          \
+    /* so many before and so many after; 0: each by itself */                                                          \
+    SETTING(o, WHOLE, uint32_t, denoise_around, 0, 0, 2, OWN_LINE, NULL, "denoise-around", "N",                        \
+            "N frames before and N after each take part in --denoise, so that an animation flickers less"              \
+            " (default 0: each frame by itself)")
 
 /* When a job is lent to workers, and to which: struct job_needs, and fields of JobSubmit and JobInfo. */
 #define JOB_NEEDS(OPTION, SETTING, o)                                                                                  \

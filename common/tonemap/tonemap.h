@@ -42,6 +42,14 @@ enum look_name {
 };
 extern const struct setting look_rows[LOOK_COUNT]; /* of struct tonemap_settings */
 
+/* Frames before, and as many after, that a denoised picture is made of. */
+static inline uint32_t tonemap_around(const struct tonemap_settings *s)
+{
+    return s->denoise == DENOISING_OFF ? 0 : s->denoise_around;
+}
+/* Pictures are made of what other frames have, too. */
+static inline int tonemap_takes_frames(const struct tonemap_settings *s) { return s->temporal > 1 || tonemap_around(s) > 0; }
+
 const struct tonemap_operator *const *tonemap_operators(size_t *count);
 const struct tonemap_operator *tonemap_find(const char *name); /* NULL: none */
 /* The words, NULL at the end, of an operator's parameter that is a choice; NULL: it is none, or unknown. */

@@ -591,6 +591,52 @@ uint32_t job_window_begin(const struct job *job, uint32_t frame)
     return frame - job->first_frame < before ? job->first_frame : frame - before;
 }
 
+/* The frame will be done if nothing happens. */
+static int is_to_come(const struct job *job, uint32_t frame)
+{
+    const int closes = job->state == JOB_STATE_CANCELLING || job->state == JOB_STATE_FINISHING;
+
+    return !job_frame_is_done(job, frame) && !job_frame_is_resting(job, frame) && !job_state_ended(job->state) &&
+           (!closes || job->frames);
+}
+
+/* Those around the frame that its picture is made of, too, are done, as far as they will be. */
+static int around_is_there(const struct job *job, uint32_t frame)
+{
+    const uint64_t around = tonemap_around(&job->output.tonemap);
+    uint64_t at = frame - job->first_frame < around ? job->first_frame : frame - around;
+
+    for (; around > 0 && at <= frame + around && at <= job->last_frame; at++)
+        if (is_to_come(job, (uint32_t)at))
+            return 0;
+    return 1;
+}
+
+uint32_t job_frames_around(const struct job *job, uint32_t frame, uint32_t out[JOB_AROUND_MAX])
+{
+    const int64_t around = tonemap_around(&job->output.tonemap);
+    uint32_t count = 0;
+
+    for (int64_t d = -around; d <= around; d++) {
+        const int64_t at = (int64_t)frame + d;
+        if (d != 0 && at >= job->first_frame && at <= job->last_frame && job_frame_is_done(job, (uint32_t)at))
+            out[count++] = (uint32_t)at;
+    }
+    return count;
+}
+
+int job_film_is_spent(const struct job *job, uint32_t frame)
+{
+    const int64_t around = tonemap_around(&job->output.tonemap);
+
+    for (int64_t at = (int64_t)frame - around; at <= (int64_t)frame + around; at++)
+        if (at >= job->first_frame && at <= job->last_frame &&
+            (is_to_come(job, (uint32_t)at) ||
+             (job_frame_is_done(job, (uint32_t)at) && !job_frame_is_developed(job, (uint32_t)at))))
+            return 0;
+    return 1;
+}
+
 int job_frame_to_develop(const struct job *job, uint32_t *frame)
 {
     uint32_t run = 0; /* frames before this one that are done, one after another */
@@ -600,7 +646,8 @@ int job_frame_to_develop(const struct job *job, uint32_t *frame)
     for (uint64_t at = job->first_frame; at <= job->last_frame; at++) {
         *frame = (uint32_t)at;
         run = job_frame_is_done(job, *frame) ? run + 1 : 0;
-        if (run > *frame - job_window_begin(job, *frame) && !job_frame_is_developed(job, *frame))
+        if (run > *frame - job_window_begin(job, *frame) && !job_frame_is_developed(job, *frame) &&
+            around_is_there(job, *frame))
             return 1;
     }
     return 0;

@@ -307,5 +307,10 @@ void job_revise(struct job *job, const struct output_settings *output);
 int job_frame_to_develop(const struct job *job, uint32_t *frame);
 /* The first of the frames that this frame's statistics are averaged with. */
 uint32_t job_window_begin(const struct job *job, uint32_t frame);
+/* The frames beside this one that its denoised picture is made of and that are done, ascending; how many. */
+enum { JOB_AROUND_MAX = 4 };
+uint32_t job_frames_around(const struct job *job, uint32_t frame, uint32_t out[JOB_AROUND_MAX]);
+/* Every picture for which the frame's film is needed has been made. */
+int job_film_is_spent(const struct job *job, uint32_t frame);
 uint64_t job_frame_samples(const struct job *job); /* of one whole frame */
 double job_active_seconds(const struct job *job, uint64_t now_ns);

@@ -183,7 +183,7 @@ status farm_task_develop(void *user, struct job_frame *frame)
 
     if (t) {
         t->frame = frame;
-        t->keep_film = !server->farm.discards_films;
+        t->keep_film = !server->farm.discards_films || tonemap_around(&frame->job->output.tonemap) > 0;
     }
     return develop_start(t, frame->job, frame->number, NULL, s, &err);
 }
@@ -251,15 +251,29 @@ static void redevelop_run(struct task *task)
     task->result = develop_again(((struct develop_task *)task)->development, task->server->store, &task->error);
 }
 
+/* Films that were kept only until the pictures around them were made. */
+static void drop_films(struct server *server, const struct job *job, uint32_t number)
+{
+    const uint32_t around = tonemap_around(&job->output.tonemap);
+
+    for (uint32_t d = 0; d <= 2 * around; d++)
+        if (number + d >= job->first_frame + around && number + d - around <= job->last_frame &&
+            job_film_is_spent(job, number + d - around))
+            store_film_remove(server->store, job->id, number + d - around);
+}
+
 static void redevelop_end(struct task *task)
 {
     struct develop_task *t = (struct develop_task *)task;
+    const int drops = task->server->farm.discards_films && !t->job->removed;
 
     note_task(task, TRACE_REDEVELOP, t->job, t->number);
     if (task->result == STATUS_OK)
         figures_denoised(t->job, t->number, development_denoised(t->development));
     farm_pictures_made(&task->server->farm, t->job, t->number, development_revision(t->development), task->result,
                        &task->error, clock_monotonic_ns());
+    if (drops)
+        drop_films(task->server, t->job, t->number);
 }
 
 static const struct task_kind redevelop_kind = {"a picture", sizeof(struct develop_task),

@@ -45,6 +45,7 @@ static status development_new(struct development **out, const struct job *job, u
     d->frame = number;
     d->first_frame = job->first_frame;
     d->window_begin = job_window_begin(job, number);
+    d->around_count = job_frames_around(job, number, d->around);
     d->revision = job->revision;
     d->settings = job->settings;
     d->output = job->output;
@@ -223,8 +224,11 @@ void development_free(struct development *development)
 
 void development_look(struct development *d, const struct output_settings *output)
 {
+    const uint32_t around = d->output.tonemap.denoise_around; /* what was kept for the job serves, too */
+
     d->output.tonemap = output->tonemap;
     d->output.tonemap.temporal = 1;
+    d->output.tonemap.denoise_around = around;
     d->output.picture = output->picture;
     d->is_look = 1;
 }
@@ -264,7 +268,7 @@ status develop_encode(struct development *d, const struct store *store, struct b
 
 int64_t development_revision(const struct development *d)
 {
-    return d->film && d->output.tonemap.temporal > 1 ? -1 : (int64_t)d->revision;
+    return d->film && tonemap_takes_frames(&d->output.tonemap) ? -1 : (int64_t)d->revision;
 }
 
 /* The display pictures, unless they are for develop_again. */
@@ -316,7 +320,7 @@ static status make_exr(struct development *d, struct store *store, struct error 
         s = store_output_write(store, d->job, d->frame, "exr", &exr, err);
     if (s == STATUS_OK && development_picture_is_apart(d))
         s = development_write_picture(d, store, err);
-    if (s == STATUS_OK && d->denoised.pixels)
+    if (s == STATUS_OK && d->denoised.pixels && tonemap_around(&d->output.tonemap) == 0)
         s = development_write_denoised(d, store, err);
     buffer_release(&exr);
     return s;

@@ -61,7 +61,7 @@ static void add_display(struct buffer *out, const struct output_settings *o)
     if (t->metering != TONEMAP_METERING_PERCENTILE)
         setting_reset(&look_rows[LOOK_metering_percentile], &own);
     for (int i = 0; i < LOOK_COUNT; i++)
-        if (i != LOOK_temporal && setting_is_told(&look_rows[i], &own))
+        if (i != LOOK_temporal && i != LOOK_denoise_around && setting_is_told(&look_rows[i], &own))
             shell_option(out, look_rows[i].option, setting_text(&look_rows[i], &own, text));
     if (o->exr_half)
         buffer_puts(out, " --half");

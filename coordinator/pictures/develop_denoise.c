@@ -8,11 +8,12 @@
 #include "common/base/memory.h"
 #include "common/image/image.h"
 #include "common/system/log.h"
+#include "coordinator/pictures/view.h"
 
 /* Means in 32 bits, with a text that says what they were made of and how. */
 #define DENOISED_EXTENSION "denoised.exr"
 #define DENOISED_ATTRIBUTE "azulejo:denoisedOf"
-enum { OF_TEXT_SIZE = DIGEST_HEX_SIZE + 32 };
+enum { OF_TEXT_SIZE = DIGEST_HEX_SIZE + 32 + 11 * JOB_AROUND_MAX };
 
 const char *denoise_method_name(enum denoise_method method) { return method == DENOISE_FAST ? "fast" : "full"; }
 
@@ -26,17 +27,34 @@ static enum denoise_method method_of(const struct development *d)
     return d->output.tonemap.denoise == DENOISING_FAST || d->is_preview ? DENOISE_FAST : DENOISE_FULL;
 }
 
-/* "full 1 DIGEST": the method, its version, and of which raw picture. */
-static status of_text(const struct image *raw, enum denoise_method method, char out[OF_TEXT_SIZE], struct error *err)
+static status picture_digest(const struct image *raw, struct digest *out, struct error *err)
 {
-    char hex[DIGEST_HEX_SIZE];
-    struct digest digest;
+    const size_t bytes = (size_t)raw->width * raw->height * 3 * sizeof(float);
 
-    if (digest_of(&digest, (const uint8_t *)raw->pixels, (size_t)raw->width * raw->height * 3 * sizeof(float)) !=
-        STATUS_OK)
+    return digest_of(out, (const uint8_t *)raw->pixels, bytes) == STATUS_OK ? STATUS_OK : error_no_memory(err, "a digest");
+}
+
+/* "full 2 DIGEST", "full 2 11 13 DIGEST": the method, its version, the frames around, and of which raw pictures. */
+static status of_text(const struct development *d, const struct store *store, enum denoise_method method,
+                      char out[OF_TEXT_SIZE], struct error *err)
+{
+    struct digest digests[1 + JOB_AROUND_MAX], *all = digests;
+    char hex[DIGEST_HEX_SIZE];
+    int length = snprintf(out, OF_TEXT_SIZE, "%s %d ", denoise_method_name(method), DENOISE_VERSION);
+
+    TRY(picture_digest(&d->image, &digests[0], err));
+    for (uint32_t k = 0; k < d->around_count; k++) {
+        struct image raw = {0};
+        status s = develop_read_picture(store, d->job, d->around[k], &raw, err);
+        THEN(s, picture_digest(&raw, &digests[1 + k], err));
+        image_release(&raw);
+        TRY(s);
+        length += snprintf(out + length, OF_TEXT_SIZE - (size_t)length, "%u ", d->around[k]);
+    }
+    if (d->around_count > 0 && digest_of(all, (const uint8_t *)digests, (1 + d->around_count) * sizeof *digests) != STATUS_OK)
         return error_no_memory(err, "a digest");
-    digest_to_hex(&digest, hex);
-    snprintf(out, OF_TEXT_SIZE, "%s %d %s", denoise_method_name(method), DENOISE_VERSION, hex);
+    digest_to_hex(all, hex);
+    snprintf(out + length, OF_TEXT_SIZE - (size_t)length, "%s", hex);
     return STATUS_OK;
 }
 
@@ -48,8 +66,10 @@ status development_write_denoised(const struct development *d, struct store *sto
     const struct exr_attribute attribute = {.name = DENOISED_ATTRIBUTE, .text = of};
     const struct exr_options options = {.attributes = &attribute, .attribute_count = 1};
     struct buffer exr = BUFFER_INIT;
-    status s = of_text(&d->image, d->denoise_method, of, err);
+    status s = of_text(d, store, d->denoise_method, of, err);
 
+    if (s == STATUS_ERR_NOT_FOUND) /* somebody removed the picture of a frame around: nobody could tell what this is of */
+        return STATUS_OK;
     THEN(s, exr_encode(&exr, &d->denoised, &options, err));
     THEN(s, store_output_write(store, d->job, d->frame, DENOISED_EXTENSION, &exr, err));
     buffer_release(&exr);
@@ -66,7 +86,7 @@ static int read_kept(const struct development *d, const struct store *store, str
     status s = store_output_read(store, d->job, d->frame, DENOISED_EXTENSION, IMAGE_BYTES_MAX, &exr, NULL);
 
     THEN(s, exr_read_text(&text, exr.data, exr.size, name, DENOISED_ATTRIBUTE, NULL));
-    THEN(s, of_text(raw, method_of(d), of, NULL));
+    THEN(s, of_text(d, store, method_of(d), of, NULL));
     if (s == STATUS_OK && (!buffer_ok(&text) || strcmp(buffer_text(&text), of) != 0))
         s = STATUS_ERR_NOT_FOUND; /* of other samples, or made in another way */
     THEN(s, exr_decode(out, exr.data, exr.size, name, NULL));
@@ -81,24 +101,96 @@ static int read_kept(const struct development *d, const struct store *store, str
 
 /* ---- making it ------------------------------------------------------------------------------- */
 
-static status make(struct development *d, const struct measurement *m, struct error *err)
+static status make(struct development *d, const struct measurement *m, const struct measurement_others *others,
+                   struct error *err)
 {
     const struct measurement_evidence evidence = {development_effects(d), development_brightest(d)};
     struct denoise_result result;
 
     d->denoise_method = d->is_look ? DENOISE_FAST : method_of(d); /* what was kept is as good as it was asked for */
-    TRY(measurement_denoise(m, &d->image, d->denoise_method, d->is_preview ? 1 : 0, /* the other threads render */
+    TRY(measurement_denoise(m, others, &d->image, d->denoise_method, d->is_preview ? 1 : 0, /* the other threads render */
                             d->is_look || d->is_preview ? NULL : &evidence, &result, err));
     d->denoised = (struct image){.width = m->width, .height = m->height, .channels = 3, .pixels = result.image};
     d->denoised_known = 1;
     d->denoised_guided = measurement_is_guided(m);
+    d->denoised_frames = 1 + (others ? others->count : 0);
     d->denoise_counts = result.counts;
     d->point.denoised = result.figures;
     return STATUS_OK;
 }
 
+/* The frames around one, as far as their films are kept. */
+struct around {
+    const struct development *development;
+    const struct store *store;
+    const float *positions; /* of the frame's own points */
+    uint32_t frames[JOB_AROUND_MAX];
+    struct scene_view here, there; /* of the one that was found last, as the next three */
+    struct measurement measurement;
+    struct denoise_input picture;
+    int32_t *source;
+};
+
+static status find_other(void *user, uint32_t k, struct denoise_other *out, struct error *err)
+{
+    struct around *a = user;
+    const struct development *d = a->development;
+    struct film_reader *reader;
+    status s = store_film_reader(a->store, d->job, a->frames[k], &d->settings, &reader, err);
+
+    measurement_release(&a->measurement);
+    THEN(s, measurement_read_guided(&a->measurement, reader, 0, err));
+    film_reader_close(reader);
+    THEN(s, scene_view_find(&d->description, &d->settings, a->frames[k], SPACE_OF_SCENE, &a->there, err));
+    TRY(s);
+    a->picture = measurement_input(&a->measurement);
+    *out = (struct denoise_other){&a->picture, NULL};
+    if (!scene_views_agree(&a->here, &a->there)) {
+        scene_view_follow(&a->here, &a->there, &d->settings, a->positions, a->source);
+        out->source = a->source;
+    }
+    return STATUS_OK;
+}
+
+/* Does the camera stand still as seen from this frame's, or can what it shows be followed? */
+static int is_followed(const struct around *a, uint32_t frame)
+{
+    const struct development *d = a->development;
+    struct scene_view there;
+
+    return d->described && scene_view_find(&d->description, &d->settings, frame, SPACE_OF_SCENE, &there, NULL) == STATUS_OK &&
+           (scene_views_agree(&a->here, &there) || (a->positions && a->here.has_screen && there.has_screen));
+}
+
+static status make_with_others(struct development *d, const struct store *store, const struct measurement *m, struct error *err)
+{
+    struct around a = {.development = d, .store = store, .positions = m->guides.position};
+    struct measurement_others others = {.find = find_other, .user = &a};
+    status s = STATUS_OK;
+
+    if (d->described)
+        s = scene_view_find(&d->description, &d->settings, d->frame, SPACE_OF_SCENE, &a.here, err);
+    for (uint32_t k = 0; s == STATUS_OK && k < d->around_count; k++) {
+        struct film_reader *reader = NULL;
+        if (is_followed(&a, d->around[k]) &&
+            store_film_reader(store, d->job, d->around[k], &d->settings, &reader, NULL) == STATUS_OK)
+            a.frames[others.count++] = d->around[k];
+        film_reader_close(reader);
+    }
+    if (s == STATUS_OK && others.count > 0) {
+        a.source = mem_alloc_array((size_t)m->width * m->height, sizeof *a.source);
+        if (!a.source)
+            s = error_no_memory(err, "frames around one");
+    }
+    THEN(s, make(d, m, &others, err));
+    mem_free(a.source);
+    measurement_release(&a.measurement);
+    return s;
+}
+
 static status make_of_kept(struct development *d, const struct store *store, struct error *err)
 {
+    const int alone = d->is_look || d->around_count == 0;
     struct film_reader *reader;
     struct measurement m = {0};
     status s = store_film_reader(store, d->job, d->frame, &d->settings, &reader, err);
@@ -108,12 +200,12 @@ static status make_of_kept(struct development *d, const struct store *store, str
                          "frame %u cannot be denoised any more: its samples were not kept, only their mean; submit the "
                          "job again with --denoise, or develop it with --denoise off",
                          d->frame);
-    THEN(s, measurement_read_guided(&m, reader, err));
+    THEN(s, measurement_read_guided(&m, reader, !alone, err));
     film_reader_close(reader);
     if (s == STATUS_OK && (m.width != d->image.width || m.height != d->image.height))
         s = error_set(err, STATUS_ERR_CORRUPT, "frame %u: its picture and its film differ in size", d->frame);
     THEN(s, development_describe(d, store, err));
-    THEN(s, make(d, &m, err));
+    THEN(s, alone ? make(d, &m, NULL, err) : make_with_others(d, store, &m, err));
     measurement_release(&m);
     return s;
 }
@@ -124,14 +216,16 @@ status development_denoise(struct development *d, const struct store *store, str
 
     if (d->output.tonemap.denoise == DENOISING_OFF || d->denoised.pixels)
         return STATUS_OK;
+    if (d->film && tonemap_around(&d->output.tonemap) > 0 && !d->output.exr)
+        return STATUS_OK; /* made with the frames around it, when they are there */
     if (d->film) {
         s = measurement_take_guided(&d->measurement, d->film, err);
-        THEN(s, make(d, &d->measurement, err));
+        THEN(s, make(d, &d->measurement, NULL, err));
         measurement_release(&d->measurement);
         return s;
     }
     if (d->is_preview)
-        return d->measurement.groups[0] ? make(d, &d->measurement, err) : STATUS_OK;
+        return d->measurement.groups[0] ? make(d, &d->measurement, NULL, err) : STATUS_OK;
     if (read_kept(d, store, &d->denoised))
         return STATUS_OK;
     return make_of_kept(d, store, err);

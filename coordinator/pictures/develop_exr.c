@@ -3,6 +3,7 @@
 
 #include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "common/accuracy/schedule.h"
@@ -157,7 +158,8 @@ static void add_figures(struct attributes *a, const struct development *d, struc
         add_text(a, "azulejo:errorRmseReason", accuracy_rmse_reason_text(f, development_effects(d), text->rmse_reason));
 }
 
-/* How the layer `denoised` was made, and its errors. */
+/* How the layer `denoised` was made, and its errors: all of their names begin like this. */
+#define DENOISED_PREFIX "azulejo:denoise"
 static void add_denoised(struct attributes *a, const struct development *d)
 {
     const struct accuracy_figures *f = &d->point.denoised;
@@ -167,6 +169,7 @@ static void add_denoised(struct attributes *a, const struct development *d)
     add_text(a, "azulejo:denoiseMethod", denoise_method_name(d->denoise_method));
     add_number(a, "azulejo:denoiseVersion", DENOISE_VERSION);
     add_text(a, "azulejo:denoiseGuides", development_guides_text(d));
+    add_number(a, "azulejo:denoiseFrames", d->denoised_frames);
     add_number(a, "azulejo:denoiseRawTiles", d->denoise_counts.raw);
     add_number(a, "azulejo:denoiseFireflies", (double)d->denoise_counts.fireflies);
     add_number(a, "azulejo:denoiseRemovedShare", d->denoise_counts.removed);
@@ -340,4 +343,21 @@ status develop_exr(struct development *d, struct buffer *exr, struct error *err)
                  "are 65504 in the EXR file",
                  d->job, d->frame, clamped);
     return s;
+}
+
+status development_renew_layer(const struct development *d, struct store *store, struct error *err)
+{
+    struct buffer before = BUFFER_INIT, after = BUFFER_INIT;
+    struct attributes a = {.count = 0};
+    char name[64];
+    status s = store_output_read(store, d->job, d->frame, "exr", IMAGE_BYTES_MAX, &before, err);
+
+    add_denoised(&a, d);
+    snprintf(name, sizeof name, "job %" PRIu64 ", frame %u", d->job, d->frame);
+    THEN(s, exr_replace(&after, before.data, before.size, name, denoised_names[d->settings.exr_names], &d->denoised,
+                        DENOISED_PREFIX, a.items, a.count, err));
+    THEN(s, store_output_write(store, d->job, d->frame, "exr", &after, err));
+    buffer_release(&after);
+    buffer_release(&before);
+    return s == STATUS_ERR_NOT_FOUND ? STATUS_OK : s; /* there is no such file, or no layer in it */
 }

@@ -1,7 +1,7 @@
 /* develop_parts: the inside of a development, shared by the files develop*.c; private to them.
  *
- * develop.c makes and ends one, develop_exr.c the EXR file, develop_display.c what a display shows,
- * develop_figures.c how wrong it is, develop_denoise.c the picture without its noise,
+ * develop.c makes and ends one, develop_exr.c the EXR file, develop_display.c what a display shows, develop_again.c that of
+ * stored frames (develop_stored.c), develop_figures.c how wrong it is, develop_denoise.c the picture without its noise,
  * develop_matte.c its layers for Cryptomatte, develop_manifest.c what a frame called for. */
 #pragma once
 
@@ -25,7 +25,8 @@ struct development {
     struct digest scene;
     int64_t submitted_at;
     uint32_t frame, first_frame, window_begin;
-    uint32_t revision; /* of `output` */
+    uint32_t around[JOB_AROUND_MAX], around_count; /* job_frames_around */
+    uint32_t revision;                             /* of `output` */
     struct render_settings settings;
     struct output_settings output;
     struct film_coverage coverage;
@@ -50,10 +51,11 @@ struct development {
     uint32_t next_tile;      /* to copy (development_take) */
     int taken;               /* `image` holds the film's means */
     struct image image;
-    int is_look;           /* for one who looks: nothing is kept of it */
-    struct image denoised; /* the same without its noise; empty: not asked for, or not made yet */
-    int denoised_known;    /* the next three are of it, and in the header */
-    int denoised_guided;   /* by albedo and normal */
+    int is_look;              /* for one who looks: nothing is kept of it */
+    struct image denoised;    /* the same without its noise; empty: not asked for, or not made yet */
+    int denoised_known;       /* the next four are of it, and in the header */
+    int denoised_guided;      /* by albedo and normal */
+    uint32_t denoised_frames; /* this one, and those around it */
     enum denoise_method denoise_method;
     struct denoise_counts denoise_counts;
     float *alpha;          /* [pixels], for AOV_ALPHA, by which the image is multiplied; else NULL */
@@ -122,7 +124,10 @@ status develop_write_display(struct development *d, const struct toning *t, stru
 int development_picture_is_apart(const struct development *d);
 status development_write_picture(const struct development *d, struct store *store, struct error *err);
 
-/* Take the stored picture of a frame that is done. ERR_NOT_FOUND: it was removed. */
+/* A frame's stored picture, and the alpha of one that has it. ERR_NOT_FOUND: it was removed. */
+status development_read_picture(const struct development *d, const struct store *store, uint32_t frame,
+                                struct image *out, float **alpha, struct error *err);
+/* Take that of the development's own frame. */
 status develop_take_stored(struct development *d, const struct store *store, struct error *err);
 
 /* What the pictures of a display are made of. */
@@ -137,6 +142,8 @@ static inline const struct image *development_shown(const struct development *d)
 status development_denoise(struct development *d, const struct store *store, struct error *err);
 /* Keep it, so that it need not be made again. */
 status development_write_denoised(const struct development *d, struct store *store, struct error *err);
+/* The same as the layer of the frame's EXR, if that has one. */
+status development_renew_layer(const struct development *d, struct store *store, struct error *err);
 /* "albedo, normal, emission"; "none": by its colours alone. */
 const char *development_guides_text(const struct development *d);
 const char *denoise_method_name(enum denoise_method method);

@@ -33,6 +33,8 @@ void measurement_take_tile(struct measurement *m, const struct film *film, uint3
         if (m->guides.emission[g])
             film_group_tile(film, tile, g, AOV_EMISSION, m->guides.emission[g]);
     }
+    if (m->guides.position)
+        film_develop_tile_aov(film, tile, AOV_POSITION, m->guides.position);
     take_tails(m, film, tile, tile);
     for (uint32_t g = 0; g < GROUPS; g++)
         m->pixel_samples += (uint64_t)m->samples[tile * GROUPS + g] * rect.width * rect.height;
@@ -155,12 +157,17 @@ status measurement_take_guided(struct measurement *out, const struct film *film,
     return take(out, film, film_aovs(film), 1, err);
 }
 
-status measurement_read_guided(struct measurement *out, struct film_reader *reader, struct error *err)
+status measurement_read_guided(struct measurement *out, struct film_reader *reader, int positions, struct error *err)
 {
     const struct film *film = film_reader_film(reader);
     uint32_t tile;
     status s = begin(out, film_width(film), film_height(film), film_aovs(film), NULL, err);
 
+    if (s == STATUS_OK && positions && film_aovs(film) >> AOV_POSITION & 1) {
+        out->guides.position = mem_calloc((size_t)out->width * out->height * 3, sizeof(float));
+        if (!out->guides.position)
+            s = error_no_memory(err, "a frame's positions");
+    }
     while (s == STATUS_OK && (s = film_reader_next(reader, &tile, err)) == STATUS_OK)
         measurement_take_tile(out, film, tile);
     if (s == STATUS_ERR_NOT_FOUND) /* that was the last */
@@ -179,6 +186,7 @@ void measurement_release(struct measurement *m)
         mem_free(m->guides.normal[g]);
         mem_free(m->guides.emission[g]);
     }
+    mem_free(m->guides.position);
     mem_free(m->samples);
     mem_free(m->subject);
     mem_free(m->tails);
@@ -280,16 +288,8 @@ static void restore_tiles(const struct measurement *m, const struct image *raw, 
     }
 }
 
-status measurement_denoise(const struct measurement *m, const struct image *raw, enum denoise_method method,
-                           unsigned threads, const struct measurement_evidence *known, struct denoise_result *out,
-                           struct error *err)
+struct denoise_input measurement_input(const struct measurement *m)
 {
-    const struct accuracy_tails tails = {.values = m->tails, .lists = (size_t)m->tiles * GROUPS,
-                                         .length = TAIL_MAX, .samples = m->pixel_samples};
-    const struct accuracy_evidence evidence = {
-        .samples = (double)m->pixel_samples / ((double)m->width * m->height), .effects = known ? known->effects : 0,
-        .brightest = known ? known->brightest : 0, .tails = &tails};
-    const struct denoise_options options = {.method = method, .threads = threads, .evidence = known ? &evidence : NULL};
     struct denoise_input input = {.width = m->width, .height = m->height, .samples = m->samples};
 
     for (uint32_t g = 0; g < GROUPS; g++) {
@@ -297,6 +297,26 @@ status measurement_denoise(const struct measurement *m, const struct image *raw,
         input.albedo[g] = m->guides.albedo[g];
         input.normal[g] = m->guides.normal[g];
         input.direct[g] = m->guides.emission[g];
+    }
+    return input;
+}
+
+status measurement_denoise(const struct measurement *m, const struct measurement_others *others,
+                           const struct image *raw, enum denoise_method method, unsigned threads,
+                           const struct measurement_evidence *known, struct denoise_result *out, struct error *err)
+{
+    const struct accuracy_tails tails = {.values = m->tails, .lists = (size_t)m->tiles * GROUPS,
+                                         .length = TAIL_MAX, .samples = m->pixel_samples};
+    const struct accuracy_evidence evidence = {
+        .samples = (double)m->pixel_samples / ((double)m->width * m->height), .effects = known ? known->effects : 0,
+        .brightest = known ? known->brightest : 0, .tails = &tails};
+    const struct denoise_options options = {.method = method, .threads = threads, .evidence = known ? &evidence : NULL};
+    struct denoise_input input = measurement_input(m);
+
+    if (others) {
+        input.other_count = others->count;
+        input.other = others->find;
+        input.other_user = others->user;
     }
     TRY(denoise(&input, &options, out, err));
     restore_tiles(m, raw, out->image);

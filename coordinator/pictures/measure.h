@@ -17,6 +17,7 @@ struct film_reader;
 /* What guides a denoiser: means of each group, [height][width][3]; NULL: the film has none. */
 struct measurement_guides {
     float *albedo[GROUPS], *normal[GROUPS], *emission[GROUPS];
+    float *position; /* of the picture, [3][height][width]; NULL: not asked for, or the film has none */
 };
 
 /* Copied from a film, which may change afterwards; or without its groups, which are then read from it in strips. */
@@ -45,8 +46,11 @@ status measurement_take_sample(struct measurement *out, const struct film *film,
 uint32_t measurement_sample(const struct film *film, uint32_t count);
 /* All tiles at once, with the guides that the film has. */
 status measurement_take_guided(struct measurement *out, const struct film *film, struct error *err) MUST_CHECK;
-/* The same, from a film that is read tile by tile. Errors of film_reader_next, too. */
-status measurement_read_guided(struct measurement *out, struct film_reader *reader, struct error *err) MUST_CHECK;
+/* The same, from a film that is read tile by tile, `positions` too if they are wanted. Errors of film_reader_next, too. */
+status measurement_read_guided(struct measurement *out, struct film_reader *reader, int positions,
+                               struct error *err) MUST_CHECK;
+/* What a denoiser takes of it. It points into `m`. */
+struct denoise_input measurement_input(const struct measurement *m);
 int measurement_is_guided(const struct measurement *m);
 void measurement_release(struct measurement *m);
 
@@ -63,9 +67,15 @@ struct measurement_evidence {
     uint64_t effects; /* as above */
     double brightest;
 };
-status measurement_denoise(const struct measurement *m, const struct image *raw, enum denoise_method method,
-                           unsigned threads, const struct measurement_evidence *evidence, struct denoise_result *out,
-                           struct error *err) MUST_CHECK;
+/* `others`: where denoise_input has other frames from; NULL: there are none. */
+struct measurement_others {
+    uint32_t count;
+    status (*find)(void *user, uint32_t k, struct denoise_other *out, struct error *err);
+    void *user;
+};
+status measurement_denoise(const struct measurement *m, const struct measurement_others *others, const struct image *raw,
+                           enum denoise_method method, unsigned threads, const struct measurement_evidence *evidence,
+                           struct denoise_result *out, struct error *err) MUST_CHECK;
 
 /* The transform in words: "reinhard02, exposure +1 EV, sRGB". */
 enum { MEASURE_TEXT_MAX = 96 };

@@ -89,11 +89,11 @@ static status check_rules(const struct job *job, const struct job_reopening *cho
                          "--frames%s",
                          id_of(job), job->estimate == ESTIMATE_OPEN ? " is an estimate" : " has a part of its frames",
                          job_frames_left(job), job->estimate == ESTIMATE_OPEN ? ", or submit the job" : "");
-    if (chosen->chosen && job->output.tonemap.temporal > 1)
+    if (chosen->chosen && tonemap_takes_frames(&job->output.tonemap))
         return error_set(err, STATUS_ERR_REFUSED,
-                         "job %llu is tone mapped by means over %u frames: extend all of them, "
-                         "without --frames",
-                         id_of(job), job->output.tonemap.temporal);
+                         "job %llu's pictures are made of several frames each (--temporal, --denoise-around): extend all of "
+                         "them, without --frames",
+                         id_of(job));
 
     if (spp < extend_least_cap(job))
         return error_set(err, STATUS_ERR_REFUSED,

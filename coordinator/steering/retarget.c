@@ -111,15 +111,14 @@ static status ends_of(const struct job *job, struct frame_set *set, struct error
     return STATUS_OK;
 }
 
-/* The done frames that go on. Pictures that are tone mapped by means over several frames are all made again, or
- * none. */
+/* The done frames that go on. Pictures that are made of several frames are all made again, or none. */
 static status choose(const struct farm *farm, const struct job *job, const struct stop_rules *rules, uint32_t spp,
                      struct frame_set *set, struct retarget_result *result, struct error *err)
 {
     int together = 0;
     status s = ends_of(job, set, err);
 
-    for (uint32_t i = 0; s == STATUS_OK && i < job_frame_count(job) && job->output.tonemap.temporal > 1; i++)
+    for (uint32_t i = 0; s == STATUS_OK && i < job_frame_count(job) && tonemap_takes_frames(&job->output.tonemap); i++)
         together |= set->end[i] != FRAME_END_NONE && falls_short(job, (enum frame_end)set->end[i], rules, spp);
     for (uint32_t i = 0; s == STATUS_OK && i < job_frame_count(job); i++) {
         uint32_t frame = job->first_frame + i;
@@ -133,8 +132,9 @@ static status choose(const struct farm *farm, const struct job *job, const struc
     result->reopened = (uint32_t)set->count;
     if (s == STATUS_OK && together && result->without_film > 0)
         return error_set(err, STATUS_ERR_REFUSED,
-                         "job %llu is tone mapped by means over %u frames, and %u of those that are done have no film any more: submit the scene again",
-                         id_of(job), job->output.tonemap.temporal, result->without_film);
+                         "job %llu's pictures are made of several frames each (--temporal, --denoise-around), and %u of those that "
+                         "are done have no film any more: submit the scene again",
+                         id_of(job), result->without_film);
     if (s == STATUS_OK && set->count > 0 && farm->developing == job)
         return error_set(err, STATUS_ERR_REFUSED, "job %llu: a picture of it is being made again; try that in a moment",
                          id_of(job));

@@ -1,9 +1,11 @@
-"""--denoise: a layer beside the raw picture, whose bits stay; the same bits on any farm; switched without rendering."""
+"""--denoise: a layer beside the raw picture, whose bits stay; the same bits on any farm; switched without rendering; with the
+frames around."""
 import os
 
 from exr import read_exr
 from farm import ROOT, Farm, Tests, read_bytes, wait_for
 from jobs import expect
+from moving import write as write_moving
 from png import Png
 
 tests = Tests()
@@ -123,6 +125,107 @@ def switched_afterwards():
         farm.cli("fetch", plain, "--preview", "look.png", "--denoise", "on", expect=0)
         farm.cli("fetch", plain, "--preview", "raw.png", "--denoise", "off", expect=0)
         expect(display(farm.path("raw.png")) == noisy and display(farm.path("look.png")) != noisy, "a preview")
+
+
+def pictures(farm, folder):
+    """The display pictures in a folder of the farm's."""
+    return [display(farm.path(folder, p)) for p in sorted(os.listdir(farm.path(folder))) if p.endswith(".png")]
+
+
+def change(shown, truth):
+    """From each frame to the next, the squared change that is not the truth's."""
+    return sum(((q - p) - (s - r)) ** 2 for a, b, c, d in zip(shown, shown[1:], truth, truth[1:])
+               for rows in zip(a, b, c, d) for p, q, r, s in zip(*rows))
+
+
+@tests.add
+def with_the_frames_around():
+    """a frame's picture takes in those before and after, along a moving camera; locally and on any farm the same bits"""
+    with Farm() as farm:
+        # A tenth of a metre a frame: some two pixels, whose place in the picture is the same in no two frames.
+        scene = farm.path("moving.gltf")
+        write_moving(BOX, scene, {"camera": (2.4, 0, 0)})
+        size = ("--size", "96x72", "--spp", "16", "--frames", "9-13", "--format", "png")
+        for name, options in (("alone", ("--denoise", "on")), ("around", ("--denoise", "on", "--denoise-around", "1")),
+                              ("still", ("--denoise", "on", "--denoise-around", "2")), ("truth", ("--spp", "256"))):
+            farm.cli("render", BOX if name == "still" else scene, *size, *options, "-o", name, connect=False, expect=0)
+        shown = {name: [display(farm.path("%s-%04d.png" % (name, f))) for f in range(9, 14)]
+                 for name in ("alone", "around", "still", "truth")}
+        errors = {name: sum(squared_error(a, b) for a, b in zip(shown[name], shown["truth"])) for name in ("alone", "around")}
+        expect(errors["around"] < 0.85 * errors["alone"], errors)
+        flicker = {name: change(shown[name], shown["truth"]) for name in errors}
+        expect(flicker["around"] < 0.9 * flicker["alone"], flicker)
+        farm.start_coordinator()
+        number = farm.submit(scene, *size, "--denoise", "on", "--denoise-around", "1")
+        for threads in (1, 2):
+            farm.start_worker(threads=threads)
+        wait_for(lambda: farm.job(number)["frames_done"] > 0, "a frame")
+        farm.coordinator.kill()
+        farm.restart_coordinator()
+        farm.wait_for_job(number)
+        expect("position" in farm.job(number)["settings"]["aovs"], farm.job(number)["settings"])
+        expect(farm.job(number)["output"]["denoise_around"] == 1, farm.job(number)["output"])
+        shown_as = farm.cli("show", number, expect=0).out
+        expect("denoised with 1 frame before and after each" in shown_as, shown_as)
+
+        farm.cli("fetch", number, "-o", "f", expect=0)
+        expect(pictures(farm, "f") == shown["around"], "the bits of a local render")
+        # The EXR's layer, too; nothing else of the file changes.
+        for name, options in (("one", ()), ("three", ("--denoise-around", "1")), ("halves", ("--denoise-around", "1", "--half"))):
+            farm.cli("render", scene, *size, "--frames", "9-10", "--region", "16,8,64,48", "--denoise", "on", "--aov", "position,depth",
+                     *options, "--format", "exr", "-o", name, connect=False, expect=0)
+        one, three, halves = (read_exr(farm.path(name + "-0009.exr")) for name in ("one", "three", "halves"))
+        expect(sorted(one.channels) == sorted(three.channels) and one.attributes.keys() == three.attributes.keys(), "the same names")
+        expect([c for c in one.channels if one.channels[c] != three.channels[c]] == sorted(LAYER), "only the layer")
+        changed = {a for a in one.attributes if one.attributes[a] != three.attributes[a]}
+        expect(changed - {"azulejo:measured"} <= {a for a in changed if a.startswith("azulejo:denoise")}, changed)
+        expect([p.number("azulejo:denoiseFrames") for p in (one, three, halves)] == [1, 2, 2], "frames")
+        expect(halves.kinds["denoised.R"] == 1 and halves.kinds["Z"] == 2, halves.kinds)
+        # Switched without rendering; a look at a done frame has what the job has.
+        farm.cli("develop", number, "--denoise", "on", "-o", "g", expect=0)
+        expect(pictures(farm, "g") == shown["alone"], "each by itself")
+        farm.cli("develop", number, "--denoise", "on", "--denoise-around", "1", "-o", "h", expect=0)
+        expect(pictures(farm, "h") == shown["around"], "with those around again")
+        farm.cli("fetch", number, "--frames", "11", "--preview", "look.png", "--denoise", "on", expect=0)
+        expect(display(farm.path("look.png")) == shown["around"][2], "a look")
+        refused = farm.cli("extend", number, "--spp", "32", "--frames", "10")
+        expect(refused.code == 5 and "--denoise-around" in refused.err, refused)
+        refused = farm.cli("submit", scene, "--denoise-around", "1")
+        expect(refused.code == 2 and "--denoise on" in refused.err, refused)
+        refused = farm.cli("submit", scene, "--denoise", "on", "--denoise-around", "3")
+        expect(refused.code == 2 and "2" in refused.err, refused)
+
+
+@tests.add
+def frames_that_never_come():
+    """a cancelled job's frames have pictures made of those that are there; without films, what was made stays"""
+    with Farm() as farm:
+        farm.start_coordinator()
+        farm.start_worker(threads=1)
+        number = farm.submit(BOX, *SIZE, "--frames", "1-4", "--denoise", "on", "--denoise-around", "2", "--format", "png")
+        farm.wait_for_job(number)
+        farm.cli("fetch", number, "-o", "whole", expect=0)
+        cut = farm.submit(BOX, *SIZE, "--frames", "1-400", "--denoise", "on", "--denoise-around", "2", "--format", "png")
+        wait_for(lambda: farm.job(cut)["frames_done"] >= 4, "four frames")
+        farm.cli("cancel", cut, expect=0)
+        wait_for(lambda: farm.job(cut)["state"] == "cancelled", "the end")
+        job = farm.job(cut)
+        expect(job["frames_developed"] == job["frames_done"] < 400, job)
+        farm.cli("fetch", cut, "-o", "cut", expect=9)
+        expect(len(pictures(farm, "cut")) == job["frames_done"], "each has a picture")
+        expect(pictures(farm, "cut")[0] == pictures(farm, "whole")[0], "the first frame had all that it needs")
+        farm.cli("prune", number, "--films", expect=0)
+        farm.cli("develop", number, "--denoise", "off", "-o", "raw", expect=0)
+        farm.cli("develop", number, "--denoise", "on", "--denoise-around", "2", "-o", "again", expect=0)
+        expect(pictures(farm, "again") == pictures(farm, "whole") != pictures(farm, "raw"), "what was kept")
+        # A frame without film and picture takes no part, and stops nobody.
+        gap = farm.submit(BOX, *SIZE, "--frames", "1-3", "--format", "png")
+        farm.wait_for_job(gap)
+        for path in ("films/%s/frame-0002.kept", "outputs/%s/frame-0002.picture.exr"):
+            os.unlink(os.path.join(farm.store, path % gap))
+        refused = farm.cli("develop", gap, "--denoise", "on", "--denoise-around", "1")
+        expect(refused.code != 0 and "frame 2" in refused.err, refused)
+        wait_for(lambda: farm.job(gap)["frames_developed"] >= 1, "frame 1")
 
 
 @tests.add

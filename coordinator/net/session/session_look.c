@@ -46,7 +46,7 @@ static status take_settings(const Azulejo__Wire__OutputGet *asked, struct tonema
         const struct setting *row = &look_rows[i];
         const char *text = value_of(asked, i == LOOK_exposure_ev ? row->option : row->name);
 
-        if (i == LOOK_temporal || !text)
+        if (i == LOOK_temporal || i == LOOK_denoise_around || !text)
             continue;
         if (row->kind == SETTING_KIND_NUMBER && row->initial == 0 && strcmp(text, "0") == 0)
             setting_reset(row, t); /* the option takes no default */

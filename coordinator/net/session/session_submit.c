@@ -107,6 +107,8 @@ static status make_job(struct session *session, const Azulejo__Wire__JobSubmit *
         struct render_settings *settings = &(*out)->settings;
         if ((*out)->output.tonemap.denoise != DENOISING_OFF)
             settings->aovs |= AOV_FOR_DENOISING;
+        if (tonemap_around(&(*out)->output.tonemap) > 0)
+            settings->aovs |= 1u << AOV_POSITION; /* by which a moving camera's frames are matched */
         settings->aovs = aovs_with_implied(settings->aovs);
     }
     if (s == STATUS_OK && !(*out)->needs.memory_said)

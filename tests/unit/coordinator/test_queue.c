@@ -134,6 +134,81 @@ static void rates_cover_the_last_seconds(void **state)
     assert_true(rate_per_second(&rate, now_ns) > 95 && rate_per_second(&rate, now_ns) < 106);
 }
 
+/* Frames around one take part in its picture: it waits for those that come, and films stay until they are spent. */
+static void pictures_wait_for_the_frames_around(void **state)
+{
+    struct queue queue;
+    struct job *job = sim_job(16, 16, 4, 1, 6, 0);
+    uint32_t frame, around[JOB_AROUND_MAX];
+
+    (void)state;
+    queue_init(&queue);
+    job->id = 1;
+    assert_int_equal(queue_add(&queue, job, NULL), STATUS_OK);
+    job->output.tonemap.denoise_around = 1;
+    job_frame_set_done(job, 1);
+    assert_true(job_frame_to_develop(job, &frame)); /* it is not denoised */
+    job->output.tonemap.denoise = DENOISING_ON;
+    assert_false(job_frame_to_develop(job, &frame));
+    job_frame_set_done(job, 3);
+    assert_false(job_frame_to_develop(job, &frame));
+    job_frame_set_done(job, 2);
+    assert_true(job_frame_to_develop(job, &frame));
+    assert_int_equal(frame, 1);
+    assert_int_equal(job_frames_around(job, 1, around), 1);
+    assert_int_equal(around[0], 2);
+    job_frame_set_developed(job, 1);
+    assert_true(job_frame_to_develop(job, &frame));
+    assert_int_equal(frame, 2);
+    assert_int_equal(job_frames_around(job, 2, around), 2);
+    assert_true(around[0] == 1 && around[1] == 3);
+    assert_false(job_film_is_spent(job, 1)); /* frame 2 needs it */
+    job_frame_set_developed(job, 2);
+    assert_true(job_film_is_spent(job, 1));
+    assert_false(job_film_is_spent(job, 2)); /* frame 3 needs it */
+    assert_false(job_frame_to_develop(job, &frame));
+    job_frame_rest(job, 4); /* it will not come */
+    assert_true(job_frame_to_develop(job, &frame));
+    assert_int_equal(frame, 3);
+    assert_int_equal(job_frames_around(job, 3, around), 1);
+    job_frame_set_developed(job, 3);
+    assert_true(job_film_is_spent(job, 2) && job_film_is_spent(job, 3));
+    job_frame_set_done(job, 6);
+    assert_false(job_frame_to_develop(job, &frame)); /* frame 5 comes */
+    job_set_state(&queue, job, JOB_STATE_CANCELLED, "cancelled", 10, 99);
+    assert_true(job_frame_to_develop(job, &frame));
+    assert_int_equal(frame, 6);
+    assert_int_equal(job_frames_around(job, 6, around), 0);
+    assert_false(job_film_is_spent(job, 6));
+    queue_release(&queue);
+}
+
+/* The first and the last frame that there can be. */
+static void frames_around_end_at_the_ends(void **state)
+{
+    struct job *first = sim_job(16, 16, 4, 0, 2, 0), *last = sim_job(16, 16, 4, UINT32_MAX - 1, UINT32_MAX, 0);
+    uint32_t frame, around[JOB_AROUND_MAX];
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        struct job *job = i ? last : first;
+        job->output.tonemap.denoise = DENOISING_FAST;
+        job->output.tonemap.denoise_around = 2;
+        for (uint64_t at = job->first_frame; at <= job->last_frame; at++) {
+            assert_false(job_frame_to_develop(job, &frame));
+            job_frame_set_done(job, (uint32_t)at);
+        }
+        for (uint64_t at = job->first_frame; at <= job->last_frame; at++) {
+            assert_true(job_frame_to_develop(job, &frame));
+            assert_int_equal(frame, at);
+            assert_int_equal(job_frames_around(job, frame, around), job->last_frame - job->first_frame);
+            job_frame_set_developed(job, frame);
+        }
+        assert_true(job_film_is_spent(job, job->first_frame) && job_film_is_spent(job, job->last_frame));
+        job_free(job);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -142,6 +217,8 @@ int main(void)
         cmocka_unit_test(frames_done_are_counted_once),
         cmocka_unit_test(memory_faults_leave_the_queue_whole),
         cmocka_unit_test(rates_cover_the_last_seconds),
+        cmocka_unit_test(pictures_wait_for_the_frames_around),
+        cmocka_unit_test(frames_around_end_at_the_ends),
     };
     return cmocka_run_group_tests_name("queue", tests, NULL, NULL);
 }

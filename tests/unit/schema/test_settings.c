@@ -122,10 +122,10 @@ static void looks(void **state)
     static const char *const values[LOOK_COUNT] = {
         [LOOK_exposure_ev] = "0.10000000000000001", [LOOK_metering] = "percentile", [LOOK_metering_percentile] = "12.5",
         [LOOK_white_kelvin] = "3200.0000000000005", [LOOK_temporal] = "7",
-        [LOOK_denoise] = "fast"};
+        [LOOK_denoise] = "fast", [LOOK_denoise_around] = "2"};
     static const char *const bad[LOOK_COUNT] = {
         [LOOK_exposure_ev] = "100.5", [LOOK_metering] = "sun", [LOOK_metering_percentile] = "101",
-        [LOOK_white_kelvin] = "0", [LOOK_temporal] = "241", [LOOK_denoise] = "much"};
+        [LOOK_white_kelvin] = "0", [LOOK_temporal] = "241", [LOOK_denoise] = "much", [LOOK_denoise_around] = "3"};
     struct output_settings o = {.exr = 1}, again;
     struct wire_output wire;
     struct error err = {0};
