@@ -308,7 +308,8 @@ def links_to_what_is_not_there():
         page.wait_text("walk has no frame 99: it has frames 3 to 5", "#said")
         page.wait("location.hash === '#/job/%d'" % walk, "the job")
         page.wait_text("frame [345] / 5", "#side")
-        expect(not [r["url"] for r in page.requests if "/frames/99" in r["url"]], "the frame was asked for")
+        asked = [r["url"] for r in page.requests if "/frames/99" in r["url"]]
+        expect(not asked, "the frame was asked for: %s" % asked)
         page.open("%s/#/job/999" % farm.origin())
         page.wait_text("There is no such job", "#side")
         for job, size in ((one, "1 by 1"), (wide, "16 by 3")):

@@ -55,8 +55,10 @@ export const context = {
   frame() { return this.shown.frame; },
   info() { return state.job(this.shown.job); },
   shownFrame() {
-    const info = this.info();
-    return this.shown.frame || (info ? info.preview_frame || info.now_frame || info.first_frame : 0);
+    const info = this.info(), { frame } = this.shown;
+    if (!info) return frame;
+    const isThere = frame >= info.first_frame && frame <= info.last_frame; /* a link may name one that is not */
+    return frame && isThere ? frame : info.preview_frame || info.now_frame || info.first_frame;
   },
   on(event, fn) {
     if (!listeners.has(event)) listeners.set(event, new Set());
