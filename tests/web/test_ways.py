@@ -118,6 +118,33 @@ def without_websockets():
 
 
 @tests.add
+def a_scene_by_its_form():
+    """the form has operator, denoising with the frames around, rotation, layers and tags; the job's settings say so"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        page = farm.page(browser, "#/submit", width=1600, height=1000)
+        page.allow("404.*preview.png")  # a frame has none before its first samples
+        page.wait("document.querySelector('form.submit [name=tonemap] option[value=drago03]')", "the operators")
+        page.give_files("#pick-files", [farm.scene()])
+        page.wait("document.querySelector('#scene option')", "the scene")
+        page.click("form.submit summary")
+        wanted = {"size": "32x32", "spp": "4", "frames": "1-3", "tonemap": "drago03", "denoise-around": "1", "env-rotate": "90",
+                  "aov": "depth,normal", "require": "big"}
+        for name, value in wanted.items():
+            page.js("document.querySelector('form.submit [name=%s]').value = '%s'" % (name, value))
+        page.click("form.submit .primary")
+        page.wait_text("only where Denoise is on", "form.submit .problem")
+        page.js("document.querySelector('form.submit [name=denoise]').value = 'on'")
+        page.click("form.submit .primary")
+        page.wait("location.hash.startsWith('#/job/')", "the job")
+        job = farm.job(int(page.js("location.hash").split("/")[-1]))
+        expect(job["output"]["tonemap"] == "drago03" and job["output"]["denoise"] == "on" and job["output"]["denoise_around"] == 1, job["output"])
+        expect({"depth", "normal", "position"} <= set(job["settings"]["aovs"]) and job["require"] == "big", job)
+        page.click("=Settings")
+        page.wait_text("denoised.*yes, with 1 frame before and after each", "#side")
+
+
+@tests.add
 def a_local_render():
     """the address that `render --web` prints shows the picture as it comes; finish on the page ends the render"""
     with WebFarm() as farm, Browser() as browser:

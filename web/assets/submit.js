@@ -1,7 +1,7 @@
 /* submit: a scene by dropping its files or its folder onto the page. Options have the names of 'azulejo submit'. */
 import { h, text, children, show, command, attr } from './dom.js';
-import { post, put, del } from './api.js';
-import { may } from './verbs.js';
+import { get, post, put, del } from './api.js';
+import { may, listOf } from './verbs.js';
 import { state } from './state.js';
 import { field, values } from './dialog.js';
 import { say, trouble, tell } from './notice.js';
@@ -66,11 +66,20 @@ const FIELDS = [
   { name: 'exposure', label: 'Exposure, in stops', type: 'number', step: 'any' },
   { name: 'priority', label: 'Priority', type: 'number', step: 1, hint: 'higher goes first' },
 ];
+/* Below the others, folded up. The operator's list is asked for. */
+const MORE = [
+  { name: 'denoise', label: 'Denoise', options: [['', 'off'], ['on', 'on'], ['fast', 'fast, less well']] },
+  { name: 'denoise-around', label: 'Frames that help to denoise', options: [['', 'each by itself'], ['1', 'one before and after'], ['2', 'two before and after']], hint: 'an animation flickers less' },
+  { name: 'env-rotate', label: 'Rotation of the environment', type: 'number', step: 'any', hint: 'in degrees' },
+  { name: 'aov', label: 'Layers of the EXR', placeholder: 'depth,normal,cryptomatte' },
+  { name: 'require', label: 'Tags', hint: 'only workers with all of these render it' },
+];
 function options(v) {
   if (v.size && !/^\d+x\d+$/.test(v.size)) throw new Error(`“${v.size}” is no size: write 1920x1080.`);
   if (v['target-error']) errorTarget(v['target-error']);
   if (v['time-limit']) milliseconds(v['time-limit']);
   if (v.frames) frameList(v.frames);
+  if (v['denoise-around'] && !v.denoise) throw new Error('Frames help to denoise only where Denoise is on.');
   const out = [];
   for (const [name, value] of Object.entries(v)) if (value && name !== 'scene') out.push(`--${name}`, value);
   return out;
@@ -87,12 +96,19 @@ export function submitView(node) {
   const list = h('ul', { class: 'files' }), summary = h('p'), scene = h('select', { name: 'scene', id: 'scene' }), sceneField = h('div', { class: 'field' }, h('label', { htmlFor: 'scene' }, 'Scene'), scene);
   const after = field({ name: 'after', label: 'After', options: [['', 'at once'], ...state.active().map((j) => [String(j.job), `${j.name} (job ${j.job})`])] });
   const environment = h('select', { name: 'env', id: 'env' }), envField = h('div', { class: 'field' }, h('label', { htmlFor: 'env' }, 'Environment'), environment);
+  const operator = field({ name: 'tonemap', label: 'Operator', options: [['', 'the usual one']] });
+  get('/operators').then((answer) => {
+    const [usual, ...others] = listOf(answer, 'operators').map((o) => o.name), select = operator.querySelector('select');
+    text(select.options[0], usual); /* the first is what a job has that names none */
+    select.append(...others.map((name) => h('option', { value: name }, name)));
+  }).catch(trouble);
   const problem = h('p', { class: 'problem', role: 'alert' }), bar = h('progress', { max: 1, value: 0, 'aria-label': 'Upload' }), word = h('span'), work = h('p', { class: 'line', hidden: true }, bar, word);
   const start = h('button', { class: 'primary' }, 'Submit'), stop = h('button', { type: 'button', hidden: true, onclick: () => running && running.abort() }, 'Stop');
   const form = h('form', { class: 'submit', onsubmit: (e) => { e.preventDefault(); run(values(form)); } },
     h('div', { class: 'drop' }, h('p', null, 'Drop a scene’s files or its whole folder here: glTF, pbrt, OBJ or PLY, with its buffers, textures and environment.'),
       h('p', { class: 'buttons' }, h('button', { type: 'button', onclick: () => one.click() }, 'Files…'), h('button', { type: 'button', onclick: () => folder.click() }, 'Folder…'), one, folder), summary, list),
-    sceneField, envField, h('div', { class: 'fields' }, FIELDS.map((f) => field(f)), after), problem, work,
+    sceneField, envField, h('div', { class: 'fields' }, FIELDS.map((f) => field(f)), after),
+    h('details', null, h('summary', null, 'Picture, layers, machines'), h('div', { class: 'fields' }, operator, MORE.map((f) => field(f)))), problem, work,
     h('div', { class: 'buttons' }, start, stop, h('button', { type: 'button', onclick: () => { chosen.clear(); redraw(); } }, 'Clear')));
   node.append(h('h1', null, 'Submit a scene'), form, h('p', { class: 'hint' }, 'From a terminal, with all options:'), command(`azulejo submit scene.glb${where()}`));
 

@@ -177,6 +177,7 @@ function settings(job) {
     ['limit of rays', Number(stop.max_rays) > 0 && `${plural(Number(stop.max_rays), 'ray')} a frame`],
     ['depth', String(s.max_depth)], ['light ended by depth', endedByDepth(job.ended_by_depth)], ['seed', String(s.seed)],
     ['operator', o.tonemap], ['exposure', `${o.exposure_ev > 0 ? '+' : ''}${o.exposure_ev || 0} EV`], ['white', o.white_kelvin > 0 && `${o.white_kelvin} K`],
+    ['denoised', o.denoise && o.denoise !== 'off' && `${o.denoise === 'fast' ? 'fast' : 'yes'}${o.denoise_around > 0 ? `, with ${plural(o.denoise_around, 'frame')} before and after each` : ''}`],
     ['cut', (job.cut_frames || []).map((c) => h('div', null, `frame ${c.frame} by ${END[c.end] || c.end} at ${c.samples_min}–${c.samples_max} samples`))],
     ['conflicts', Number(job.conflicts) > 0 && plural(Number(job.conflicts), 'result') + ' differed from one merged before'],
     ['develop', job.develop_error],
