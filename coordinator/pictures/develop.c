@@ -45,7 +45,8 @@ static status development_new(struct development **out, const struct job *job, u
     d->frame = number;
     d->first_frame = job->first_frame;
     d->window_begin = job_window_begin(job, number);
-    d->around_count = job_frames_around(job, number, d->around);
+    if (!frame) /* one in work is made by itself at first */
+        d->around_count = job_frames_around(job, number, d->around);
     d->revision = job->revision;
     d->settings = job->settings;
     d->output = job->output;
@@ -320,7 +321,7 @@ static status make_exr(struct development *d, struct store *store, struct error 
         s = store_output_write(store, d->job, d->frame, "exr", &exr, err);
     if (s == STATUS_OK && development_picture_is_apart(d))
         s = development_write_picture(d, store, err);
-    if (s == STATUS_OK && d->denoised.pixels && tonemap_around(&d->output.tonemap) == 0)
+    if (s == STATUS_OK && d->denoised.pixels)
         s = development_write_denoised(d, store, err);
     buffer_release(&exr);
     return s;
