@@ -119,14 +119,14 @@ static status make(struct development *d, const struct measurement *m, const str
     return STATUS_OK;
 }
 
-/* The frames around one, as far as their films are kept. */
+/* The frames around one, as far as their films are kept and can be followed. */
 struct around {
     const struct development *development;
     const struct store *store;
-    const float *positions; /* of the frame's own points */
-    uint32_t frames[JOB_AROUND_MAX];
-    struct scene_view here, there; /* of the one that was found last, as the next three */
-    struct measurement measurement;
+    const float *positions, *objects; /* of the frame's own points */
+    uint32_t count, frames[JOB_AROUND_MAX];
+    struct scene_way ways[JOB_AROUND_MAX];
+    struct measurement measurement; /* of the one that was found last, as the next two */
     struct denoise_input picture;
     int32_t *source;
 };
@@ -141,48 +141,50 @@ static status find_other(void *user, uint32_t k, struct denoise_other *out, stru
     measurement_release(&a->measurement);
     THEN(s, measurement_read_guided(&a->measurement, reader, 0, err));
     film_reader_close(reader);
-    THEN(s, scene_view_find(&d->description, &d->settings, a->frames[k], SPACE_OF_SCENE, &a->there, err));
     TRY(s);
     a->picture = measurement_input(&a->measurement);
     *out = (struct denoise_other){&a->picture, NULL};
-    if (!scene_views_agree(&a->here, &a->there)) {
-        scene_view_follow(&a->here, &a->there, &d->settings, a->positions, a->source);
+    if (!scene_way_is_still(&a->ways[k]) && a->positions && a->ways[k].here.has_screen) {
+        scene_way_follow(&a->ways[k], &d->settings, a->positions, a->objects, a->source);
         out->source = a->source;
     }
     return STATUS_OK;
 }
 
-/* Does the camera stand still as seen from this frame's, or can what it shows be followed? */
-static int is_followed(const struct around *a, uint32_t frame)
+/* Without positions a frame takes part only if its camera stands where this one's does. */
+static status take_frame(struct around *a, uint32_t frame, struct error *err)
 {
     const struct development *d = a->development;
-    struct scene_view there;
+    struct scene_way *way = &a->ways[a->count];
+    struct film_reader *reader = NULL;
+    status s = scene_way_find(&d->description, &d->settings, d->frame, frame, way, err);
 
-    return d->described && scene_view_find(&d->description, &d->settings, frame, SPACE_OF_SCENE, &there, NULL) == STATUS_OK &&
-           (scene_views_agree(&a->here, &there) || (a->positions && a->here.has_screen && there.has_screen));
+    if (s == STATUS_OK && scene_way_is_known(way) && (a->positions || scene_way_camera_stands(way)) &&
+        store_film_reader(a->store, d->job, frame, &d->settings, &reader, NULL) == STATUS_OK)
+        a->frames[a->count++] = frame;
+    else
+        scene_way_release(way);
+    film_reader_close(reader);
+    return s;
 }
 
 static status make_with_others(struct development *d, const struct store *store, const struct measurement *m, struct error *err)
 {
-    struct around a = {.development = d, .store = store, .positions = m->guides.position};
+    struct around a = {.development = d, .store = store, .positions = m->guides.position, .objects = m->guides.object};
     struct measurement_others others = {.find = find_other, .user = &a};
     status s = STATUS_OK;
 
-    if (d->described)
-        s = scene_view_find(&d->description, &d->settings, d->frame, SPACE_OF_SCENE, &a.here, err);
-    for (uint32_t k = 0; s == STATUS_OK && k < d->around_count; k++) {
-        struct film_reader *reader = NULL;
-        if (is_followed(&a, d->around[k]) &&
-            store_film_reader(store, d->job, d->around[k], &d->settings, &reader, NULL) == STATUS_OK)
-            a.frames[others.count++] = d->around[k];
-        film_reader_close(reader);
-    }
-    if (s == STATUS_OK && others.count > 0) {
+    for (uint32_t k = 0; s == STATUS_OK && d->described && k < d->around_count; k++)
+        s = take_frame(&a, d->around[k], err);
+    others.count = a.count;
+    if (s == STATUS_OK && a.count > 0) {
         a.source = mem_alloc_array((size_t)m->width * m->height, sizeof *a.source);
         if (!a.source)
             s = error_no_memory(err, "frames around one");
     }
     THEN(s, make(d, m, &others, err));
+    for (uint32_t k = 0; k < a.count; k++)
+        scene_way_release(&a.ways[k]);
     mem_free(a.source);
     measurement_release(&a.measurement);
     return s;

@@ -35,6 +35,8 @@ void measurement_take_tile(struct measurement *m, const struct film *film, uint3
     }
     if (m->guides.position)
         film_develop_tile_aov(film, tile, AOV_POSITION, m->guides.position);
+    if (m->guides.object)
+        film_develop_tile_aov(film, tile, AOV_OBJECT_ID, m->guides.object);
     take_tails(m, film, tile, tile);
     for (uint32_t g = 0; g < GROUPS; g++)
         m->pixel_samples += (uint64_t)m->samples[tile * GROUPS + g] * rect.width * rect.height;
@@ -157,17 +159,30 @@ status measurement_take_guided(struct measurement *out, const struct film *film,
     return take(out, film, film_aovs(film), 1, err);
 }
 
+/* For where its pixels' points are, and of what. */
+static status begin_points(struct measurement *m, uint32_t aovs, struct error *err)
+{
+    const size_t pixels = (size_t)m->width * m->height;
+
+    if (!(aovs >> AOV_POSITION & 1))
+        return STATUS_OK;
+    m->guides.position = mem_calloc(pixels * 3, sizeof(float));
+    NEED(m->guides.position, err, "a frame's positions");
+    if (!(aovs >> AOV_OBJECT_ID & 1))
+        return STATUS_OK;
+    m->guides.object = mem_calloc(pixels, sizeof(float));
+    NEED(m->guides.object, err, "a frame's objects");
+    return STATUS_OK;
+}
+
 status measurement_read_guided(struct measurement *out, struct film_reader *reader, int positions, struct error *err)
 {
     const struct film *film = film_reader_film(reader);
     uint32_t tile;
     status s = begin(out, film_width(film), film_height(film), film_aovs(film), NULL, err);
 
-    if (s == STATUS_OK && positions && film_aovs(film) >> AOV_POSITION & 1) {
-        out->guides.position = mem_calloc((size_t)out->width * out->height * 3, sizeof(float));
-        if (!out->guides.position)
-            s = error_no_memory(err, "a frame's positions");
-    }
+    if (s == STATUS_OK && positions)
+        s = begin_points(out, film_aovs(film), err);
     while (s == STATUS_OK && (s = film_reader_next(reader, &tile, err)) == STATUS_OK)
         measurement_take_tile(out, film, tile);
     if (s == STATUS_ERR_NOT_FOUND) /* that was the last */
@@ -187,6 +202,7 @@ void measurement_release(struct measurement *m)
         mem_free(m->guides.emission[g]);
     }
     mem_free(m->guides.position);
+    mem_free(m->guides.object);
     mem_free(m->samples);
     mem_free(m->subject);
     mem_free(m->tails);

@@ -18,6 +18,7 @@ struct film_reader;
 struct measurement_guides {
     float *albedo[GROUPS], *normal[GROUPS], *emission[GROUPS];
     float *position; /* of the picture, [3][height][width]; NULL: not asked for, or the film has none */
+    float *object;   /* the same, [height][width] */
 };
 
 /* Copied from a film, which may change afterwards; or without its groups, which are then read from it in strips. */

@@ -35,7 +35,7 @@ struct recorded {
     uint32_t reference_spp;
     size_t values; /* of a picture */
     float *reference[SHOWN][2];
-    float *planes[FRAMES][GROUPS][PLANES], *positions[FRAMES];
+    float *planes[FRAMES][GROUPS][PLANES], *positions[FRAMES], *objects[FRAMES];
     struct import_result import;
 };
 
@@ -76,12 +76,13 @@ static struct film *rendered(struct recorded *r, uint32_t frame, uint32_t spp, u
 static void record(struct recorded *r)
 {
     for (uint32_t k = 0; k < FRAMES; k++) {
-        struct film *film = rendered(r, FIRST + k, r->settings.spp, 1, AOV_FOR_DENOISING | 1u << AOV_POSITION);
+        struct film *film = rendered(r, FIRST + k, r->settings.spp, 1, AOV_FOR_DENOISING | 1u << AOV_POSITION | 1u << AOV_OBJECT_ID);
         for (uint32_t tile = 0; tile < film_tile_count(film); tile++)
             for (uint32_t g = 0; g < GROUPS; g++)
                 for (int plane = 0; plane < PLANES; plane++)
                     film_group_tile(film, tile, g, plane_aov[plane], r->planes[k][g][plane]);
         film_develop_aov(film, AOV_POSITION, 0, r->settings.height, r->positions[k]);
+        film_develop_aov(film, AOV_OBJECT_ID, 0, r->settings.height, r->objects[k]);
         film_free(film);
     }
     for (uint32_t k = 0; k < SHOWN; k++) {
@@ -97,7 +98,7 @@ static int transfer(struct recorded *r, FILE *file, int out)
 {
     const uint32_t head[4] = {r->settings.width, r->settings.height, r->settings.spp, r->reference_spp};
     uint32_t found[4];
-    float *all[SHOWN * 2 + FRAMES * (GROUPS * PLANES + 1)];
+    float *all[SHOWN * 2 + FRAMES * (GROUPS * PLANES + 2)];
     size_t count = 0;
     int good = out ? fwrite(head, sizeof head, 1, file) == 1
                    : fread(found, sizeof found, 1, file) == 1 && memcmp(head, found, sizeof head) == 0;
@@ -107,6 +108,7 @@ static int transfer(struct recorded *r, FILE *file, int out)
             all[count++] = r->reference[k][g];
     for (int k = 0; k < FRAMES; k++) {
         all[count++] = r->positions[k];
+        all[count++] = r->objects[k];
         for (int g = 0; g < GROUPS; g++)
             for (int plane = 0; plane < PLANES; plane++)
                 all[count++] = r->planes[k][g][plane];
@@ -128,6 +130,7 @@ static void recorded_make(struct recorded *r, const char *scene, const char *cac
         r->reference[k / 2][k % 2] = values_of(r);
     for (int k = 0; k < FRAMES; k++) {
         r->positions[k] = values_of(r);
+        r->objects[k] = values_of(r); /* a third of it is used */
         for (int i = 0; i < GROUPS * PLANES; i++)
             r->planes[k][i / PLANES][i % PLANES] = values_of(r);
     }
@@ -166,29 +169,20 @@ struct around {
     int32_t *source;
 };
 
-static void view_of(const struct recorded *r, int frame, struct scene_view *out)
-{
-    struct error err = {0};
-
-    if (scene_view_find(&r->import.scene, &r->settings, (uint32_t)(FIRST + frame), SPACE_OF_SCENE, out, &err) != STATUS_OK)
-        die(err.text);
-}
-
 static status other_frame(void *user, uint32_t k, struct denoise_other *out, struct error *err)
 {
     struct around *a = user;
     const int frame = a->frame - a->frames + (int)k + ((int)k >= a->frames);
-    struct scene_view here, there;
+    struct scene_way way;
 
-    (void)err;
-    view_of(a->r, a->frame, &here);
-    view_of(a->r, frame, &there);
+    TRY(scene_way_find(&a->r->import.scene, &a->r->settings, (uint32_t)(FIRST + a->frame), (uint32_t)(FIRST + frame), &way, err));
     a->picture = input_of(a->r, frame);
     *out = (struct denoise_other){&a->picture, NULL};
-    if (scene_views_agree(&here, &there))
-        return STATUS_OK;
-    scene_view_follow(&here, &there, &a->r->settings, a->r->positions[a->frame], a->source);
-    out->source = a->source;
+    if (!scene_way_is_still(&way)) {
+        scene_way_follow(&way, &a->r->settings, a->r->positions[a->frame], a->r->objects[a->frame], a->source);
+        out->source = a->source;
+    }
+    scene_way_release(&way);
     return STATUS_OK;
 }
 

@@ -16,11 +16,12 @@ make_scene dolly $box camera=0,0,-20
 make_scene block $box "short block=3,0,0.7"
 make_scene lamp $box lamp=4,0,0
 make_scene spheres scenes/studio/textured-spheres.gltf camera=2.4,0,-1
+make_scene ball scenes/studio/textured-spheres.gltf hammered=-2.4,0,1
 make_scene metal scenes/features/metal.gltf camera=2.4,0,-1
 make_scene glass scenes/features/glass.gltf camera=2.4,0,-1
 "$build/tests/accuracy/denoised_frames" --header
 for spp in "$@"; do
-    for name in still camera dolly block lamp spheres metal glass; do
+    for name in still camera dolly block lamp spheres ball metal glass; do
         echo "$folder/$name.gltf --cache $folder/$name.$spp --spp $spp"
     done
 done | xargs -P "$(nproc)" -L 1 "$build/tests/accuracy/denoised_frames"

@@ -172,7 +172,7 @@ def with_the_frames_around():
         expect(pictures(farm, "f") == shown["around"], "the bits of a local render")
         # The EXR's layer, too; nothing else of the file changes.
         for name, options in (("one", ()), ("three", ("--denoise-around", "1")), ("halves", ("--denoise-around", "1", "--half"))):
-            farm.cli("render", scene, *size, "--frames", "9-10", "--region", "16,8,64,48", "--denoise", "on", "--aov", "position,depth",
+            farm.cli("render", scene, *size, "--frames", "9-10", "--region", "16,8,64,48", "--denoise", "on", "--aov", "position,object-id,depth",
                      *options, "--format", "exr", "-o", name, connect=False, expect=0)
         one, three, halves = (read_exr(farm.path(name + "-0009.exr")) for name in ("one", "three", "halves"))
         expect(sorted(one.channels) == sorted(three.channels) and one.attributes.keys() == three.attributes.keys(), "the same names")

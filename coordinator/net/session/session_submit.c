@@ -108,7 +108,7 @@ static status make_job(struct session *session, const Azulejo__Wire__JobSubmit *
         if ((*out)->output.tonemap.denoise != DENOISING_OFF)
             settings->aovs |= AOV_FOR_DENOISING;
         if (tonemap_around(&(*out)->output.tonemap) > 0)
-            settings->aovs |= 1u << AOV_POSITION; /* by which a moving camera's frames are matched */
+            settings->aovs |= 1u << AOV_POSITION | 1u << AOV_OBJECT_ID; /* by which frames are matched where something moves */
         settings->aovs = aovs_with_implied(settings->aovs);
     }
     if (s == STATUS_OK && !(*out)->needs.memory_said)

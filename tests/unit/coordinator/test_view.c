@@ -13,11 +13,15 @@
 
 enum { SIDE = 100, PIXELS = SIDE * SIDE, FPS = 24, SECOND = FPS };
 
-/* A camera at the origin that looks along -z, 90 degrees wide, and moves by `to` within a second. */
+/* A camera at the origin that looks along -z, 90 degrees wide, and moves by (x, y, z) within a second, as two instances
+ * may; a third stands. */
+enum { NODES = 3, INSTANCES = 3 };
 struct stage {
     struct scene scene;
-    struct scene_node node;
+    struct scene_node nodes[NODES]; /* of the camera, of the first two instances */
     struct scene_camera camera;
+    struct scene_instance instances[INSTANCES];
+    struct scene_mesh mesh;
     struct scene_channel channel;
     struct render_settings settings;
     float times[2], places[6];
@@ -27,7 +31,12 @@ static void stage_set(struct stage *s, float x, float y, float z)
 {
     memset(s, 0, sizeof *s);
     scene_init(&s->scene);
-    scene_node_default(&s->node);
+    for (int i = 0; i < NODES; i++)
+        scene_node_default(&s->nodes[i]);
+    for (int i = 0; i < INSTANCES; i++) {
+        scene_instance_default(&s->instances[i]);
+        s->instances[i].node = i < 2 ? i + 1 : -1;
+    }
     scene_camera_default(&s->camera);
     render_settings_default(&s->settings);
     s->settings.width = s->settings.height = SIDE;
@@ -38,20 +47,34 @@ static void stage_set(struct stage *s, float x, float y, float z)
     s->times[1] = 1;
     memcpy(s->places + 3, (float[3]){x, y, z}, 3 * sizeof(float));
     s->channel = (struct scene_channel){0, PATH_TRANSLATION, INTERPOLATE_LINEAR, 2, 3, s->times, s->places};
-    s->scene.nodes = &s->node;
+    s->scene.nodes = s->nodes;
+    s->scene.instances = s->instances;
+    s->scene.meshes = &s->mesh;
+    s->scene.mesh_count = 1;
+    s->scene.instance_count = INSTANCES;
+    s->scene.node_count = NODES;
     s->scene.cameras = &s->camera;
     s->scene.channels = &s->channel;
-    s->scene.node_count = s->scene.camera_count = s->scene.channel_count = 1;
+    s->scene.camera_count = s->scene.channel_count = 1;
 }
 
-static struct scene_view view_at(const struct stage *s, uint32_t frame)
+static struct scene_way way_of(const struct stage *s, uint32_t from, uint32_t to)
 {
-    struct scene_view view;
+    struct scene_way way;
     struct error err = {0};
 
-    if (scene_view_find(&s->scene, &s->settings, frame, SPACE_OF_SCENE, &view, &err) != STATUS_OK)
+    if (scene_way_find(&s->scene, &s->settings, from, to, &way, &err) != STATUS_OK)
         fail_msg("%s", err.text);
-    return view;
+    return way;
+}
+
+static void follow(const struct stage *s, const float *positions, const float *objects, int32_t *source)
+{
+    struct scene_way way = way_of(s, 0, SECOND);
+
+    assert_true(scene_way_is_known(&way));
+    scene_way_follow(&way, &s->settings, positions, objects, source);
+    scene_way_release(&way);
 }
 
 /* A wall across the view at this depth (of the first frame): where each pixel's middle shows it. */
@@ -68,12 +91,10 @@ static void wall(float depth, int orthographic, float positions[3 * PIXELS])
 /* Every pixel is found so far to the right and down; what leaves the picture is not. */
 static void assert_moves(const struct stage *s, const float *positions, int right, int down)
 {
-    const struct scene_view here = view_at(s, 0), there = view_at(s, SECOND);
     static int32_t source[PIXELS];
     const int width = (int)s->settings.width, height = (int)s->settings.height;
 
-    assert_true(here.has_screen && there.has_screen);
-    scene_view_follow(&here, &there, &s->settings, positions, source);
+    follow(s, positions, NULL, source);
     for (int p = 0; p < width * height; p++) {
         const int x = p % width + right, y = p / width + down;
         const int expected = x >= 0 && y >= 0 && x < width && y < height ? y * width + x : -1;
@@ -126,44 +147,87 @@ static void what_is_passed_is_nowhere(void **state)
 {
     static float positions[3 * PIXELS];
     static int32_t source[PIXELS];
-    struct scene_view here, there;
     struct stage s;
 
     (void)state;
     wall(5, 0, positions);
     stage_set(&s, 0, 0, -4); /* forward: what was 4 pixels off the middle is 20 pixels off */
-    here = view_at(&s, 0);
-    there = view_at(&s, SECOND);
-    scene_view_follow(&here, &there, &s.settings, positions, source);
+    follow(&s, positions, NULL, source);
     assert_int_equal(source[50 * SIDE + 54], 52 * SIDE + 72); /* 54.5 -> 50 + 5 * 4.5; the line 50.5 -> 52.5 */
     assert_int_equal(source[0], -1);
     stage_set(&s, 0, 0, -6); /* through the wall */
-    there = view_at(&s, SECOND);
-    scene_view_follow(&here, &there, &s.settings, positions, source);
+    follow(&s, positions, NULL, source);
     for (int p = 0; p < PIXELS; p++)
         assert_int_equal(source[p], -1);
 }
 
-static void views_agree_where_nothing_moves(void **state)
+/* Of a wall whose left half moves, the right half does not; an instance that is hidden stays, as one that is not there. */
+static void what_moves_by_itself_is_followed(void **state)
 {
-    struct scene_view a, b;
+    static float positions[3 * PIXELS], objects[PIXELS];
+    static int32_t source[PIXELS];
+    struct scene_way way;
+    struct stage s;
+
+    (void)state;
+    wall(5, 0, positions);
+    for (int hidden = 0; hidden < 2; hidden++) {
+        stage_set(&s, 1, 0.5f, 0);
+        s.channel.node = 1;
+        s.nodes[1].rotation[1] = 1; /* half a turn: that it stands askew changes nothing */
+        s.nodes[1].rotation[3] = 0;
+        if (hidden)
+            memset(s.nodes[1].scale, 0, sizeof s.nodes[1].scale);
+        way = way_of(&s, 0, SECOND);
+        assert_true(scene_way_camera_stands(&way) && scene_way_is_known(&way) && scene_way_is_still(&way) == hidden);
+        scene_way_release(&way);
+        for (int object = 0; object <= INSTANCES + 1; object++) {
+            for (int p = 0; p < PIXELS; p++)
+                objects[p] = p % SIDE < SIDE / 2 ? (float)object : (float)INSTANCES;
+            follow(&s, positions, objects, source);
+            for (int p = 0; p < PIXELS; p++) {
+                const int moves = object == 1 && !hidden && p % SIDE < SIDE / 2;
+                const int x = p % SIDE + (moves ? 10 : 0), y = p / SIDE - (moves ? 5 : 0);
+                const int expected = y >= 0 ? y * SIDE + x : -1;
+                if (source[p] != expected)
+                    fail_msg("object %d, pixel (%d, %d): %d instead of %d", object, p % SIDE, p / SIDE, source[p], expected);
+            }
+        }
+    }
+}
+
+static void ways_are_still_where_nothing_moves(void **state)
+{
+    struct scene_way way;
     struct stage s;
 
     (void)state;
     stage_set(&s, 1, 0, 0);
-    a = view_at(&s, 0);
-    b = view_at(&s, SECOND);
-    assert_true(scene_views_agree(&a, &a) && !scene_views_agree(&a, &b));
-    b = view_at(&s, 2 * SECOND);
-    a = view_at(&s, 3 * SECOND); /* the animation is over */
-    assert_true(scene_views_agree(&a, &b));
+    way = way_of(&s, 0, 0);
+    assert_true(scene_way_is_still(&way));
+    scene_way_release(&way);
+    way = way_of(&s, 0, SECOND);
+    assert_true(!scene_way_is_still(&way) && !scene_way_camera_stands(&way) && scene_way_is_known(&way));
+    scene_way_release(&way);
+    way = way_of(&s, 2 * SECOND, 3 * SECOND); /* the animation is over */
+    assert_true(scene_way_is_still(&way));
+    scene_way_release(&way);
     s.camera.kind = CAMERA_PANORAMA;
-    a = view_at(&s, 0);
-    b = view_at(&s, SECOND);
-    assert_true(a.has_camera && !a.has_screen && scene_views_agree(&a, &a) && !scene_views_agree(&a, &b));
+    way = way_of(&s, 0, 0);
+    assert_true(way.here.has_camera && !way.here.has_screen && scene_way_is_still(&way) && scene_way_is_known(&way));
+    scene_way_release(&way);
+    way = way_of(&s, 0, SECOND);
+    assert_true(!scene_way_is_still(&way) && !scene_way_is_known(&way));
+    scene_way_release(&way);
+    s.channel.node = 1; /* an object instead */
+    way = way_of(&s, 0, SECOND);
+    assert_true(!scene_way_is_still(&way) && scene_way_is_known(&way));
+    scene_way_release(&way);
+    s.channel.node = 0;
     s.scene.camera_count = 0;
-    a = view_at(&s, 0);
-    assert_false(a.has_camera || a.has_screen || scene_views_agree(&a, &a));
+    way = way_of(&s, 0, 0);
+    assert_true(!way.here.has_camera && !scene_way_is_still(&way) && !scene_way_is_known(&way));
+    scene_way_release(&way);
 }
 
 int main(void)
@@ -172,7 +236,8 @@ int main(void)
         cmocka_unit_test(what_stands_moves_against_the_camera),
         cmocka_unit_test(a_region_moves_as_its_whole_picture),
         cmocka_unit_test(what_is_passed_is_nowhere),
-        cmocka_unit_test(views_agree_where_nothing_moves),
+        cmocka_unit_test(what_moves_by_itself_is_followed),
+        cmocka_unit_test(ways_are_still_where_nothing_moves),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
