@@ -1,7 +1,7 @@
 /* denoised_frames: an animation's pictures without their noise, each by itself and with the frames around it, against the truth:
  * one line of CSV for each number of frames, as in docs/DENOISING.md.
  *
- *   denoised_frames SCENE --cache FILE [--size WxH] [--spp N] [--reference-spp N] [--fast] [--pictures PREFIX]
+ *   denoised_frames SCENE --cache FILE [--size WxH] [--spp N] [--seed N] [--reference-spp N] [--fast] [--pictures PREFIX]
  *
  * What is rendered is kept in FILE and used again if it is there. */
 #include <math.h>
@@ -76,7 +76,7 @@ static struct film *rendered(struct recorded *r, uint32_t frame, uint32_t spp, u
 static void record(struct recorded *r)
 {
     for (uint32_t k = 0; k < FRAMES; k++) {
-        struct film *film = rendered(r, FIRST + k, r->settings.spp, 1, AOV_FOR_DENOISING | 1u << AOV_POSITION | 1u << AOV_OBJECT_ID);
+        struct film *film = rendered(r, FIRST + k, r->settings.spp, r->settings.seed, AOV_FOR_DENOISING | 1u << AOV_POSITION | 1u << AOV_OBJECT_ID);
         for (uint32_t tile = 0; tile < film_tile_count(film); tile++)
             for (uint32_t g = 0; g < GROUPS; g++)
                 for (int plane = 0; plane < PLANES; plane++)
@@ -96,8 +96,8 @@ static void record(struct recorded *r)
 /* Read or write everything. */
 static int transfer(struct recorded *r, FILE *file, int out)
 {
-    const uint32_t head[4] = {r->settings.width, r->settings.height, r->settings.spp, r->reference_spp};
-    uint32_t found[4];
+    const uint32_t head[5] = {r->settings.width, r->settings.height, r->settings.spp, r->reference_spp, (uint32_t)r->settings.seed};
+    uint32_t found[5];
     float *all[SHOWN * 2 + FRAMES * (GROUPS * PLANES + 2)];
     size_t count = 0;
     int good = out ? fwrite(head, sizeof head, 1, file) == 1
@@ -284,11 +284,12 @@ static void measure(const struct recorded *r, const char *scene, int around, int
 int main(int argc, char **argv)
 {
     const char *size = "128x96", *cache = NULL, *pictures = NULL, *name;
-    int64_t spp = 16, reference_spp = 1024;
+    int64_t spp = 16, reference_spp = 1024, seed = 1;
     int help = 0, fast = 0, header = 0;
     const struct option table[] = {
         {"size", 0, OPTION_STRING, &size, "WxH", "pixels; default: 128x96", 0, 0, NULL},
         {"spp", 0, OPTION_INT, &spp, "N", "of the pictures; default: 16", 4, 65536, NULL},
+        {"seed", 0, OPTION_INT, &seed, "N", "of the pictures; default: 1", 0, 999999, NULL},
         {"reference-spp", 0, OPTION_INT, &reference_spp, "N", "of the truth; default: 1024", 4, 65536, NULL},
         {"cache", 0, OPTION_STRING, &cache, "FILE", "keep the pictures here", 0, 0, NULL},
         {"pictures", 0, OPTION_STRING, &pictures, "PREFIX", "write PNG files", 0, 0, NULL},
@@ -313,6 +314,7 @@ int main(int argc, char **argv)
     }
     r.settings = imported_settings(width, height, (uint32_t)spp);
     r.reference_spp = (uint32_t)reference_spp;
+    r.settings.seed = (uint64_t)seed;
     r.values = (size_t)width * height * 3;
     recorded_make(&r, rest.items[0], cache);
     name = strrchr(rest.items[0], '/') ? strrchr(rest.items[0], '/') + 1 : rest.items[0];
