@@ -98,6 +98,55 @@ static void noise_falls(void **state)
         }
 }
 
+/* An edge's pixel shows more of one surface or of the other, in its colour and in its albedo alike: here all pixels do. */
+static void cover(struct toy_groups *groups, const struct toy *toy, uint32_t seed, float *albedo[2])
+{
+    for (uint32_t g = 0; g < 2; g++) {
+        uint32_t h = seed * 2654435761u + g * 40503u + 1;
+        for (size_t p = 0; p < (size_t)SIDE * SIDE; p++) {
+            float share;
+            h ^= h << 13;
+            h ^= h >> 17;
+            h ^= h << 5;
+            share = 0.5f + (float)(h >> 8) * 0x1p-24f;
+            for (size_t i = p * 3; i < p * 3 + 3; i++) {
+                groups->groups[g][i] = toy->truth[i] * share; /* no other noise */
+                albedo[g][i] = toy->albedo[i] * share;
+            }
+        }
+        groups->input.albedo[g] = albedo[g];
+    }
+}
+
+/* Such noise is averaged, too: light is, as it is seen, not light divided by albedo. */
+static void edges_gain_as_surfaces(void **state)
+{
+    float *albedo[1 + AROUND][2];
+    struct toy toy;
+    struct frames f;
+    double alone, with;
+
+    (void)state;
+    toy_make(&toy, SIDE, SIDE, 1);
+    frames_make(&f, &toy, &toy, TOY_EXPONENTIAL, 7);
+    for (uint32_t k = 0; k <= AROUND; k++) {
+        for (int g = 0; g < 2; g++) {
+            albedo[k][g] = mem_alloc_array((size_t)SIDE * SIDE * 3, sizeof(float));
+            assert_non_null(albedo[k][g]);
+        }
+        cover(k ? &f.others[k - 1] : &f.own, &toy, k + 1, albedo[k]);
+    }
+    alone = error_with(&f, &toy, 0, DENOISE_FULL);
+    with = error_with(&f, &toy, AROUND, DENOISE_FULL);
+    if (!(with < 0.85 * alone))
+        fail_msg("%g instead of %g", with, alone);
+    for (uint32_t k = 0; k <= AROUND; k++)
+        for (int g = 0; g < 2; g++)
+            mem_free(albedo[k][g]);
+    frames_release(&f);
+    toy_release(&toy);
+}
+
 /* The same picture, further to the right by so many pixels, at the edge repeated. */
 static void move(struct toy *out, const struct toy *toy, uint32_t by)
 {
@@ -321,6 +370,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noise_falls),
+        cmocka_unit_test(edges_gain_as_surfaces),
         cmocka_unit_test(what_moves_is_followed),
         cmocka_unit_test(a_shadow_leaves_no_ghost),
         cmocka_unit_test(the_error_is_as_right_as_alone),
