@@ -94,9 +94,9 @@ status develop_again(struct development *d, struct store *store, struct error *e
     THEN(s, development_read_picture(d, store, d->frame, &d->image, &d->alpha, err));
     THEN(s, development_denoise(d, store, err));
     if (s == STATUS_OK && d->denoised_known) { /* it was made now */
-        s = development_write_denoised(d, store, err);
-        if (s == STATUS_OK && d->output.exr && tonemap_around(&d->output.tonemap) > 0)
+        if (d->output.exr && tonemap_around(&d->output.tonemap) > 0)
             s = development_renew_layer(d, store, err);
+        THEN(s, development_write_denoised(d, store, err)); /* last: what is kept is not made again after a crash */
         THEN(s, store_history_denoised(store, d->job, d->frame, &d->point.denoised, err));
     }
     THEN(s, toning_begin(&t, d, store, err));

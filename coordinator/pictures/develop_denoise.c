@@ -68,7 +68,7 @@ status development_write_denoised(const struct development *d, struct store *sto
     struct buffer exr = BUFFER_INIT;
     status s = of_text(d, store, d->denoise_method, of, err);
 
-    if (s == STATUS_ERR_NOT_FOUND) /* somebody removed the picture of a frame around: nobody could tell what this is of */
+    if (s == STATUS_ERR_NOT_FOUND) /* a frame around has no picture any more: what this was made of cannot be noted */
         return STATUS_OK;
     THEN(s, exr_encode(&exr, &d->denoised, &options, err));
     THEN(s, store_output_write(store, d->job, d->frame, DENOISED_EXTENSION, &exr, err));

@@ -218,7 +218,7 @@ def frames_that_never_come():
         farm.cli("develop", number, "--denoise", "off", "-o", "raw", expect=0)
         farm.cli("develop", number, "--denoise", "on", "--denoise-around", "2", "-o", "again", expect=0)
         expect(pictures(farm, "again") == pictures(farm, "whole") != pictures(farm, "raw"), "what was kept")
-        # A frame without film and picture takes no part, and stops nobody.
+        # Without its film and picture a frame cannot be made again; the others are.
         gap = farm.submit(BOX, *SIZE, "--frames", "1-3", "--format", "png")
         farm.wait_for_job(gap)
         for path in ("films/%s/frame-0002.kept", "outputs/%s/frame-0002.picture.exr"):
