@@ -513,6 +513,21 @@ int job_reopening_is_whole(const struct job_reopening *r, const struct job *job,
     return r->whole && bit_is_set(r->whole, frame - job->first_frame);
 }
 
+int job_reopening_remakes(const struct job_reopening *r, const struct job *job, uint32_t frame)
+{
+    const uint64_t around = tonemap_around(&job->output.tonemap);
+    uint64_t at = frame - job->first_frame < around ? job->first_frame : frame - around;
+
+    if (!job_frame_is_done(job, frame) || job_reopening_has(r, job, frame))
+        return 0;
+    if (at > job_window_begin(job, frame))
+        at = job_window_begin(job, frame);
+    for (; at <= frame + around && at <= job->last_frame; at++)
+        if (!job_frame_is_done(job, (uint32_t)at) || job_reopening_has(r, job, (uint32_t)at))
+            return 1;
+    return 0;
+}
+
 status job_reopen_check(struct queue *queue, struct job *job, struct error *err)
 {
     if (check_room(queue, err) != STATUS_OK)
@@ -546,6 +561,9 @@ static void reopen_frames(struct job *job, const struct job_reopening *r)
         job->frames_developed_count -= (uint32_t)bit_clear(job->frames_developed, i);
         bit_clear(job->frames_resting, i);
     }
+    for (uint32_t i = 0; i < job_frame_count(job); i++)
+        if (job_reopening_remakes(r, job, job->first_frame + i))
+            job_frame_set_undeveloped(job, job->first_frame + i);
     count_resting(job);
     reopen_cuts(job, r);
     job->samples_done = job->frames_done_count * job_frame_samples(job);

@@ -287,6 +287,9 @@ status job_reopening_of(struct job_reopening *r, const struct job *job, const ui
 void job_reopening_release(struct job_reopening *r);
 int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame);
 int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame);
+/* The frame is done and stays so, but its picture is made of others (--temporal, --denoise-around) that are not done, or not
+ * any more. The same before and after the job is reopened. */
+int job_reopening_remakes(const struct job_reopening *r, const struct job *job, uint32_t frame);
 /* Is there room for one more active job and for its extra data? ERR_LIMIT, ERR_NO_MEMORY. */
 status job_reopen_check(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;
 /* The chosen frames of a job that has ended continue with its present settings: it is QUEUED again. Call

@@ -2,6 +2,8 @@
  * displays, estimating figures, developing pictures. */
 #include "coordinator/net/farm_tasks.h"
 
+#include <inttypes.h>
+
 #include "common/system/clock.h"
 #include "common/system/log.h"
 #include "common/system/parallel.h"
@@ -270,6 +272,10 @@ static void redevelop_end(struct task *task)
     note_task(task, TRACE_REDEVELOP, t->job, t->number);
     if (task->result == STATUS_OK)
         figures_denoised(t->job, t->number, development_denoised(t->development));
+    if (task->result == STATUS_OK && !t->job->removed && development_is_as_before(t->development))
+        farm_note(&task->server->farm, t->job, NULL,
+                  "frame %" PRIu32 " stays as it was denoised with the frames around it, which were rendered again since: its film was "
+                  "not kept, and 'azulejo retry %" PRIu64 " --frames %" PRIu32 "' renders it again", t->number, t->job->id, t->number);
     farm_pictures_made(&task->server->farm, t->job, t->number, development_revision(t->development), task->result,
                        &task->error, clock_monotonic_ns());
     if (drops)

@@ -243,6 +243,8 @@ const struct accuracy_figures *development_denoised(const struct development *d)
     return d->denoised_known ? &d->point.denoised : NULL;
 }
 
+int development_is_as_before(const struct development *d) { return d->denoised_before; }
+
 status develop_encode(struct development *d, const struct store *store, struct buffer *exr, struct buffer *png,
                       struct error *err)
 {

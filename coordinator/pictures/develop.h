@@ -53,6 +53,8 @@ struct frame_evidence development_evidence(const struct development *development
 const struct history_point *development_point(const struct development *development);
 /* Of the picture without its noise, which this development made; NULL: it made none. */
 const struct accuracy_figures *development_denoised(const struct development *development);
+/* The frames around have changed since the frame was denoised, which is as before: its film was not kept. */
+int development_is_as_before(const struct development *development);
 /* The revision of the output settings used; -1 if the display pictures are left to develop_again. */
 int64_t development_revision(const struct development *development);
 /* Append the frame's manifest (common/scene/manifest.h) to `json`. */

@@ -11,12 +11,21 @@
 
 #define STATE_EXTENSION "state"
 
-/* A state in a file: the digest of the settings that it was measured with, then its bytes in this
+/* A state in a file: the digest of the settings that it was measured with and of the picture, then its bytes in this
  * machine's byte order. If the file holds anything else, the state is measured again. */
 struct stored_state {
-    struct digest looks;
+    struct digest of;
     struct tonemap_state state;
 };
+
+/* 0: not known. */
+static int find_of(const struct development *d, const struct store *store, uint32_t frame, const struct digest *looks,
+                   struct digest *out)
+{
+    struct digest both[2] = {*looks};
+
+    return development_picture_digest(d, store, frame, &both[1]) && digest_of(out, both, sizeof both) == STATUS_OK;
+}
 
 /* The state of this or another frame: read from the store, or else measured and stored. */
 static status state_of(const struct development *d, const struct toning *t, struct store *store, uint32_t frame,
@@ -25,13 +34,15 @@ static status state_of(const struct development *d, const struct toning *t, stru
     struct buffer file = BUFFER_INIT;
     struct image other = {0}, straight = {0};
     struct stored_state stored;
+    struct digest of = {0};
     float *alpha = NULL;
+    const int known = find_of(d, store, frame, looks, &of);
     status s;
 
-    if (store_output_read(store, d->job, frame, STATE_EXTENSION, sizeof stored, &file, NULL) == STATUS_OK &&
+    if (known && store_output_read(store, d->job, frame, STATE_EXTENSION, sizeof stored, &file, NULL) == STATUS_OK &&
         file.size == sizeof stored) {
         memcpy(&stored, file.data, sizeof stored);
-        if (digest_equal(&stored.looks, looks)) {
+        if (digest_equal(&stored.of, &of)) {
             *out = stored.state;
             buffer_release(&file);
             return STATUS_OK;
@@ -48,9 +59,10 @@ static status state_of(const struct development *d, const struct toning *t, stru
                             : frame == d->frame ? &d->image
                                                 : &other,
                             t->settings, &t->context, err));
-    if (s == STATUS_OK) {
-        stored.looks = *looks;
+    if (s == STATUS_OK)
         *out = stored.state;
+    if (s == STATUS_OK && known) {
+        stored.of = of;
         buffer_append(&file, &stored, sizeof stored);
         /* Without it the next frame measures again. */
         if (!buffer_ok(&file) || store_output_write(store, d->job, frame, STATE_EXTENSION, &file, NULL) != STATUS_OK)

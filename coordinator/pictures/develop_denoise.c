@@ -13,7 +13,7 @@
 /* Means in 32 bits, with a text that says what they were made of and how. */
 #define DENOISED_EXTENSION "denoised.exr"
 #define DENOISED_ATTRIBUTE "azulejo:denoisedOf"
-enum { OF_TEXT_SIZE = DIGEST_HEX_SIZE + 32 + 11 * JOB_AROUND_MAX };
+enum { OF_TEXT_SIZE = 32 + DIGEST_HEX_SIZE + (12 + DIGEST_HEX_SIZE) * JOB_AROUND_MAX };
 
 const char *denoise_method_name(enum denoise_method method) { return method == DENOISE_FAST ? "fast" : "full"; }
 
@@ -27,35 +27,55 @@ static enum denoise_method method_of(const struct development *d)
     return d->output.tonemap.denoise == DENOISING_FAST || d->is_preview ? DENOISE_FAST : DENOISE_FULL;
 }
 
-static status picture_digest(const struct image *raw, struct digest *out, struct error *err)
+static status append_digest(const struct image *raw, char out[OF_TEXT_SIZE], struct error *err)
 {
-    const size_t bytes = (size_t)raw->width * raw->height * 3 * sizeof(float);
+    const size_t bytes = (size_t)raw->width * raw->height * 3 * sizeof(float), length = strlen(out);
+    struct digest digest;
+    char hex[DIGEST_HEX_SIZE];
 
-    return digest_of(out, (const uint8_t *)raw->pixels, bytes) == STATUS_OK ? STATUS_OK : error_no_memory(err, "a digest");
+    if (digest_of(&digest, (const uint8_t *)raw->pixels, bytes) != STATUS_OK)
+        return error_no_memory(err, "a digest");
+    digest_to_hex(&digest, hex);
+    snprintf(out + length, OF_TEXT_SIZE - length, "%s", hex);
+    return STATUS_OK;
 }
 
-/* "full 2 DIGEST", "full 2 11 13 DIGEST": the method, its version, the frames around, and of which raw pictures. */
+/* "full 2 DIGEST": the method, its version, and of which raw picture. */
+static status own_text(const struct development *d, enum denoise_method method, char out[OF_TEXT_SIZE], struct error *err)
+{
+    snprintf(out, OF_TEXT_SIZE, "%s %d ", denoise_method_name(method), DENOISE_VERSION);
+    return append_digest(&d->image, out, err);
+}
+
+/* " 11 DIGEST": one of the frames around. */
+static status around_text(const struct development *d, const struct store *store, uint32_t frame,
+                          char out[OF_TEXT_SIZE], struct error *err)
+{
+    struct image raw = {0};
+    status s;
+
+    snprintf(out, OF_TEXT_SIZE, " %u ", frame);
+    s = develop_read_picture(store, d->job, frame, &raw, err);
+    THEN(s, append_digest(&raw, out, err));
+    image_release(&raw);
+    return s;
+}
+
+/* "full 2 DIGEST 11 DIGEST 13 DIGEST": the same, and the frames around that have films. */
 static status of_text(const struct development *d, const struct store *store, enum denoise_method method,
                       char out[OF_TEXT_SIZE], struct error *err)
 {
-    struct digest digests[1 + JOB_AROUND_MAX], *all = digests;
-    char hex[DIGEST_HEX_SIZE];
-    int length = snprintf(out, OF_TEXT_SIZE, "%s %d ", denoise_method_name(method), DENOISE_VERSION);
+    char other[OF_TEXT_SIZE];
+    status s = own_text(d, method, out, err);
 
-    TRY(picture_digest(&d->image, &digests[0], err));
-    for (uint32_t k = 0; k < d->around_count; k++) {
-        struct image raw = {0};
-        status s = develop_read_picture(store, d->job, d->around[k], &raw, err);
-        THEN(s, picture_digest(&raw, &digests[1 + k], err));
-        image_release(&raw);
-        TRY(s);
-        length += snprintf(out + length, OF_TEXT_SIZE - (size_t)length, "%u ", d->around[k]);
+    for (uint32_t k = 0; k < d->around_count && s == STATUS_OK; k++) {
+        if (!store_film_exists(store, d->job, d->around[k]))
+            continue;
+        s = around_text(d, store, d->around[k], other, err);
+        if (s == STATUS_OK)
+            snprintf(out + strlen(out), OF_TEXT_SIZE - strlen(out), "%s", other);
     }
-    if (d->around_count > 0 && digest_of(all, (const uint8_t *)digests, (1 + d->around_count) * sizeof *digests) != STATUS_OK)
-        return error_no_memory(err, "a digest");
-    digest_to_hex(all, hex);
-    snprintf(out + length, OF_TEXT_SIZE - (size_t)length, "%s", hex);
-    return STATUS_OK;
+    return s;
 }
 
 /* ---- what is kept ---------------------------------------------------------------------------- */
@@ -76,18 +96,38 @@ status development_write_denoised(const struct development *d, struct store *sto
     return s;
 }
 
-/* 0: there is none. */
-static int read_kept(const struct development *d, const struct store *store, struct image *out)
+static size_t begins_with(const char *text, const char *begin)
+{
+    return strncmp(text, begin, strlen(begin)) == 0 ? strlen(begin) : 0;
+}
+
+/* Was it made of the same samples? A frame around whose film is gone counts if it took part then, and need not. */
+static int is_of(const struct development *d, const struct store *store, const char *kept, int by_itself)
+{
+    char of[OF_TEXT_SIZE];
+    size_t size = own_text(d, method_of(d), of, NULL) == STATUS_OK ? begins_with(kept, of) : 0;
+
+    if (size == 0 || by_itself)
+        return size > 0;
+    for (uint32_t k = 0; k < d->around_count; k++) {
+        kept += size;
+        size = around_text(d, store, d->around[k], of, NULL) == STATUS_OK ? begins_with(kept, of) : 0;
+        if (size == 0 && store_film_exists(store, d->job, d->around[k]))
+            return 0;
+    }
+    return kept[size] == 0;
+}
+
+/* `by_itself`: the frames around it may have changed since. 0: there is none. */
+static int read_kept(const struct development *d, const struct store *store, int by_itself, struct image *out)
 {
     const struct image *raw = &d->image;
-    char of[OF_TEXT_SIZE];
     struct buffer exr = BUFFER_INIT, text = BUFFER_INIT;
     const char name[] = "a denoised picture";
     status s = store_output_read(store, d->job, d->frame, DENOISED_EXTENSION, IMAGE_BYTES_MAX, &exr, NULL);
 
     THEN(s, exr_read_text(&text, exr.data, exr.size, name, DENOISED_ATTRIBUTE, NULL));
-    THEN(s, of_text(d, store, method_of(d), of, NULL));
-    if (s == STATUS_OK && (!buffer_ok(&text) || strcmp(buffer_text(&text), of) != 0))
+    if (s == STATUS_OK && (!buffer_ok(&text) || !is_of(d, store, buffer_text(&text), by_itself)))
         s = STATUS_ERR_NOT_FOUND; /* of other samples, or made in another way */
     THEN(s, exr_decode(out, exr.data, exr.size, name, NULL));
     if (s == STATUS_OK && (out->width != raw->width || out->height != raw->height || out->channels != 3)) {
@@ -228,7 +268,12 @@ status development_denoise(struct development *d, const struct store *store, str
     }
     if (d->is_preview)
         return d->measurement.groups[0] ? make(d, &d->measurement, NULL, err) : STATUS_OK;
-    if (read_kept(d, store, &d->denoised))
+    if (read_kept(d, store, 0, &d->denoised))
         return STATUS_OK;
-    return make_of_kept(d, store, err);
+    s = make_of_kept(d, store, err);
+    if (s == STATUS_ERR_NOT_FOUND && d->around_count > 0 && read_kept(d, store, 1, &d->denoised)) {
+        d->denoised_before = 1;
+        return STATUS_OK;
+    }
+    return s;
 }

@@ -53,6 +53,7 @@ struct development {
     struct image image;
     int is_look;              /* for one who looks: nothing is kept of it */
     struct image denoised;    /* the same without its noise; empty: not asked for, or not made yet */
+    int denoised_before;      /* it was made when frames around had other samples, and cannot be made again */
     int denoised_known;       /* the next four are of it, and in the header */
     int denoised_guided;      /* by albedo and normal */
     uint32_t denoised_frames; /* this one, and those around it */
@@ -127,6 +128,8 @@ status development_write_picture(const struct development *d, struct store *stor
 /* A frame's stored picture, and the alpha of one that has it. ERR_NOT_FOUND: it was removed. */
 status development_read_picture(const struct development *d, const struct store *store, uint32_t frame,
                                 struct image *out, float **alpha, struct error *err);
+/* The digest of that file. 0: not known. */
+int development_picture_digest(const struct development *d, const struct store *store, uint32_t frame, struct digest *out);
 /* Take that of the development's own frame. */
 status develop_take_stored(struct development *d, const struct store *store, struct error *err);
 

@@ -26,6 +26,11 @@ status development_write_picture(const struct development *d, struct store *stor
     return s;
 }
 
+int development_picture_digest(const struct development *d, const struct store *store, uint32_t frame, struct digest *out)
+{
+    return store_output_digest(store, d->job, frame, development_picture_is_apart(d) ? PICTURE_EXTENSION : "exr", out);
+}
+
 /* The alpha of a stored picture, in memory of its own. */
 static status read_alpha(const struct buffer *exr, const char *name, int blender, float **alpha, struct error *err)
 {

@@ -175,6 +175,7 @@ static status reopen(struct farm *farm, struct job *job, uint32_t frame, struct 
         s = store_job_extend(farm->store, job, &chosen, NULL, err);
         if (s == STATUS_OK) {
             job_reopen_frames(&farm->queue, job, &chosen);
+            farm_pictures_wanted(farm, job);
             s = store_job_sum(farm->store, job, err);
         }
     }

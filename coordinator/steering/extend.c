@@ -147,6 +147,7 @@ status farm_go_on(struct farm *farm, struct job *job, const struct job *before, 
     job_reopen(&farm->queue, job, chosen);
     farm_job_save(farm, job, 0); /* its row of before may be lost: it is not active, so the time does not matter */
     farm_note_closed(farm, job);
+    farm_pictures_wanted(farm, job);
     if (farm->store && chosen->chosen && store_job_sum(farm->store, job, &why) != STATUS_OK)
         log_warn("job %llu: what its other frames took is not counted until the next start: %s", id_of(job), why.text);
     farm_wake(farm);

@@ -174,6 +174,7 @@ static void take_effect(struct farm *farm, struct job *job, const struct job_reo
     farm_note_closed(farm, job);
     if (job->frames_developed_count == job->frames_done_count)
         farm_pictures_unwanted(farm, job);
+    farm_pictures_wanted(farm, job);
     if (farm->store && store_job_sum(farm->store, job, &why) != STATUS_OK)
         log_warn("job %llu: what its done frames took is not counted until the next start: %s", id_of(job), why.text);
     for (struct job_frame *frame = job->frames, *next; frame; frame = next) {

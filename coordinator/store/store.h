@@ -316,6 +316,9 @@ status store_output_read(const struct store *store, uint64_t job, uint32_t frame
 /* Write an output atomically. Its name is on disk when store_frame_done or store_frame_developed returns. [any thread] */
 status store_output_write(struct store *store, uint64_t job, uint32_t frame, const char *extension,
                           const struct buffer *data, struct error *err) MUST_CHECK;
+/* The digest that an output was written with. 0: none is known (older stores, a damaged list). [any thread] */
+int store_output_digest(const struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                        struct digest *out);
 /* Has a file of the frame's, read to its end, the digest that it was written with? ERR_CORRUPT: no; that is noted for
  * store_damage_take, and the text says what becomes of it. ERR_NO_MEMORY. [any thread] */
 status store_output_check(const struct store *store, uint64_t job, uint32_t frame, const char *extension,

@@ -152,8 +152,8 @@ static struct unit_work read_work(sqlite3_stmt *row, int at)
     return work;
 }
 
-/* only_done: those alone that the job has as done; rows of others wait to be deleted. */
-static status load_frames(struct store *store, sqlite3 *db, struct job *job, int only_done, struct error *err)
+/* only_work: what those took that the job has as done; it knows better, because changes of rows may wait. */
+static status load_frames(struct store *store, sqlite3 *db, struct job *job, int only_work, struct error *err)
 {
     struct unit_work work;
     struct sql_rows rows = sql_ask(store, db,
@@ -165,13 +165,13 @@ static status load_frames(struct store *store, sqlite3 *db, struct job *job, int
     while (sql_next(&rows)) {
         sqlite3_int64 frame = sqlite3_column_int64(rows.row, 0);
         if (frame < job->first_frame || frame > job->last_frame ||
-            (only_done && !job_frame_is_done(job, (uint32_t)frame)))
+            (only_work && !job_frame_is_done(job, (uint32_t)frame)))
             continue;
         job_frame_set_done(job, (uint32_t)frame);
         work = read_work(rows.row, 2);
         health_of_frame(&work.health, (uint32_t)frame);
         unit_work_add(&job->work, &work);
-        if (sqlite3_column_int64(rows.row, 1) == (sqlite3_int64)job->revision)
+        if (!only_work && sqlite3_column_int64(rows.row, 1) == (sqlite3_int64)job->revision)
             job_frame_set_developed(job, (uint32_t)frame);
     }
     return sql_end(&rows);

@@ -469,6 +469,9 @@ static status forget_frames(struct noted_list *list, const struct job *job, cons
     for (uint64_t frame = job->first_frame; frame <= job->last_frame && s == STATUS_OK; frame++)
         if (job_reopening_is_whole(chosen, job, (uint32_t)frame))
             s = cut_note(list, job->id, (uint32_t)frame, FRAME_END_CAP, &chosen->coverage, err);
+    for (uint64_t frame = job->first_frame; frame <= job->last_frame && s == STATUS_OK; frame++)
+        if (job_reopening_remakes(chosen, job, (uint32_t)frame))
+            s = change_rows(list, "UPDATE frames SET revision=-1", job->id, (int64_t)frame, err);
     return s;
 }
 

@@ -304,17 +304,22 @@ static status say_damaged(const struct store *store, uint64_t job, uint32_t fram
                      job, frame, extension, job, frame);
 }
 
-status store_output_check(const struct store *store, uint64_t job, uint32_t frame, const char *extension,
-                          const struct digest *is, struct error *err)
-{
-    struct damaged_output found = {job, frame, strcmp(extension, "png") == 0 || strcmp(extension, "jpg") == 0};
-    struct buffer path = BUFFER_INIT, lines = BUFFER_INIT;
-    char hex[DIGEST_HEX_SIZE];
-    const struct output_sum *waiting;
-    enum sums_state state;
-    size_t at = 0;
-    int good, waits;
+/* What is known of the bytes that an output should have. */
+struct known_sum {
+    int waits, is_listed;
+    struct digest waiting, listed;
+    enum sums_state state; /* of the list */
+};
 
+static status find_sum(const struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                       struct known_sum *out, struct error *err)
+{
+    struct buffer path = BUFFER_INIT, lines = BUFFER_INIT;
+    char found[sizeof((struct output_sum *)0)->extension];
+    const struct output_sum *waiting;
+    size_t at = 0;
+
+    *out = (struct known_sum){0};
     sums_path(store, job, frame, &path);
     if (!buffer_ok(&path)) {
         buffer_release(&path);
@@ -323,18 +328,40 @@ status store_output_check(const struct store *store, uint64_t job, uint32_t fram
     /* In this order: what waits no longer is in the file. */
     pthread_mutex_lock(&store->damage->lock);
     waiting = find_waiting(store->damage, job, frame, extension);
-    waits = waiting && digest_equal(&waiting->digest, is);
+    out->waits = waiting != NULL;
+    if (waiting)
+        out->waiting = waiting->digest;
     pthread_mutex_unlock(&store->damage->lock);
-    state = sums_read(buffer_text(&path), &lines);
-    digest_to_hex(is, hex);
-    good = waits || state == SUMS_NONE || state == SUMS_UNREADABLE ||
-           (state == SUMS_GOOD &&
-            (find_line(&lines, extension, &at) == 0 || memcmp(lines.data + at, hex, DIGEST_HEX_SIZE - 1) == 0));
+    out->state = sums_read(buffer_text(&path), &lines);
+    while (out->state == SUMS_GOOD && !out->is_listed && sums_next(&lines, &at, &out->listed, found, sizeof found))
+        out->is_listed = strcmp(found, extension) == 0;
     buffer_release(&lines);
     buffer_release(&path);
-    if (good)
+    return STATUS_OK;
+}
+
+int store_output_digest(const struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                        struct digest *out)
+{
+    struct known_sum known;
+
+    if (find_sum(store, job, frame, extension, &known, NULL) != STATUS_OK || !(known.waits || known.is_listed))
+        return 0;
+    *out = known.waits ? known.waiting : known.listed;
+    return 1;
+}
+
+status store_output_check(const struct store *store, uint64_t job, uint32_t frame, const char *extension,
+                          const struct digest *is, struct error *err)
+{
+    struct damaged_output found = {job, frame, strcmp(extension, "png") == 0 || strcmp(extension, "jpg") == 0};
+    struct known_sum known;
+
+    TRY(find_sum(store, job, frame, extension, &known, err));
+    if ((known.waits && digest_equal(&known.waiting, is)) || known.state == SUMS_NONE || known.state == SUMS_UNREADABLE ||
+        (known.state == SUMS_GOOD && (!known.is_listed || digest_equal(&known.listed, is))))
         return STATUS_OK;
-    if (state == SUMS_DAMAGED)
+    if (known.state == SUMS_DAMAGED)
         found.is_display = 0;
     if (strcmp(extension, "state") != 0) { /* that is only measured again */
         log_error("job %" PRIu64 ", frame %u: its %s file is damaged", job, frame, extension);

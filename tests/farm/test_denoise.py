@@ -201,7 +201,7 @@ def frames_that_never_come():
     """a cancelled job's frames have pictures made of those that are there; without films, what was made stays"""
     with Farm() as farm:
         farm.start_coordinator()
-        farm.start_worker(threads=1)
+        worker = farm.start_worker(threads=1)
         number = farm.submit(BOX, *SIZE, "--frames", "1-4", "--denoise", "on", "--denoise-around", "2", "--format", "png")
         farm.wait_for_job(number)
         farm.cli("fetch", number, "-o", "whole", expect=0)
@@ -226,6 +226,16 @@ def frames_that_never_come():
         refused = farm.cli("develop", gap, "--denoise", "on", "--denoise-around", "1")
         expect(refused.code != 0 and "frame 2" in refused.err, refused)
         wait_for(lambda: farm.job(gap)["frames_developed"] >= 1, "frame 1")
+        # Cancelled when one of them was to be rendered again: those beside it are made without it.
+        last = farm.submit(BOX, *SIZE, "--frames", "1-3", "--denoise", "on", "--denoise-around", "1", "--format", "png")
+        farm.wait_for_job(last)
+        worker.stop()
+        os.unlink(os.path.join(farm.store, "films", str(last), "frame-0002.kept"))
+        farm.cli("retry", last, "--frames", "2", expect=0)
+        farm.cli("cancel", last, expect=0)
+        wait_for(lambda: farm.job(last)["state"] == "cancelled", "the end")
+        job = farm.job(last)
+        expect(job["frames_developed"] == job["frames_done"] == 2, job)
 
 
 @tests.add

@@ -5,7 +5,7 @@ import sys
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 from exr import read_exr
-from farm import Farm, Tests, wait_for
+from farm import Farm, Tests, read_bytes, wait_for
 from jobs import AREA, expect
 
 tests = Tests()
@@ -117,6 +117,21 @@ def some_frames_go_on():
         for frames in (["--frames", "4-5"], []):
             gone = farm.cli("extend", few, "--spp", "32", *frames, expect=5).err
             expect("frame 5: its film was not kept" in gone, gone)
+
+
+@tests.add
+def averaged_statistics_follow():
+    """extend of a job with --temporal: its pictures are those of one with all samples at once"""
+    with Farm() as farm:
+        farm_of(farm)
+        look = ["--frames", "1-3", "--temporal", "2", "--auto-exposure", "key", "--format", "png", "--png-bits", "16"]
+        whole, few = (farm.submit(AREA, *SIZE, "--spp", str(spp), *look) for spp in (32, 4))
+        for number in (whole, few):
+            farm.wait_for_job(number)
+        farm.cli("extend", few, "--spp", "32", expect=0)
+        farm.wait_for_job(few)
+        made, right = ([read_bytes(f) for f in sorted(farm.fetch(n, "averaged-%d" % n))] for n in (few, whole))
+        expect(len(made) == 3 and made == right, "averaged with what the frames were before")
 
 
 @tests.add

@@ -5,8 +5,8 @@ import sys
 import time
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BUILD, Farm, Program, Tests, wait_for
-from jobs import Outcome, expect
+from farm import BUILD, Farm, Program, Tests, read_bytes, wait_for
+from jobs import AREA, Outcome, expect
 from exr import read_exr
 from odd import OddPeer
 
@@ -366,6 +366,54 @@ def distrust_tiles():
         right_pictures(farm, [number], bits)
         log = farm.cli("log", number, expect=0).out
         expect(" of the 60 tiles of frame 1 are rendered again" in log, log)
+
+
+def shown(farm, number):
+    """What each frame of a job shows, layers and all; None: it is in work."""
+    if farm.job(number)["state"] != "done":
+        return None
+    result = farm.cli("fetch", number, "-o", farm.path("shown-%d" % number), "--json")
+    files = [os.path.join(farm.folder, f) for f in sorted(result.json()["files"])] if result.code == 0 else []
+    exrs, pngs = ([f for f in files if f.endswith(end)] for end in (".exr", ".png"))
+    return [(read_exr(exr).bits(), read_bytes(png)) for exr, png in zip(exrs, pngs)] or None
+
+
+@tests.add
+def distrust_reaches_the_frames_around():
+    """pictures that are made of several frames (--denoise-around, --temporal) are made again when one of these was a liar's, also over
+    a restart; one that cannot be stays and says so"""
+    around, calm = ("--denoise", "on", "--denoise-around", "1"), ("--temporal", "2", "--auto-exposure", "key")
+    with Farm() as farm:
+        farm.start_coordinator("--no-audits")
+        worker = farm.start_worker("--name", "first")
+        jobs = {farm.submit(AREA, "--size", "48x48", "--spp", "8", "--frames", "1-3", "--format", "exr,png", *options): how
+                for options, how in ((around, {"flip": 1}), (around, {"flip": 1}), (calm, {"value": 7}))}
+        for number in jobs:
+            farm.wait_for_job(number)
+        bits = {number: shown(farm, number) for number in jobs}
+        worker.stop()
+        for number, how in jobs.items():
+            liar = start_liar(farm, "liar", 100, **how)
+            os.unlink(os.path.join(farm.store, "films", str(number), "frame-0002.kept"))
+            farm.cli("retry", number, "--frames", "2", expect=0)
+            wait_for(lambda n=number: shown(farm, n), "the lie")
+            changed = [a != b for a, b in zip(shown(farm, number), bits[number])]
+            expect(changed == [how != {"value": 7}, True, True], (how, changed))
+            liar.stop()
+        gone = list(jobs)[1]
+        os.unlink(os.path.join(farm.store, "films", str(gone), "frame-0003.kept"))
+        farm.cli("distrust", "liar", expect=0)
+        wait_for(lambda: all(farm.job(n)["state"] == "queued" for n in jobs), "the jobs to begin again")
+        farm.coordinator.kill()
+        farm.start_coordinator("--no-audits")
+        farm.start_worker("--name", "second")
+        wait_for(lambda: all(shown(farm, n) == bits[n] for n in jobs if n != gone), "the right pictures")
+        wait_for(lambda: shown(farm, gone), "the other job")
+        same = [a == b for a, b in zip(shown(farm, gone), bits[gone])]
+        expect(same == [True, False, False], same)  # the third cannot be made; the second is made without it
+        expect("retry %d --frames 3" % gone in farm.cli("log", gone, expect=0).out, "no remedy in the log")
+        farm.cli("retry", gone, "--frames", "3", expect=0)
+        wait_for(lambda: shown(farm, gone) == bits[gone], "the right pictures")
 
 
 @tests.add

@@ -183,6 +183,53 @@ static void pictures_wait_for_the_frames_around(void **state)
     queue_release(&queue);
 }
 
+/* Reopen those frames of eight that are done, and give which then have no pictures, a bit a frame. */
+static unsigned remade(uint32_t around, uint32_t temporal, const uint32_t *frames, size_t count)
+{
+    struct queue queue;
+    struct job *job = sim_job(16, 16, 4, 1, 8, 0);
+    struct job_reopening r;
+    unsigned before = 0, after = 0;
+
+    queue_init(&queue);
+    job->id = 1;
+    assert_int_equal(queue_add(&queue, job, NULL), STATUS_OK);
+    job->output.tonemap.denoise = DENOISING_ON;
+    job->output.tonemap.denoise_around = around;
+    job->output.tonemap.temporal = temporal;
+    for (uint32_t frame = 1; frame <= 8; frame++) {
+        job_frame_set_done(job, frame);
+        job_frame_set_developed(job, frame);
+    }
+    assert_int_equal(job_reopening_of(&r, job, frames, count, job->settings.spp, NULL), STATUS_OK);
+    assert_int_equal(job_reopen_check(&queue, job, NULL), STATUS_OK);
+    for (uint32_t frame = 1; frame <= 8; frame++)
+        before |= (unsigned)job_reopening_remakes(&r, job, frame) << frame;
+    job_reopen_frames(&queue, job, &r);
+    for (uint32_t frame = 1; frame <= 8; frame++) {
+        assert_int_equal(job_reopening_remakes(&r, job, frame), before >> frame & 1);
+        after |= (unsigned)(job_frame_is_done(job, frame) && !job_frame_is_developed(job, frame)) << frame;
+    }
+    assert_int_equal(before, after);
+    assert_int_equal(job->frames_done_count, 8 - count);
+    assert_int_equal(job->frames_done_count - job->frames_developed_count, __builtin_popcount(after));
+    job_reopening_release(&r);
+    queue_release(&queue);
+    return after;
+}
+
+/* What is made of several frames is made again with each of them. */
+static void pictures_follow_the_frames_around(void **state)
+{
+    (void)state;
+    assert_int_equal(remade(0, 1, (uint32_t[]){4}, 1), 0);
+    assert_int_equal(remade(1, 1, (uint32_t[]){4}, 1), 1u << 3 | 1u << 5);
+    assert_int_equal(remade(2, 1, (uint32_t[]){1, 8}, 2), 1u << 2 | 1u << 3 | 1u << 6 | 1u << 7);
+    assert_int_equal(remade(0, 3, (uint32_t[]){4}, 1), 1u << 5 | 1u << 6);
+    assert_int_equal(remade(1, 2, (uint32_t[]){4, 5}, 2), 1u << 3 | 1u << 6);
+    assert_int_equal(remade(2, 4, (uint32_t[]){3}, 1), 1u << 1 | 1u << 2 | 1u << 4 | 1u << 5 | 1u << 6);
+}
+
 /* The first and the last frame that there can be. */
 static void frames_around_end_at_the_ends(void **state)
 {
@@ -219,6 +266,7 @@ int main(void)
         cmocka_unit_test(rates_cover_the_last_seconds),
         cmocka_unit_test(pictures_wait_for_the_frames_around),
         cmocka_unit_test(frames_around_end_at_the_ends),
+        cmocka_unit_test(pictures_follow_the_frames_around),
     };
     return cmocka_run_group_tests_name("queue", tests, NULL, NULL);
 }
