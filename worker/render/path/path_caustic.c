@@ -52,7 +52,7 @@ enum path_chain path_chain_at(const struct path *path, const struct path_vertex 
     if (!delta)
         return path_meets_coincident(&v->crossing, v->sample.wi) || path->depth + 1 >= path->scene->settings.max_depth
                    ? CHAIN_NONE : CHAIN_ASKED;
-    if (path->chain != CHAIN_ASKED || !casts(path, v, through ? CASTER_REFRACTS : CASTER_REFLECTS) ||
+    if (path->caustics.chain != CHAIN_ASKED || !casts(path, v, through ? CASTER_REFRACTS : CASTER_REFLECTS) ||
         path_meets_coincident(&v->crossing, v->sample.wi))
         return CHAIN_NONE;
     return casters_are_sunlit(path->scene->casters, v->s.number, v->s.triangle) ? CHAIN_CAST_SUNLIT : CHAIN_CAST;
@@ -66,7 +66,7 @@ static int set_out(const struct caustic *c, struct vec3 direction, struct vec3 w
     *way = *c->path;
     way->throughput = vec3_splat(1);
     way->depth++;
-    way->at_next = 0;
+    way->next.there = 0;
     way->specular = 0;
     if (calls_for(way->scene->effects, VOLUME_EFFECTS) && wi.z < 0)
         way->interior = c->v->crossing.beyond;
@@ -193,7 +193,7 @@ static void add_solution(void *user, const struct caster_solution *solution)
         spread /= light.distance * light.distance;
     value = vec3_mul(way.throughput, vec3_scale(light.radiance, 1 / (spread * light.pdf)));
     if (calls_for(way.scene->effects, EFFECT_DISPERSION) && path_disperses_at(c->path, s))
-        value = vec3_mul(value, c->path->wavelength_rgb);
+        value = vec3_mul(value, c->path->wavelength.rgb);
     value = vec3_mul(value, scattered);
     if (vec3_is_finite(value))
         c->sum = vec3_add(c->sum, value);

@@ -137,7 +137,7 @@ struct vec3 path_direct_surface(struct path *path, struct path_vertex *v, struct
     if (vec3_is_black(notes->visible))
         return black;
     if (calls_for(path->scene->effects, EFFECT_DISPERSION) && path_disperses_at(path, s))
-        value = vec3_mul(value, path->wavelength_rgb);
+        value = vec3_mul(value, path->wavelength.rgb);
     if (calls_for(path->scene->effects, INDEX_MATCHED_EFFECTS) || has_absorbing_bodies(path))
         value = vec3_mul(value, notes->visible);
     return weigh_light(light, value, notes);
@@ -169,7 +169,7 @@ struct vec3 path_direct_medium(struct path *path, struct path_vertex *v, struct 
 /* Is this caustic light (it reaches a surface through a mirror or a lens), and is it switched off? */
 static int is_unwanted_caustic(const struct path *path)
 {
-    return path->specular && path->any_diffuse && (path->scene->settings.without & EFFECT_CAUSTICS);
+    return path->specular && path->caustics.any_diffuse && (path->scene->settings.without & EFFECT_CAUSTICS);
 }
 
 /* Light that the ray met, and that light sampling would have found with density `pdf`. */

@@ -14,13 +14,13 @@ __attribute__((noinline)) void path_mark(struct path *path)
     const uint32_t marks[] = {max / 4, max / 2, max, UINT32_MAX};            /* of DEPTH_QUARTER, _HALF, _ENDED */
     const real carried = vec3_luminance(path->throughput) * path->eta_scale; /* as if it were outside of glass */
 
-    for (; path->depth >= marks[path->marks]; path->marks++) {
+    for (; path->depth >= marks[path->tally.marks]; path->tally.marks++) {
         if (carried >= 0 && carried < INFINITY)
-            path->stats->work.depth.sum[DEPTH_QUARTER + path->marks] += (double)carried;
-        if (DEPTH_QUARTER + path->marks == DEPTH_HALF)
-            path->at_half = vec3_luminance(path->radiance);
+            path->stats->work.depth.sum[DEPTH_QUARTER + path->tally.marks] += (double)carried;
+        if (DEPTH_QUARTER + path->tally.marks == DEPTH_HALF)
+            path->tally.at_half = vec3_luminance(path->radiance);
     }
-    path->mark = marks[path->marks];
+    path->tally.mark = marks[path->tally.marks];
 }
 
 /* What is left of the light. Radiance shrinks by eta^2 where it enters a denser medium, and grows

@@ -45,39 +45,67 @@ enum path_sight { SIGHT_NOTHING, SIGHT_SURFACE, SIGHT_MEDIUM };
  * on a sunlit face, what a sun sends too. */
 enum path_chain { CHAIN_NONE, CHAIN_ASKED, CHAIN_CAST, CHAIN_CAST_SUNLIT };
 
-struct path {
-    const struct render_scene *scene;
-    const struct sampler *sampler;
-    struct render_stats *stats;
-    struct path_query query;
-    struct vec3 throughput;
-    struct vec3 radiance;  /* that the path has brought */
-    uint32_t depth;        /* scattering vertices before this one */
+/* Light that casters bring (path_caustic.c) is left out where a path finds it by chance, too. */
+struct path_caustics {
+    enum path_chain chain; /* what the last vertices are to casters */
+    int any_diffuse;       /* a vertex before the last one scattered with a finite density */
+};
+
+/* Dispersion: the one wavelength that a path has from its first refraction on. */
+struct path_wavelength {
+    real nm; /* 0: not sampled yet */
+    struct vec3 rgb;
+    int taken; /* the throughput carries its colour */
+};
+
+/* What the path passed between its vertices. */
+struct path_between {
+    uint32_t boundaries; /* index-matched ones so far */
+    uint32_t key;        /* of the next stretch's random numbers */
+    uint32_t depth;      /* after the last vertex whose number a medium used */
+};
+
+/* The next of several coincident faces, if it is at the path's position: no ray is traced. */
+struct path_next {
+    int there;
+    struct hit hit;
+};
+
+/* For figures: nothing of it changes the path. */
+struct path_tally {
     uint32_t mark, marks;  /* depth of the next mark, and how many are passed (path_mark) */
     real at_half;          /* luminance of the radiance at the mark of half the depth */
     enum path_sight sight; /* what the camera's ray met */
     real shone;            /* luminance that was seen on it directly, SIGHT_SURFACE only */
-    struct ray ray;
+};
+
+struct path {
+    const struct render_scene *scene;
+    const struct sampler *sampler;
+    struct render_stats *stats;
+
+    /* What it carries: the estimate of the light transport equation so far. */
+    struct vec3 throughput; /* of the vertices so far: products of f cos / pdf, and of what the way absorbs */
+    struct vec3 radiance;   /* that the path has brought */
+    struct ray ray;         /* to the next vertex */
+    uint32_t depth;         /* scattering vertices before this one */
+
+    /* How its direction was found: what next-event estimation at the last vertex would have found as well is weighted. */
     struct light_context context; /* light sampling context of the vertex that the ray left */
     real pdf;                     /* density of the ray's direction at that vertex, per sr */
     int specular;                 /* the direction came from a delta distribution or the camera:
                                    light sampling cannot find it */
-    enum path_chain chain;        /* what the last vertices are to casters */
-    int any_diffuse;              /* a vertex before the last one scattered with a finite density */
-    real eta_scale;               /* product of squared relative indices, for Russian roulette */
-    struct camera_cone cone;
-    /* Dispersion. */
-    real wavelength_nm; /* 0: not sampled yet */
-    int dispersed;      /* the throughput carries the wavelength's colour */
-    struct vec3 wavelength_rgb;
-    /* Volumes. */
-    struct interior interior;   /* the volumes that the ray is in */
-    uint32_t boundaries_passed; /* index-matched ones so far */
-    uint32_t medium_key;
-    uint32_t medium_depth; /* depth after the last vertex whose number a medium used */
-    /* The next of several coincident faces is at the path's position: it is `hit`; no ray is traced. */
-    int at_next;
-    struct hit hit;
+
+    /* What its tools keep. */
+    struct path_query query;  /* path_alpha.c */
+    struct camera_cone cone;  /* the beam over which textures are averaged */
+    real eta_scale;           /* product of squared relative indices, for Russian roulette */
+    struct interior interior; /* the volumes that the ray is in */
+    struct path_between between;
+    struct path_next next;
+    struct path_wavelength wavelength;
+    struct path_caustics caustics;
+    struct path_tally tally;
 };
 
 /* A vertex: on a surface, in a medium, or where the path leaves the scene. */
@@ -134,7 +162,7 @@ static inline int roulette_has_begun(const struct path *path) { return path->dep
  * direction sampled with path->pdf covers a solid angle of about 1 / pdf. */
 void path_widen(struct path *path, real t);
 /* The vertex has the depth of a mark: for the light that --max-depth takes (common/film/depth_light.h). Call it
- * if path->depth >= path->mark. */
+ * if path->depth >= path->tally.mark. */
 void path_mark(struct path *path);
 
 /* ---- path_trace.c ---------------------------------------------------------------------------- */
@@ -168,7 +196,7 @@ struct vec3 path_transmittance(struct path *path, const struct ray *ray);
 /* Does the path's wavelength still have to colour what the material refracts? This happens once. */
 static inline int path_disperses_at(const struct path *path, const struct surface *s)
 {
-    return path->wavelength_nm > 0 && !path->dispersed && s->material->m.dispersion > 0 && s->material->m.refractive;
+    return path->wavelength.nm > 0 && !path->wavelength.taken && s->material->m.dispersion > 0 && s->material->m.refractive;
 }
 
 /* ---- path.c, path_caustic.c ------------------------------------------------------------------ */
@@ -185,11 +213,11 @@ enum path_chain path_chain_at(const struct path *path, const struct path_vertex 
  * emits? */
 static inline int path_is_cast(const struct path *path)
 {
-    return path->chain == CHAIN_CAST_SUNLIT && environment_windows_pdf(path->scene->environment, path->ray.direction) > 0;
+    return path->caustics.chain == CHAIN_CAST_SUNLIT && environment_windows_pdf(path->scene->environment, path->ray.direction) > 0;
 }
 static inline int path_lamp_is_cast(const struct path *path, const struct surface *s)
 {
-    return path->chain >= CHAIN_CAST && casters_know_lamp(path->scene->casters, s->number);
+    return path->caustics.chain >= CHAIN_CAST && casters_know_lamp(path->scene->casters, s->number);
 }
 /* Light that the vertex scatters towards wo and that casters send there from a small lamp or a sun. The scene
  * has casters. */

@@ -85,6 +85,15 @@ static inline void sink_vertex_begins(const struct path *path, struct path_verte
     }
 }
 
+/* The path has met a surface, and the light that it emits is added. */
+static inline void sink_sight(struct path *path)
+{
+    if (path->depth > 0 || path->tally.sight != SIGHT_NOTHING)
+        return;
+    path->tally.sight = SIGHT_SURFACE;
+    path->tally.shone = vec3_luminance(path->radiance);
+}
+
 /* The vertex is complete. `record` may be NULL. */
 static inline void sink_vertex(struct path *path, struct path_vertex *v, const struct path_notes *notes,
                                enum path_end end, struct path_record *record)
@@ -107,11 +116,18 @@ static inline void sink_vertex(struct path *path, struct path_vertex *v, const s
         path->depth = SETTINGS_DEPTH_MAX;
 }
 
+/* A lamp is what shines brighter than all that it reflects. */
+static inline int sees_subject(const struct path *path)
+{
+    return path->tally.sight == SIGHT_MEDIUM ||
+           (path->tally.sight == SIGHT_SURFACE && !(path->tally.shone > 0 && vec3_luminance(path->radiance) < 2 * path->tally.shone));
+}
+
 /* The path has ended. What it carries stays bad once it is, so it is looked at once, here. */
 static inline void sink_path(const struct path *path, enum path_end end)
 {
     const struct vec3 t = path->throughput;
-    const real more = vec3_luminance(path->radiance) - path->at_half;
+    const real more = vec3_luminance(path->radiance) - path->tally.at_half;
 
     if (!(t.x + t.y + t.z < INFINITY))
         health_note(HEALTH_BAD_THROUGHPUTS);
@@ -120,6 +136,7 @@ static inline void sink_path(const struct path *path, enum path_end end)
     if (path->depth >= SETTINGS_DEPTH_MAX || end == PATH_BOUNDARIES)
         health_note(HEALTH_GUARDED_PATHS);
     /* What the path has brought since the mark of half the depth. */
-    if (DEPTH_QUARTER + path->marks > DEPTH_HALF && more > 0 && more < INFINITY)
+    if (DEPTH_QUARTER + path->tally.marks > DEPTH_HALF && more > 0 && more < INFINITY)
         path->stats->work.depth.sum[DEPTH_GATHERED] += (double)more;
+    path->stats->work.subject_samples += (uint64_t)sees_subject(path);
 }

@@ -70,9 +70,9 @@ static void sample_medium(struct path *path, const struct path_vertex *v, int is
 
     PROFILE_STAGE_EFFECT(MEDIUM, medium_account(is_fog));
     stretch.t_max = is_fog ? real_min(t, fog_end(path->scene, &path->ray)) : t;
-    if (path->medium_depth > path->depth) /* a second segment without a vertex between */
+    if (path->between.depth > path->depth) /* a second segment without a vertex between */
         first = sampler_hash(path->sampler, key, 0xffffffffu);
-    path->medium_depth = path->depth + 1;
+    path->between.depth = path->depth + 1;
     medium_sample(v->medium, &stretch, first, &random, event);
 }
 
@@ -83,7 +83,7 @@ static enum path_end scatter_in_medium(struct path *path, struct path_vertex *v,
     const struct vec3 before = path->ray.direction;
 
     path->stats->work.vertices++;
-    if (path->depth >= path->mark)
+    if (path->depth >= path->tally.mark)
         path_mark(path);
     if (path->depth >= path->scene->settings.max_depth)
         return PATH_MEDIUM_DEPTH;
@@ -94,8 +94,8 @@ static enum path_end scatter_in_medium(struct path *path, struct path_vertex *v,
     path->ray.direction = medium_phase_sample(v->medium, before, u.u, u.v);
     path->pdf = medium_phase(v->medium, vec3_dot(before, path->ray.direction));
     path->specular = 0;
-    path->chain = CHAIN_NONE;
-    path->any_diffuse = 1;
+    path->caustics.chain = CHAIN_NONE;
+    path->caustics.any_diffuse = 1;
     path_widen(path, v->medium_t);
     path->context.p = path->ray.origin;
     path->context.n = vec3_make(0, 0, 0);
@@ -108,7 +108,7 @@ static enum path_end scatter_in_medium(struct path *path, struct path_vertex *v,
 
 enum path_end path_medium(struct path *path, struct path_vertex *v, struct path_notes *notes, real t)
 {
-    const uint32_t key = path->medium_key++;
+    const uint32_t key = path->between.key++;
     struct medium_event event;
     int is_fog;
 
@@ -116,7 +116,7 @@ enum path_end path_medium(struct path *path, struct path_vertex *v, struct path_
     if (!v->medium)
         return PATH_GOES_ON;
     if (path->depth == 0)
-        path->sight = SIGHT_MEDIUM;
+        path->tally.sight = SIGHT_MEDIUM;
     sample_medium(path, v, is_fog, t, key, &event);
     path_add(path, notes, FROM_MEDIUM, event.emitted);
     path->throughput = vec3_mul(path->throughput, event.weight);
@@ -166,7 +166,7 @@ __attribute__((noinline)) struct vec3 path_transmittance(struct path *path, cons
     real left = ray->t_max;
 
     for (int i = 0; i < INDEX_MATCHED_MAX; i++) {
-        struct medium_random random = {path->sampler, path->medium_key++, 0};
+        struct medium_random random = {path->sampler, path->between.key++, 0};
         struct crossing crossing;
         struct surface s;
         struct hit hit;
@@ -224,11 +224,11 @@ int path_boundary(struct path *path, struct path_vertex *v)
                     ? sampler_get(path->sampler, v->dimension + VERTEX_MEDIUM).v : 0;
 
     crossing_find(path->scene, &path->ray, &path->query, mix, calls_for(path->scene->effects, EFFECT_NESTED_DIELECTRIC),
-                  path->at_next, &path->interior, &v->s, &v->crossing);
+                  path->next.there, &path->interior, &v->s, &v->crossing);
     if (v->crossing.is_boundary && v->s.material->m.kind != MATERIAL_INTERFACE)
         return 1;
     v->met = PATH_MET_BOUNDARY;
-    path->boundaries_passed++;
+    path->between.boundaries++;
     path->interior = v->crossing.beyond;
     path->cone.width += v->s.t * path->cone.spread;
     surface_leave(&v->s, path->ray.direction, &path->ray);
@@ -238,9 +238,9 @@ int path_boundary(struct path *path, struct path_vertex *v)
 /* The index for the path's wavelength, which is sampled when it is first needed. */
 static real dispersed_ior(struct path *path, real ior, real dispersion)
 {
-    if (!(path->wavelength_nm > 0))
-        path->wavelength_nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v, &path->wavelength_rgb);
-    return dispersion_ior(ior, dispersion, path->wavelength_nm);
+    if (!(path->wavelength.nm > 0))
+        path->wavelength.nm = wavelength_sample(sampler_get(path->sampler, DIMENSION_TIME).v, &path->wavelength.rgb);
+    return dispersion_ior(ior, dispersion, path->wavelength.nm);
 }
 
 void path_indices(struct path *path, struct path_vertex *v)
