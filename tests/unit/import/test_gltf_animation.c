@@ -375,23 +375,30 @@ static void test_mending(void **state)
     static const float times[4] = {0, 1, 1, 2};
     static const float moves[12] = {0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3};
     static const float turns[16] = {0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 1, 0, 0, 0};
+    float spline[36]; /* each number another: its key, then tangent, value, tangent, then axis */
     struct maker m = triangle_maker();
     struct import_result r;
 
     (void)state;
+    for (int i = 0; i < 36; i++)
+        spline[i] = (float)(1 + i);
     put_floats(&m, "SCALAR", times, 4, 4);
     put_floats(&m, "VEC3", moves, 12, 4);
     put_floats(&m, "VEC4", turns, 16, 4);
+    put_floats(&m, "VEC3", spline, 36, 12);
     maker_import(&m,
                  TWO_NODES ",\"animations\":[{\"samplers\":[" SAMPLER(2, "LINEAR") ","
-                 SAMPLER(3, "LINEAR") "],\"channels\":[" CHANNEL(0, 1, "translation") ","
-                 CHANNEL(1, 1, "rotation") "," CHANNEL(1, 1, "mood") "]}]," ONE_TRIANGLE,
+                 SAMPLER(3, "LINEAR") "," SAMPLER(4, "CUBICSPLINE") "],\"channels\":[" CHANNEL(0, 1, "translation") ","
+                 CHANNEL(1, 1, "rotation") "," CHANNEL(2, 1, "scale") "," CHANNEL(1, 1, "mood") "]}]," ONE_TRIANGLE,
                  &r);
-    assert_int_equal(r.scene.channel_count, 2);
+    assert_int_equal(r.scene.channel_count, 3);
     assert_int_equal(r.scene.channels[0].key_count, 3);
     assert_floats(r.scene.channels[0].times, (const float[]){0, 1, 2}, 3, 0);
     assert_floats(r.scene.channels[0].values, (const float[]){0, 0, 0, 2, 2, 2, 3, 3, 3}, 9, 0);
     assert_floats(r.scene.channels[1].values, (const float[]){0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 0}, 12, 0);
+    assert_int_equal(r.scene.channels[2].key_count, 3);
+    for (int i = 0; i < 27; i++)
+        assert_true(r.scene.channels[2].values[i] == spline[i < 9 ? i : i + 9]);
     assert_warned(&r, "several keys at one time");
     assert_warned(&r, "is no rotation");
     assert_warned(&r, "animates the mood");

@@ -219,15 +219,16 @@ static void test_morph_baked(void **state)
     assert_int_equal(r.scene.meshes[0].morph_count, 0);
     assert_floats(view_mesh(&r, 0).positions, (const float[]){2, 0, 0, 3, 0, 0, 2, 1, 1}, 9, 0);
     import_result_release(&r);
-    /* Two nodes in one shape share it; a third has another. */
+    /* Two nodes in one shape share it; each other weight makes another. */
     m = morph_maker();
     maker_import(&m,
-                 "\"scenes\":[{\"nodes\":[0,1,2]}],\"nodes\":[{\"mesh\":0},{\"mesh\":0,\"weights\":"
-                 "[0,0]},{\"mesh\":0,\"weights\":[1]}]," MORPHED(""),
+                 "\"scenes\":[{\"nodes\":[0,1,2,3]}],\"nodes\":[{\"mesh\":0},{\"mesh\":0,\"weights\":"
+                 "[0,0]},{\"mesh\":0,\"weights\":[1]},{\"mesh\":0,\"weights\":[0,1]}]," MORPHED(""),
                  &r);
     assert_int_equal(r.scene.instances[0].mesh, r.scene.instances[1].mesh);
     assert_int_not_equal(r.scene.instances[0].mesh, r.scene.instances[2].mesh);
     assert_floats(view_mesh(&r, r.scene.instances[2].mesh).positions, (const float[]){1, 0, 0, 2, 0, 0, 1, 1, 0}, 9, 0);
+    assert_floats(view_mesh(&r, r.scene.instances[3].mesh).positions, (const float[]){0, 0, 0, 1, 0, 0, 0, 1, 4}, 9, 0);
     import_result_release(&r);
 }
 
@@ -283,6 +284,30 @@ static void test_uses_of_a_mesh(void **state)
         assert_int_equal(r.scene.instances[i].skin, is_skinned ? 0 : -1);
         assert_true(v.positions[2] == (i < 2 ? 0 : 1));
     }
+    import_result_release(&r);
+}
+
+/* What joints move may change its shape meanwhile: the node says how far. */
+static void test_morph_of_a_skin(void **state)
+{
+    struct maker m = skin_maker();
+    struct import_result r;
+
+    (void)state;
+    put_floats(&m, "VEC3", (const float[]){0, 0, 1, 0, 0, 1, 0, 0, 1}, 9, 3);
+    put_floats(&m, "SCALAR", (const float[]){0, 3}, 2, 2);
+    put_floats(&m, "SCALAR", (const float[]){0, 1}, 2, 2);
+    maker_import(&m,
+                 "\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{\"mesh\":0,\"skin\":0},{}],\"skins\":[{\"joints\":[1,1]}],"
+                 "\"animations\":[{\"samplers\":[{\"input\":7,\"output\":8}],\"channels\":[{\"sampler\":0,\"target\":{\"node\":0,"
+                 "\"path\":\"weights\"}}]}],\"meshes\":[{\"primitives\":[{\"attributes\":{"
+                 "\"POSITION\":0,\"JOINTS_0\":1,\"WEIGHTS_0\":2},\"targets\":[{\"POSITION\":6}]}]}]", &r);
+    assert_int_equal(r.scene.instance_count, 1);
+    assert_int_equal(r.scene.instances[0].skin, 0);
+    assert_int_equal(view_mesh(&r, r.scene.instances[0].mesh).mesh->morph_count, 1);
+    assert_in_range(r.scene.instances[0].node, 0, r.scene.node_count - 1);
+    assert_int_equal(r.scene.nodes[r.scene.instances[0].node].weight_count, 1);
+    assert_int_equal(r.scene.channels[0].node, r.scene.instances[0].node);
     import_result_release(&r);
 }
 
@@ -359,6 +384,7 @@ int main(void)
         cmocka_unit_test(test_morph_baked),
         cmocka_unit_test(test_morph_normals),
         cmocka_unit_test(test_uses_of_a_mesh),
+        cmocka_unit_test(test_morph_of_a_skin),
         cmocka_unit_test(test_morph_opens),
         cmocka_unit_test(test_morph_faults),
         cmocka_unit_test(test_no_memory),

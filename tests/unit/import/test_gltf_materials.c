@@ -311,7 +311,7 @@ static void test_texture_transform(void **state)
     maker_import(&m,
                  ONE_NODE ",\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0,"
                           "\"TEXCOORD_0\":1,\"TEXCOORD_1\":2},\"material\":0}]}],\"materials\":[{"
-                          "\"pbrMetallicRoughness\":{\"baseColorTexture\":{\"index\":0,"
+                          "\"pbrMetallicRoughness\":{\"baseColorTexture\":{\"index\":0,\"texCoord\":0,"
                           "\"extensions\":{\"KHR_texture_transform\":{\"offset\":[0.5,0.25],"
                           "\"scale\":[2,3],"
                           "\"rotation\":0.5,\"texCoord\":1}}}}}],"

@@ -117,6 +117,33 @@ static void quad_in_every_spelling(void **state)
     }
 }
 
+/* Places, texture coordinates and normals are each counted from the end of their own list, as it is at the face. */
+static void corners_from_the_end(void **state)
+{
+    static const char lists[] = QUAD "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt .5 .5\nvn 0 0 1\nvn 0 1 0\nvn 1 0 0\n";
+    static const char more[] = "v 9 9 9\nvt .25 .75\nvt .75 .25\nvn -1 0 0\nvn 0 -1 0\nvn 0 0 -1\n";
+    static const char *const faces[][2] = {
+        {"f 1/2/1 2/3/2 3/4/3 4/5/1\n", "f -4/-4/-3 -3/-3/-2 -2/-2/-1 -1/-1/-3\n"},
+        {"f 1//3 2//2 3//1\n", "f -4//-1 -3//-2 -2//-3\n"},
+        {"f 1/5 3/4 4/1\n", "f -4/-1 -2/-2 -1/-5\n"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof faces / sizeof *faces; i++) {
+        struct digest digests[2];
+        for (int way = 0; way < 2; way++) {
+            struct import_result result;
+            char text[512];
+            snprintf(text, sizeof text, "%s%s%s", lists, faces[i][way], more);
+            import(text, &result);
+            assert_int_equal(result.scene.mesh_count, 1);
+            digests[way] = result.scene.meshes[0].blob.digest;
+            import_result_release(&result);
+        }
+        assert_true(digest_equal(&digests[0], &digests[1]));
+    }
+}
+
 static void very_long_line(void **state)
 {
     struct buffer text = BUFFER_INIT;
@@ -425,19 +452,39 @@ static void opacity_counts_once(void **state)
 
 /* ---- maps ----------------------------------------------------------------------------------- */
 
-/* A PNG of 2 x 2 pixels with these values of red, green and blue. */
-static void write_picture(const char *name, const float rgb[12])
+/* A PNG of 2 x 2 pixels with these values of each channel. */
+static void write_picture_of(const char *name, uint32_t channels, const float *values)
 {
     struct image image;
     struct buffer png = BUFFER_INIT;
     struct error err = {0};
 
-    assert_int_equal(image_init(&image, 2, 2, 3, &err), STATUS_OK);
-    memcpy(image.pixels, rgb, 12 * sizeof *rgb);
+    assert_int_equal(image_init(&image, 2, 2, channels, &err), STATUS_OK);
+    memcpy(image.pixels, values, 4 * channels * sizeof *values);
     assert_int_equal(png_encode(&png, &image, &err), STATUS_OK);
     write_file(name, png.data, png.size);
     buffer_release(&png);
     image_release(&image);
+}
+
+static void write_picture(const char *name, const float rgb[12]) { write_picture_of(name, 3, rgb); }
+
+/* Grey, 8 x 8, higher by 16 codes to the right and by 8 downwards. */
+static void write_heights(const char *name)
+{
+    struct image heights;
+    struct buffer png = BUFFER_INIT;
+    struct error err = {0};
+
+    assert_int_equal(image_init(&heights, 8, 8, 3, &err), STATUS_OK);
+    for (size_t y = 0; y < 8; y++)
+        for (size_t x = 0; x < 8; x++)
+            for (size_t c = 0; c < 3; c++)
+                heights.pixels[3 * (8 * y + x) + c] = (float)(16 * x + 8 * y) / 255;
+    assert_int_equal(png_encode(&png, &heights, &err), STATUS_OK);
+    write_file(name, png.data, png.size);
+    buffer_release(&png);
+    image_release(&heights);
 }
 
 /* The pixels of the image behind a slot. */
@@ -551,6 +598,87 @@ static void maps_keep_their_options(void **state)
     import_result_release(&result);
 }
 
+/* Of a picture with alpha: that, if no channel is named. */
+static void a_channel_beside_alpha(void **state)
+{
+    static const float rgba[16] = {0, 1, 0, 1, 1, 1, 1, 0, 0, 1, 0, 1, 1, 1, 1, 0};
+    struct import_result result;
+    struct scene_material m;
+
+    (void)state;
+    write_picture_of("a.png", 4, rgba);
+    material_of("newmtl it\nmap_d -imfchan r a.png\n", &result, &m);
+    assert_row(&result, &m.base_color_texture, 3, "01", 1, 0);
+    import_result_release(&result);
+    material_of("newmtl it\nmap_d a.png\n", &result, &m);
+    assert_row(&result, &m.base_color_texture, 3, "10", 1, 0);
+    import_result_release(&result);
+    material_of("newmtl it\nmap_d -imfchan m a.png\n", &result, &m);
+    assert_row(&result, &m.base_color_texture, 3, "10", 1, 0);
+    import_result_release(&result);
+}
+
+/* A material without its name, and with pictures and samplers in place of textures' numbers. */
+static void print_material(struct buffer *to, const struct import_result *result, size_t index)
+{
+    struct scene_material m = result->scene.materials[index];
+
+    for (size_t i = 0; i < MATERIAL_TEXTURES; i++)
+        if (m.textures[i].texture >= 0) {
+            const struct scene_texture *t = &result->scene.textures[m.textures[i].texture];
+            buffer_append(to, &result->scene.images[t->image].blob.digest, sizeof(struct digest));
+            buffer_append(to, &t->wrap_u, sizeof *t - offsetof(struct scene_texture, wrap_u));
+            m.textures[i].texture = 0;
+        }
+    m.name = "";
+    buffer_append(to, &m, sizeof m);
+}
+
+/* Two materials whose maps name the same pictures: each is what it is alone. */
+static void maps_of_two_materials(void **state)
+{
+    static const float rgba[16] = {0, 1, 0, 1, 1, .5f, .25f, 0, 0, 1, 0, 1, 1, 0, .75f, .5f};
+    static const char *const maps[] = {
+        "map_Kd a.png", "map_Kd -s 2 2 1 a.png", "map_Kd -clamp on a.png", "map_d a.png", "map_d -imfchan r a.png", "map_Kd a.png\nmap_d a.png",
+        "map_Pr a.png", "map_Pm a.png", "map_Pr -mm .5 .5 a.png", "map_Pr a.png\nmap_Pm -imfchan b a.png", "map_Ke a.png", "bump a.png",
+        "bump h.png", "bump -bm 2 h.png", "bump -bm .5 h.png", "bump -imfchan g h.png", "norm a.png", "map_Ks a.png", "map_Ns a.png",
+    };
+    enum { MAPS = sizeof maps / sizeof *maps };
+    struct buffer alone[MAPS];
+    struct import_result result;
+    struct scene_material m;
+    char library[512];
+
+    (void)state;
+    write_heights("h.png");
+    write_picture_of("a.png", 4, rgba);
+    for (size_t i = 0; i < MAPS; i++) {
+        alone[i] = (struct buffer)BUFFER_INIT;
+        snprintf(library, sizeof library, "newmtl it\nKd .5 .5 .5\nillum 2\n%s\n", maps[i]);
+        material_of(library, &result, &m);
+        print_material(&alone[i], &result, 0);
+        import_result_release(&result);
+    }
+    for (size_t i = 0; i < MAPS * MAPS; i++) {
+        const size_t pair[2] = {i / MAPS, i % MAPS};
+        snprintf(library, sizeof library, "newmtl one\nKd .5 .5 .5\nillum 2\n%s\nnewmtl two\nKd .5 .5 .5\nillum 2\n%s\n", maps[pair[0]],
+                 maps[pair[1]]);
+        write_file("m.mtl", library, strlen(library));
+        import(USE("one") "usemtl two\nf 1/1 3/3 4/1\n", &result);
+        assert_int_equal(result.scene.material_count, 2);
+        for (size_t k = 0; k < 2; k++) {
+            struct buffer is = BUFFER_INIT;
+            print_material(&is, &result, k);
+            if (is.size != alone[pair[k]].size || memcmp(is.data, alone[pair[k]].data, is.size) != 0)
+                fail_msg("\"%s\" beside \"%s\" is not what it is alone", maps[pair[k]], maps[pair[1 - k]]);
+            buffer_release(&is);
+        }
+        import_result_release(&result);
+    }
+    for (size_t i = 0; i < MAPS; i++)
+        buffer_release(&alone[i]);
+}
+
 static int holds_blob(const struct import_result *result, const void *data, size_t size)
 {
     for (size_t i = 0; i < result->blob_count; i++)
@@ -591,21 +719,10 @@ static void height_maps_become_normal_maps(void **state)
 {
     struct import_result result;
     struct scene_material m;
-    struct image heights;
     struct image8 picture;
-    struct buffer png = BUFFER_INIT;
-    struct error err = {0};
 
     (void)state;
-    assert_int_equal(image_init(&heights, 8, 8, 3, &err), STATUS_OK);
-    for (size_t y = 0; y < 8; y++)
-        for (size_t x = 0; x < 8; x++)
-            for (size_t c = 0; c < 3; c++)
-                heights.pixels[3 * (8 * y + x) + c] = (float)(16 * x + 8 * y) / 255;
-    assert_int_equal(png_encode(&png, &heights, &err), STATUS_OK);
-    write_file("h.png", png.data, png.size);
-    buffer_release(&png);
-    image_release(&heights);
+    write_heights("h.png");
     material_of("newmtl it\nbump h.png -bm 2\n", &result, &m);
     assert_warned(&result, "h.png -bm 2"); /* options stand before the name */
     import_result_release(&result);
@@ -673,6 +790,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(quad_in_every_spelling),
+        cmocka_unit_test(corners_from_the_end),
         cmocka_unit_test(very_long_line),
         cmocka_unit_test(attributes_make_vertices),
         cmocka_unit_test(groups_and_materials_make_meshes),
@@ -688,6 +806,8 @@ int main(void)
         cmocka_unit_test(mtl_faults_are_warned_of),
         cmocka_unit_test(maps_become_textures),
         cmocka_unit_test(maps_keep_their_options),
+        cmocka_unit_test(a_channel_beside_alpha),
+        cmocka_unit_test(maps_of_two_materials),
         cmocka_unit_test(a_tga_map_is_kept),
         cmocka_unit_test(height_maps_become_normal_maps),
         cmocka_unit_test(ply_is_a_scene),

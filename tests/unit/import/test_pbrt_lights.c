@@ -529,6 +529,44 @@ static void assert_same_scene(const char *folder, const char *one, const char *o
     buffer_release(&packed[1]);
 }
 
+/* One statement that makes several shapes shine says what one for each says, whatever their sizes. */
+static void test_one_lamp_of_many_shapes(void **state)
+{
+    static const char *const lamps[] = {
+        "AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] ",
+        "AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"float power\" 100 ",
+        "AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"float power\" 100 \"bool twosided\" true ",
+        "AreaLightSource \"diffuse\" \"blackbody L\" 3000 \"float scale\" 2 ",
+    };
+    static const char *const shapes[] = {SQUARE, "Scale 2 3 1 ", SQUARE, "Material \"conductor\" ", SQUARE "\"float alpha\" .5 ",
+                                         "Shape \"sphere\" ", "Shape \"sphere\" \"float radius\" 2 ", "ReverseOrientation ", SQUARE};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof lamps / sizeof *lamps; i++) {
+        char one[3000], other[3000];
+        struct import_result r[2];
+        int used = snprintf(one, sizeof one, RIGHT_HANDED "WorldBegin %s", lamps[i]), more = snprintf(other, sizeof other, RIGHT_HANDED "WorldBegin ");
+        for (size_t k = 0; k < sizeof shapes / sizeof *shapes; k++) {
+            const int shines = strncmp(shapes[k], "Shape", 5) == 0;
+            used += snprintf(one + used, sizeof one - (size_t)used, "%s", shapes[k]);
+            more += snprintf(other + more, sizeof other - (size_t)more, "%s%s%s%s", shines ? "AttributeBegin " : "",
+                             shines ? lamps[i] : "", shapes[k], shines ? "AttributeEnd " : "");
+        }
+        pbrt_whole(one, NULL, &r[0]);
+        pbrt_whole(other, NULL, &r[1]);
+        assert_int_equal(r[0].scene.instance_count, r[1].scene.instance_count);
+        for (uint32_t k = 0; k < r[0].scene.instance_count; k++) {
+            struct scene_material a = r[0].scene.materials[r[0].scene.instances[k].material];
+            struct scene_material b = r[1].scene.materials[r[1].scene.instances[k].material];
+            a.name = b.name = "";
+            if (memcmp(&a, &b, sizeof a) != 0)
+                fail_msg("shape %u of %s", k, lamps[i]);
+        }
+        import_result_release(&r[0]);
+        import_result_release(&r[1]);
+    }
+}
+
 enum { FACTOR_TEXT = 1000 };
 
 /* A lamp whose values, scale and flux (power or illuminance; 0: not said) are multiplied by these. */
@@ -636,7 +674,8 @@ int main(void)
         cmocka_unit_test(test_image_lights),
         cmocka_unit_test(test_media),
         cmocka_unit_test(test_media_of_both_versions),
-        cmocka_unit_test(test_dense), cmocka_unit_test(test_grid), cmocka_unit_test(test_factors_of_lamps),
+        cmocka_unit_test(test_dense), cmocka_unit_test(test_grid), cmocka_unit_test(test_one_lamp_of_many_shapes),
+        cmocka_unit_test(test_factors_of_lamps),
         cmocka_unit_test(test_factors_of_media),
     };
 

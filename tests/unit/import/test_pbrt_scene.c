@@ -479,6 +479,52 @@ static const struct scene_channel *channel_of(const struct import_result *r, enu
     return NULL;
 }
 
+/* What is said within a block ends with it: the scene is the one without. */
+static void test_blocks_end(void **state)
+{
+    enum { OF_TRANSFORMS = 7 };
+    static const char *const said[] = {
+        "Translate 1 2 3 ", "Scale 2 3 4 ", "Rotate 30 1 2 3 ", "Identity ", "CoordSysTransform \"here\" ",
+        "ActiveTransform StartTime ", "ActiveTransform EndTime ", /* here end those of OF_TRANSFORMS */
+        "ReverseOrientation ", "Material \"conductor\" ", "NamedMaterial \"other\" ", "MediumInterface \"m\" \"\" ",
+        "AreaLightSource \"diffuse\" \"rgb L\" [2 2 2] ", "ColorSpace \"rec2020\" ", "Attribute \"shape\" \"float alpha\" .5 ",
+        "Attribute \"light\" \"float scale\" 3 ", "Attribute \"material\" \"float roughness\" .5 ",
+    };
+    static const struct {
+        const char *begin, *end;
+        size_t count;
+    } blocks[] = {{"AttributeBegin ", "AttributeEnd ", sizeof said / sizeof *said}, {"TransformBegin ", "TransformEnd ", OF_TRANSFORMS}};
+    static const char before[] =
+        "MakeNamedMedium \"m\" \"string type\" \"homogeneous\" MakeNamedMaterial \"other\" \"string type\" \"diffuse\" "
+        "CoordinateSystem \"here\" Translate 0 1 0 Rotate 10 0 0 1 Material \"coateddiffuse\" \"rgb reflectance\" [.4 .2 .2] ";
+    static const char after[] =
+        TRIANGLE "Translate 5 0 0 " TRIANGLE "Shape \"sphere\" Material \"coateddiffuse\" \"rgb reflectance\" [.3 .5 .2] " TRIANGLE
+                 "LightSource \"point\" \"rgb I\" [1 2 3] AttributeBegin AreaLightSource \"diffuse\" \"rgb L\" [2 1 1] " TRIANGLE "AttributeEnd ";
+    struct import_result r;
+    struct digest plain;
+    char text[4096];
+
+    (void)state;
+    snprintf(text, sizeof text, "%s%s", before, after);
+    pbrt_world(text, &r);
+    plain = r.scene_digest;
+    import_result_release(&r);
+    for (size_t b = 0; b < sizeof blocks / sizeof *blocks; b++)
+        for (size_t i = 0; i < blocks[b].count; i++) {
+            snprintf(text, sizeof text, "%s%s%s%s%s", before, blocks[b].begin, said[i], blocks[b].end, after);
+            pbrt_world(text, &r);
+            if (!digest_equal(&plain, &r.scene_digest))
+                fail_msg("%s%s%sleaves something", blocks[b].begin, said[i], blocks[b].end);
+            import_result_release(&r);
+            /* Without the block it matters. */
+            snprintf(text, sizeof text, "%s%s%s", before, said[i], after);
+            pbrt_world(text, &r);
+            if (digest_equal(&plain, &r.scene_digest))
+                fail_msg("%schanges nothing", said[i]);
+            import_result_release(&r);
+        }
+}
+
 static void test_motion(void **state)
 {
     const struct scene_channel *c;
@@ -593,6 +639,7 @@ int main(void)
         cmocka_unit_test(test_hints_not_taken),
         cmocka_unit_test(test_fov),
         cmocka_unit_test(test_matrices),
+        cmocka_unit_test(test_blocks_end),
         cmocka_unit_test(test_objects),
         cmocka_unit_test(test_motion),
         cmocka_unit_test(test_mirrored_motion),
