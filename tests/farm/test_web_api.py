@@ -187,9 +187,12 @@ def every_route():
         expect(len(events) == 5 and api.does(200, "get", "/api/v1/log", query={"after": events[-1]["seq"]}).json()["events"] == [],
                events)
         api.does(426, "get", "/api/v1/live")
-        head = api.page.raw(b"GET /api/v1/events HTTP/1.1\r\nHost: %s\r\nAuthorization: Bearer %s\r\n\r\n" % (
-            api.page.host.encode(), api.page.token.encode()), until=lambda got: b"\r\n\r\n" in got)
-        expect(b" 200 OK" in head and b"text/event-stream" in head, head)
+        for version, is_chunked in (("1.1", True), ("1.0", False)):  # a client of 1.0 knows no chunks
+            told = api.page.raw(("GET /api/v1/events HTTP/%s\r\nHost: %s\r\nAuthorization: Bearer %s\r\n\r\n" % (
+                version, api.page.host, api.page.token)).encode(), until=lambda got: b"event: begin" in got)
+            head, _, events = told.partition(b"\r\n\r\n")
+            expect(b" 200 OK" in head and b"text/event-stream" in head, head)
+            expect((b"chunked" in head) == is_chunked and events.startswith(b"id: ") != is_chunked, told)
         api.called.add(("get", "/api/v1/events"))
         expect(not set(api.operations) - api.called, "never asked: %s" % sorted(set(api.operations) - api.called))
 

@@ -212,6 +212,28 @@ def live_picture_ends_as_the_exr():
 
 
 @tests.add
+def each_sees_the_layer_that_it_asked_for():
+    """two who look at one frame in work get different layers of it, each its own"""
+    with Farm() as farm:
+        page = Page(farm)
+        worker = farm.start_worker()
+        job = farm.submit(farm.scene(), "--size", "100x70", "--spp", "65536")
+        wait_for(lambda: farm.job(job)["samples_done"] >= 100 * 70 * 8, "a few samples of each pixel")
+        worker.stop()
+        wait_for(lambda: not farm.list_workers(), "all that it delivered to be there")
+        with page.socket() as one, page.socket() as other:
+            def seen(live, layer):
+                live.watch(job, 0, layer).until(lambda: live.picture and live.picture.is_whole(), "the picture")
+                return [[live.picture.channel(c) for c in range(3)], live.picture.samples()]
+
+            # Each asks when the other has seen all of its layer.
+            color, counts = seen(one, "color"), seen(other, "samples")
+            expect(seen(other, "color") == color and seen(one, "samples") == counts, "another layer")
+            expect(color[0] != counts[0] and color[1] == counts[1], "the layers are the same")
+            expect(set(counts[0][0]) <= {half_bits(v) for v in counts[1].values()}, "not numbers of samples")
+
+
+@tests.add
 def done_frame_is_read_from_the_store():
     """a frame that is done comes from its film with its errors and layers, without it from its EXR file"""
     with Farm() as farm:

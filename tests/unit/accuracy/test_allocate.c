@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "common/accuracy/allocate.h"
+#include "common/accuracy/stop.h"
 #include "common/accuracy/figures.h"
 #include "common/film/tiles.h"
 
@@ -674,9 +675,25 @@ static void test_toy(void **state)
     assert_true(toy_expectation(TOY_BY_COUNTS, target) < 0.95);
 }
 
+/* The stricter of two targets: a smaller error, or more dB; those of two measures have no order. */
+static void targets_have_an_order(void **state)
+{
+    static const struct allocation_target strict[] = {{ALLOCATION_DISPLAY, 2}, {ALLOCATION_PSNR, 45}, {ALLOCATION_RMSE, 0.5}};
+    static const struct allocation_target loose[] = {{ALLOCATION_DISPLAY, 3}, {ALLOCATION_PSNR, 40}, {ALLOCATION_RMSE, 1}};
+
+    (void)state;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            assert_int_equal(stop_target_is_stricter(&strict[i], &loose[k]), i == k);
+            assert_false(stop_target_is_stricter(&loose[i], &strict[k]));
+            assert_false(stop_target_is_stricter(&strict[i], &strict[k]));
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(targets_have_an_order),
         cmocka_unit_test(test_schedule),
         cmocka_unit_test(test_bins),
         cmocka_unit_test(test_grows_with_lambda),

@@ -153,6 +153,9 @@ static void sentences_name_the_first_example(void **state)
     h.first[HEALTH_DROPPED_SAMPLES] = 0;
     assert_string_equal(health_text(text, &h, HEALTH_DROPPED_SAMPLES, (struct tile_rect){0, 0, 37, 19}, 1),
                         "1 sample was not finite and counts as black");
+    /* Of a region, the pixel of the whole picture; the last tile of both ways. */
+    assert_string_equal(health_first_text(text, health_key((struct health_place){1, 5, 9, 7}), (struct tile_rect){100, 40, 37, 19}),
+                        "pass 1, tile 5, pixel 136,57, sample 7");
     /* A tile that the picture has not. */
     assert_string_equal(health_first_text(text, health_key((struct health_place){0, 6, 0, 0}), (struct tile_rect){0, 0, 37, 19}), "");
 }

@@ -640,12 +640,14 @@ static void test_chromaticities(void **state)
     static const exr_attr_chromaticities_t flat = {0.5f, 0.5f, 0.5f, 0.5f, 0.5f, 0.5f, 0.3f, 0.3f};
     static const struct part_spec rgb = {
         NULL, EXR_STORAGE_SCANLINE, {"B", "G", "R"}, FLOATS, {2, 1, 0}};
+    static const struct part_spec rgba = {
+        NULL, EXR_STORAGE_SCANLINE, {"A", "B", "G", "R"}, FLOATS, {3, 2, 1, 0}};
     /* IEC 61966-2-1's inverse matrix. */
     static const double m[3][3] = {{3.2406, -1.5372, -0.4986}, {-0.9689, 1.8758, 0.0415},
                                    {0.0557, -0.2040, 1.0570}};
     struct buffer file = BUFFER_INIT;
     struct error err = {0};
-    struct image out;
+    struct image out, clear;
 
     (void)state;
     write_parts(&file, &rgb, 1, 3, 2, EXR_COMPRESSION_ZIP, &xyz, 0);
@@ -656,6 +658,17 @@ static void test_chromaticities(void **state)
             wanted += m[c][k] * (double)pattern(0, 0, k);
         assert_true(fabs((double)out.pixels[c] - wanted) < 1e-3);
     }
+    image_release(&out);
+    /* With alpha the same colours, and alpha as it is. */
+    write_parts(&file, &rgba, 1, 3, 2, EXR_COMPRESSION_ZIP, &xyz, 0);
+    out = decode(&file);
+    assert_int_equal(exr_decode_alpha(&clear, file.data, file.size, "x.exr", &err), STATUS_OK);
+    assert_int_equal(clear.channels, 4);
+    for (uint32_t i = 0; i < 6; i++) {
+        assert_memory_equal(clear.pixels + 4 * i, out.pixels + 3 * i, 3 * sizeof(float));
+        assert_true(clear.pixels[4 * i + 3] == pattern(i % 3, i / 3, 3));
+    }
+    image_release(&clear);
     image_release(&out);
     write_parts(&file, &rgb, 1, 3, 2, EXR_COMPRESSION_ZIP, &flat, 0);
     assert_int_equal(exr_decode(&out, file.data, file.size, "x.exr", &err), STATUS_ERR_INPUT);

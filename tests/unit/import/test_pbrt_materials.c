@@ -448,6 +448,11 @@ static void test_alpha(void **state)
     assert_true(r.scene.materials[r.scene.instances[0].material].base_color[3] == 0.5f);
     assert_int_equal(r.scene.materials[r.scene.instances[1].material].alpha_mode, ALPHA_OPAQUE);
     import_result_release(&r);
+    /* A material that lets light through, of a shape that does, too: the product. */
+    pbrt_world(LAMP "Material \"uber\" \"rgb opacity\" [.5 .5 .5] Shape \"sphere\" \"float alpha\" .25 Shape \"sphere\"", &r);
+    assert_true(r.scene.materials[r.scene.instances[0].material].base_color[3] == 0.125f);
+    assert_true(r.scene.materials[r.scene.instances[1].material].base_color[3] == 0.5f);
+    import_result_release(&r);
 }
 
 /* ---- textures ----------------------------------------------------------------------------- */
@@ -677,6 +682,19 @@ static void test_alpha_texture(void **state)
     assert_rgb(m->base_color, 0.1f, 0.2f, 0.3f);
     assert_float_equal(texel_of(&r, 0, 0, 0, 3), 1.0f / 3, 1e-4f);
     assert_true(texel_of(&r, 0, 1, 1, 3) == 1 && texel_of(&r, 0, 0, 0, 0) == 1);
+    import_result_release(&r);
+    /* The material's opacity is a factor. */
+    folder = pbrt_folder_make();
+    pbrt_folder_put(folder, "t.tga", four_colors, sizeof four_colors);
+    pbrt_whole(RIGHT_HANDED "WorldBegin " LAMP "Texture \"a\" \"float\" " IMAGE "\"string filter\" \"point\" "
+                            "\"string encoding\" \"linear\" "
+                            "Material \"uber\" \"rgb Kd\" [.1 .2 .3] \"rgb opacity\" [.5 .5 .5] "
+                            "Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] "
+                            "\"texture alpha\" \"a\"",
+               folder, &r);
+    pbrt_folder_remove(folder);
+    assert_float_equal(texel_of(&r, 0, 0, 0, 3), 0.5f / 3, 1.0f / 255);
+    assert_float_equal(texel_of(&r, 0, 1, 1, 3), 0.5f, 1.0f / 255);
     import_result_release(&r);
 }
 

@@ -164,7 +164,8 @@ static void test_layouts(void **state)
 {
     static const uint8_t grey[1] = {51}, grey_alpha[2] = {51, 102}, rgb[3] = {51, 102, 204},
                          rgba[4] = {51, 102, 204, 255};
-    static const uint8_t grey16[2] = {0x40, 0x00},
+    static const uint8_t grey16[2] = {0x40, 0x00}, grey_alpha16[4] = {0x40, 0x00, 0x80, 0x01},
+                         rgb16[6] = {0x10, 0x20, 0x40, 0x00, 0xff, 0xff},
                          rgba16[8] = {0x10, 0x20, 0x40, 0x00, 0xff, 0xff, 0x80, 0x01};
     static const struct {
         int channels, bits;
@@ -177,6 +178,8 @@ static void test_layouts(void **state)
         {3, 8, rgb, {0.2, 0.4, 0.8, 1}, 1},
         {4, 8, rgba, {0.2, 0.4, 0.8, 1}, 1},
         {1, 16, grey16, {16384 / 65535.0, 16384 / 65535.0, 16384 / 65535.0, 1}, 1},
+        {2, 16, grey_alpha16, {16384 / 65535.0, 16384 / 65535.0, 16384 / 65535.0, 0x8001 / 65535.0}, 0},
+        {3, 16, rgb16, {0x1020 / 65535.0, 16384 / 65535.0, 1, 1}, 1},
         {4, 16, rgba16, {0x1020 / 65535.0, 16384 / 65535.0, 1, 0x8001 / 65535.0}, 0},
     };
 
