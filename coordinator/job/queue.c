@@ -467,6 +467,32 @@ static void choose_whole(struct job_reopening *r, const struct job *job, uint32_
         bit_clear(r->whole, job->cuts[i].frame - job->first_frame);
 }
 
+/* The frame will have to be rendered before pictures can be made of it. */
+static int is_missing(const struct job_reopening *r, const struct job *job, uint32_t i)
+{
+    return !bit_is_set(job->frames_done, i) || bit_is_set(r->chosen, i);
+}
+
+/* Done frames whose pictures are made of missing ones: of those before them that --temporal and --denoise-around ask for,
+ * of those after them that --denoise-around does. */
+static void choose_remade(struct job_reopening *r, const struct job *job)
+{
+    const uint32_t count = job_frame_count(job), after = tonemap_around(&job->output.tonemap);
+    const uint32_t temporal = job->output.tonemap.temporal, before = temporal > after + 1 ? temporal - 1 : after;
+    uint32_t since = before + 1, until = after + 1; /* frames from the last missing one, to the next */
+
+    for (uint32_t i = 0; i < count; i++) {
+        since = is_missing(r, job, i) ? 0 : since <= before ? since + 1 : since;
+        if (since > 0 && since <= before)
+            bit_set(r->remade, i);
+    }
+    for (uint32_t i = count; i-- > 0;) {
+        until = is_missing(r, job, i) ? 0 : until <= after ? until + 1 : until;
+        if (until > 0 && until <= after)
+            bit_set(r->remade, i);
+    }
+}
+
 status job_reopening_of(struct job_reopening *r, const struct job *job, const uint32_t *frames, size_t count,
                         uint32_t new_spp, struct error *err)
 {
@@ -479,13 +505,15 @@ status job_reopening_of(struct job_reopening *r, const struct job *job, const ui
                              job->first_frame, job->last_frame, frames[i]);
     r->chosen = mem_calloc(bytes, 1);
     r->whole = mem_calloc(bytes, 1);
-    if (!r->chosen || !r->whole) {
+    r->remade = mem_calloc(bytes, 1);
+    if (!r->chosen || !r->whole || !r->remade) {
         job_reopening_release(r);
         return error_no_memory(err, "frames that go on");
     }
     for (size_t i = 0; i < count; i++)
         bit_set(r->chosen, frames[i] - job->first_frame);
     choose_whole(r, job, new_spp);
+    choose_remade(r, job);
     return STATUS_OK;
 }
 
@@ -500,6 +528,7 @@ void job_reopening_release(struct job_reopening *r)
 {
     mem_free(r->chosen);
     mem_free(r->whole);
+    mem_free(r->remade);
     *r = (struct job_reopening){0};
 }
 
@@ -515,17 +544,7 @@ int job_reopening_is_whole(const struct job_reopening *r, const struct job *job,
 
 int job_reopening_remakes(const struct job_reopening *r, const struct job *job, uint32_t frame)
 {
-    const uint64_t around = tonemap_around(&job->output.tonemap);
-    uint64_t at = frame - job->first_frame < around ? job->first_frame : frame - around;
-
-    if (!job_frame_is_done(job, frame) || job_reopening_has(r, job, frame))
-        return 0;
-    if (at > job_window_begin(job, frame))
-        at = job_window_begin(job, frame);
-    for (; at <= frame + around && at <= job->last_frame; at++)
-        if (!job_frame_is_done(job, (uint32_t)at) || job_reopening_has(r, job, (uint32_t)at))
-            return 1;
-    return 0;
+    return r->remade && bit_is_set(r->remade, frame - job->first_frame);
 }
 
 status job_reopen_check(struct queue *queue, struct job *job, struct error *err)

@@ -276,6 +276,7 @@ struct job_reopening {
     uint8_t *chosen;               /* a bit a frame; NULL: all */
     uint8_t *whole;                /* of the others, those that have all samples of the old cap, and
                                       fewer than the new cap allows */
+    uint8_t *remade;               /* see job_reopening_remakes */
     struct film_coverage coverage; /* what these have */
 };
 /* Choose frames of the job; count 0 means all. ERR_INPUT: it has no such frame; ERR_NO_MEMORY. */
@@ -287,8 +288,8 @@ status job_reopening_of(struct job_reopening *r, const struct job *job, const ui
 void job_reopening_release(struct job_reopening *r);
 int job_reopening_has(const struct job_reopening *r, const struct job *job, uint32_t frame);
 int job_reopening_is_whole(const struct job_reopening *r, const struct job *job, uint32_t frame);
-/* The frame is done and stays so, but its picture is made of others (--temporal, --denoise-around) that are not done, or not
- * any more. The same before and after the job is reopened. */
+/* The frame is done and stays so, but its picture is made of others (--temporal, --denoise-around) that were not done when
+ * the frames were chosen, or are not any more. */
 int job_reopening_remakes(const struct job_reopening *r, const struct job *job, uint32_t frame);
 /* Is there room for one more active job and for its extra data? ERR_LIMIT, ERR_NO_MEMORY. */
 status job_reopen_check(struct queue *queue, struct job *job, struct error *err) MUST_CHECK;

@@ -230,6 +230,43 @@ static void pictures_follow_the_frames_around(void **state)
     assert_int_equal(remade(2, 4, (uint32_t[]){3}, 1), 1u << 1 | 1u << 2 | 1u << 4 | 1u << 5 | 1u << 6);
 }
 
+/* The same as its definition says it, whatever frames are missing. */
+static void remade_as_defined(void **state)
+{
+    enum { FRAMES = 19 };
+    uint32_t x = 1;
+
+    (void)state;
+    for (int round = 0; round < 400; round++) {
+        struct job *job = sim_job(16, 16, 4, 5, 4 + FRAMES, 0);
+        struct job_reopening r;
+        uint32_t chosen[FRAMES], count = 0, around = (uint32_t)round % 3, temporal = (uint32_t)round / 3 % 7;
+
+        job->output.tonemap.denoise = DENOISING_ON;
+        job->output.tonemap.denoise_around = around;
+        job->output.tonemap.temporal = temporal;
+        for (uint32_t frame = 5; frame <= 4 + FRAMES; frame++) {
+            x = x * 1664525u + 1013904223u;
+            if (x >> 28 == 0)
+                chosen[count++] = frame;
+            if (x >> 28 != 1)
+                job_frame_set_done(job, frame);
+        }
+        assert_int_equal(job_reopening_of(&r, job, chosen, count, job->settings.spp, NULL), STATUS_OK);
+        for (uint32_t frame = 5; frame <= 4 + FRAMES; frame++) {
+            int remakes = 0;
+            for (uint32_t at = 5; at <= 4 + FRAMES; at++)
+                if (!job_frame_is_done(job, at) || job_reopening_has(&r, job, at))
+                    remakes |= (at < frame && (frame - at <= around || frame - at < temporal)) ||
+                               (at > frame && at - frame <= around);
+            remakes &= job_frame_is_done(job, frame) && !job_reopening_has(&r, job, frame);
+            assert_int_equal(job_reopening_remakes(&r, job, frame), remakes);
+        }
+        job_reopening_release(&r);
+        job_free(job);
+    }
+}
+
 /* The first and the last frame that there can be. */
 static void frames_around_end_at_the_ends(void **state)
 {
@@ -265,7 +302,7 @@ int main(void)
         cmocka_unit_test(memory_faults_leave_the_queue_whole),
         cmocka_unit_test(rates_cover_the_last_seconds),
         cmocka_unit_test(pictures_wait_for_the_frames_around),
-        cmocka_unit_test(frames_around_end_at_the_ends),
+        cmocka_unit_test(remade_as_defined), cmocka_unit_test(frames_around_end_at_the_ends),
         cmocka_unit_test(pictures_follow_the_frames_around),
     };
     return cmocka_run_group_tests_name("queue", tests, NULL, NULL);
