@@ -183,6 +183,8 @@ status sql_failed(struct store *store, sqlite3 *db, const char *what, struct err
     int has_reason = number && (code == SQLITE_IOERR || code == SQLITE_CANTOPEN);
 
     atomic_store(&store->suspect, 1);
+    if (code == SQLITE_READONLY) /* where a file could not be opened for writing, SQLite has opened it for reading */
+        atomic_store(&store->read_only, 1);
     return error_set(err, code == SQLITE_NOMEM ? STATUS_ERR_NO_MEMORY : STATUS_ERR_IO, "%s/queue.sqlite: %s: %s%s%s",
                      store->folder, what, sqlite3_errmsg(db), has_reason ? ": " : "",
                      has_reason ? strerror(number) : "");
@@ -496,7 +498,7 @@ const char *database_other_columns(sqlite3 *db)
     for (const struct guarded_table *t = guarded_tables; t->name && code == SQLITE_OK && !other; t++) {
         sqlite3_stmt *is = columns_of(db, t->name), *should_be = columns_of(fresh, t->name);
         const char *names = (const char *)sqlite3_column_text(is, 0), *wanted = (const char *)sqlite3_column_text(should_be, 0);
-        if (wanted && (!names || strcmp(names, wanted) != 0))
+        if (wanted && names && strcmp(names, wanted) != 0)
             other = t->name;
         sqlite3_finalize(is);
         sqlite3_finalize(should_be);
@@ -679,11 +681,10 @@ void reader_leave(struct store *store, sqlite3 *db)
 static status find_damage(struct store *store, const char *path, struct error *err)
 {
     char why[128];
-    int sound = rows_sound(store->db, why, sizeof why);
+    int sound = rows_sound(store->db, why, sizeof why), code = sound ? rows_find(store->db) : sqlite3_errcode(store->db);
     struct sql_rows rows;
 
-    if (!sound || rows_find(store->db) != SQLITE_OK) {
-        int code = sqlite3_errcode(store->db);
+    if (!sound || code != SQLITE_OK) {
         if (code == SQLITE_NOMEM || code == SQLITE_IOERR || code == SQLITE_BUSY || code == SQLITE_FULL) {
             (void)sql_error(store, "cannot be read", err);
             database_close(store);

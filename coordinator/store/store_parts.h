@@ -60,7 +60,7 @@ struct store {
     unsigned ready_next;                   /* whose place the next one takes */
     sqlite3 *reader;                       /* questions: it waits for no writer. NULL: it could not be opened */
     pthread_mutex_t reading; /* held while `reader` is used or exchanged; taken after `order`, before `lock` */
-    int read_only;           /* `db` was opened for reading; store_check opens it again */
+    atomic_int read_only;    /* `db` was opened for reading, also by SQLite itself; store_check opens it again */
     uint64_t epoch_limit;    /* to be stored; 0: it is */
     atomic_int suspect;
     struct damage *damage;

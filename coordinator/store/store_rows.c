@@ -68,16 +68,18 @@ static void row_sum(sqlite3_context *context, int count, sqlite3_value **values)
 
 /* ---- statements over a table's columns -------------------------------------------------------- */
 
-/* "before.a, before.b"; the columns of its key are joined by '/'. */
+/* "before.a, before.b"; the columns of its key are joined by '/'. All of them, or SQLite's error: a digest over some of the columns
+ * would call every row damaged. */
 static int list_columns(sqlite3 *db, const char *table, const char *before, struct buffer *all, struct buffer *key)
 {
     struct buffer sql = BUFFER_INIT;
     sqlite3_stmt *row = NULL;
+    int code = SQLITE_NOMEM;
 
     buffer_printf(&sql, "SELECT name, pk FROM pragma_table_info('%s') ORDER BY cid", table);
     if (buffer_ok(&sql))
-        (void)!sqlite3_prepare_v2(db, buffer_text(&sql), -1, &row, NULL);
-    while (row && sqlite3_step(row) == SQLITE_ROW) {
+        code = sqlite3_prepare_v2(db, buffer_text(&sql), -1, &row, NULL);
+    while (row && (code = sqlite3_step(row)) == SQLITE_ROW) {
         const char *name = (const char *)sqlite3_column_text(row, 0);
         buffer_printf(all, "%s%s\"%s\"", all->size ? ", " : "", before, name);
         if (sqlite3_column_int(row, 1) > 0)
@@ -85,7 +87,9 @@ static int list_columns(sqlite3 *db, const char *table, const char *before, stru
     }
     sqlite3_finalize(row);
     buffer_release(&sql);
-    return buffer_ok(all) && buffer_ok(key) && all->size > 0;
+    if (code != SQLITE_DONE)
+        return code;
+    return !buffer_ok(all) || !buffer_ok(key) ? SQLITE_NOMEM : all->size > 0 ? SQLITE_OK : SQLITE_ERROR;
 }
 
 static int run(sqlite3 *db, struct buffer *sql)
@@ -99,22 +103,18 @@ static int run(sqlite3 *db, struct buffer *sql)
 static int guard_table(sqlite3 *db, const char *table)
 {
     struct buffer all = BUFFER_INIT, key = BUFFER_INIT, old = BUFFER_INIT, old_key = BUFFER_INIT, sql = BUFFER_INIT;
-    int code = SQLITE_NOMEM;
+    int code = list_columns(db, table, "new.", &all, &key);
 
-    if (list_columns(db, table, "new.", &all, &key) && list_columns(db, table, "old.", &old, &old_key)) {
-        code = SQLITE_OK;
-        for (int k = 0; k < 3 && code == SQLITE_OK; k++) {
-            static const char *const when[] = {"INSERT", "UPDATE", "DELETE"};
-            buffer_printf(&sql, "CREATE TEMP TRIGGER IF NOT EXISTS sum_%s_%d AFTER %s ON main.%s BEGIN ", table, k,
-                          when[k], table);
-            buffer_printf(&sql, "DELETE FROM sums WHERE tab='%s' AND key=%s;", table,
-                          buffer_text(k == 0 ? &key : &old_key));
-            if (k < 2)
-                buffer_printf(&sql, "INSERT INTO sums VALUES ('%s', %s, row_sum(%s));", table, buffer_text(&key),
-                              buffer_text(&all));
-            buffer_printf(&sql, "END");
-            code = run(db, &sql);
-        }
+    if (code == SQLITE_OK)
+        code = list_columns(db, table, "old.", &old, &old_key);
+    for (int k = 0; k < 3 && code == SQLITE_OK; k++) {
+        static const char *const when[] = {"INSERT", "UPDATE", "DELETE"};
+        buffer_printf(&sql, "CREATE TEMP TRIGGER IF NOT EXISTS sum_%s_%d AFTER %s ON main.%s BEGIN ", table, k, when[k], table);
+        buffer_printf(&sql, "DELETE FROM sums WHERE tab='%s' AND key=%s;", table, buffer_text(k == 0 ? &key : &old_key));
+        if (k < 2)
+            buffer_printf(&sql, "INSERT INTO sums VALUES ('%s', %s, row_sum(%s));", table, buffer_text(&key), buffer_text(&all));
+        buffer_printf(&sql, "END");
+        code = run(db, &sql);
     }
     buffer_release(&sql);
     buffer_release(&old_key);
@@ -152,7 +152,7 @@ int rows_sum_all(sqlite3 *db)
 
     for (const struct guarded_table *t = guarded_tables; t->name && code == SQLITE_OK; t++) {
         struct buffer all = BUFFER_INIT, key = BUFFER_INIT, sql = BUFFER_INIT;
-        code = list_columns(db, t->name, "", &all, &key) ? SQLITE_OK : SQLITE_NOMEM;
+        code = list_columns(db, t->name, "", &all, &key);
         if (code == SQLITE_OK) {
             buffer_printf(&sql, "INSERT OR REPLACE INTO sums SELECT '%s', %s, row_sum(%s) FROM %s", t->name,
                           buffer_text(&key), buffer_text(&all), t->name);
@@ -168,7 +168,7 @@ int rows_sum_all(sqlite3 *db)
 static int find_in_table(sqlite3 *db, const struct guarded_table *t)
 {
     struct buffer all = BUFFER_INIT, key = BUFFER_INIT, sql = BUFFER_INIT;
-    int code = list_columns(db, t->name, "", &all, &key) ? SQLITE_OK : SQLITE_ERROR;
+    int code = list_columns(db, t->name, "", &all, &key);
 
     if (code == SQLITE_OK) {
         buffer_printf(&sql,
@@ -229,7 +229,7 @@ void rows_delete_text(sqlite3 *db, const char *table, struct buffer *sql)
 {
     struct buffer all = BUFFER_INIT, key = BUFFER_INIT;
 
-    if (list_columns(db, table, "", &all, &key))
+    if (list_columns(db, table, "", &all, &key) == SQLITE_OK)
         buffer_printf(sql, "DELETE FROM %s WHERE %s=?", table, buffer_text(&key));
     buffer_release(&key);
     buffer_release(&all);
