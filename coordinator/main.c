@@ -355,8 +355,8 @@ int main(int argc, char **argv)
         file_forgo_syncs();
     log_setup("azulejo-coordinator", (enum log_level)log_level_parse(level));
     signal(SIGPIPE, SIG_IGN);
-    task_threads();
-    s = store_open(&store, folder, &err);
+    s = task_threads(&err);
+    THEN(s, store_open(&store, folder, &err));
     THEN(s, descriptors_plan(&options.descriptors, page_connections(no_web), &err));
     options.descriptors.address_max = (uint32_t)per_address;
     if (s == STATUS_OK) {

@@ -3,9 +3,11 @@
 #include <assert.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "common/system/clock.h"
 #include "common/base/memory.h"
+#include "common/system/parallel.h"
 #include "coordinator/net/server.h"
 
 void *task_new(struct server *server, const struct task_kind *kind, struct error *err)
@@ -120,20 +122,30 @@ void task_prepare(struct task *task, int (*prepare)(struct task *task))
 static void nothing(uv_work_t *request UNUSED) {}
 
 /* libuv reads the variable when its threads start, and programs that we start later are not to have it. */
-void task_threads(void)
+status task_threads(struct error *err)
 {
+    enum { STACK_BYTES = 8 << 20 };
     static const char name[] = "UV_THREADPOOL_SIZE";
+    const char *given = getenv(name);
+    const int wanted = given ? atoi(given) : TASK_THREADS;
+    const unsigned count = wanted < 1 ? 1 : wanted < PARALLEL_THREADS_MAX ? (unsigned)wanted : PARALLEL_THREADS_MAX;
+    const int error = parallel_try(count, STACK_BYTES);
     char number[16];
     uv_work_t request;
     uv_loop_t loop;
 
-    if (getenv(name))
-        return;
-    snprintf(number, sizeof number, "%d", TASK_THREADS);
+    if (error)
+        return error_set(err, STATUS_ERR_NO_MEMORY,
+                         "the %u threads for the disk's work cannot be started (%s): memory is short, or the number of threads "
+                         "is limited (ulimit -u, TasksMax of a service)",
+                         count, strerror(error));
     if (uv_loop_init(&loop) != 0)
-        return;
-    if (setenv(name, number, 1) == 0 && uv_queue_work(&loop, &request, nothing, NULL) == 0)
+        return error_no_memory(err, "an event loop");
+    snprintf(number, sizeof number, "%d", TASK_THREADS);
+    if ((given || setenv(name, number, 1) == 0) && uv_queue_work(&loop, &request, nothing, NULL) == 0)
         uv_run(&loop, UV_RUN_DEFAULT);
-    (void)unsetenv(name);
+    if (!given)
+        (void)unsetenv(name);
     (void)uv_loop_close(&loop);
+    return STATUS_OK;
 }

@@ -46,8 +46,9 @@ struct task_line {
     uint32_t writers;
 };
 
-/* As many threads as that, unless the environment says how many. Before any other thread is there. */
-void task_threads(void);
+/* Start as many threads as that, unless the environment says how many. Before any other thread is there. ERR_NO_MEMORY: one
+ * cannot be started; libuv would end the process without a word. */
+status task_threads(struct error *err) MUST_CHECK;
 /* A zeroed task of that kind; NULL: ERR_NO_MEMORY in `err` (may be NULL). */
 void *task_new(struct server *server, const struct task_kind *kind, struct error *err);
 /* Hand it to the thread pool, which then owns it. It cannot fail. */
