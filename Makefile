@@ -480,7 +480,7 @@ test-elsewhere: ## HEAD built and tested in an odd place: umask, names of folder
 steady: tests ## which tests of farms and pages waver on a busy machine: N rounds in random order (N=3, SEED=1, ONLY=PATTERN, LATE=database, sync or answer)
 	@BUILD=$(BUILD) tests/steady.py --rounds $(or $(N),3) --seed $(or $(SEED),1) $(if $(LATE),--late $(LATE)) $(if $(ONLY),'$(ONLY)')
 
-fault-loop: tests ## each call of worker and coordinator fails once, of every kind, until none is left (a quarter of an hour)
+fault-loop: tests ## each call of worker and coordinator fails once, of every kind, until none is left (three quarters of an hour)
 	@BUILD=$(BUILD) FAULT_LOOP=all python3 tests/farm/test_fault_loop.py
 
 chaos: tests ## rounds of random disasters on a farm: lost jobs and other pixels (ROUNDS=500, SEED=1; some 10 s each)
