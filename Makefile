@@ -442,7 +442,7 @@ $(BUILD)/exact/%_bench_render: $(BUILD)/exact/%.o $(BUILD)/obj/tests/bench/bench
 # Every fuzz target also replays its corpus as an ordinary test.
 $(BUILD)/tests/fuzz/%_replay: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/obj/tests/support/fuzz_replay.o $(LIB_SUPPORT) $(LIBRARIES)
 	@mkdir -p $(@D)
-	$(call show,LD)$(CC) $(LDFLAGS) $(TEST_LDFLAGS) -o $@ $^ $(LIBS_ALL)
+	$(call show,LD)$(CC) $(LDFLAGS) $(TEST_LDFLAGS) -o $@ $^ $(LIBS_ALL) -lcmocka
 
 # The manual pages: prose, and the option tables that the programs print.
 MAN_PROGRAMS := $(patsubst docs/man/%.in,$(BUILD)/man/%,$(wildcard docs/man/*.in))

@@ -23,7 +23,7 @@ fi
 instrument=address,undefined,fuzzer-no-link
 tree=build/${instrument//,/-}-clang
 libraries=()
-for library in client web coordinator worker render protocol support common; do
+for library in support client web coordinator worker render protocol common; do
     libraries+=("$tree/lib/lib$library.a")
 done
 objects=()
@@ -32,7 +32,7 @@ for source in "$@"; do
 done
 # Warnings are the ordinary build's business.
 make -s CC="$FUZZ_CC" SANITIZE="$instrument" WARNINGS=-w "${libraries[@]}" "${objects[@]}"
-others=$(pkg-config --libs libuv openssl sqlite3 jansson libwebsockets libpng zlib libdeflate libjpeg libwebp libzstd libprotobuf-c OpenEXR draco)
+others=$(pkg-config --libs libuv openssl sqlite3 jansson libwebsockets libpng zlib libdeflate libjpeg libwebp libzstd libprotobuf-c OpenEXR draco cmocka)
 embree=-lembree3
 [ -e /usr/include/embree4/rtcore.h ] && embree=-lembree4
 mkdir -p build/fuzz/corpus
