@@ -175,6 +175,29 @@ def verbs_of_workers():
 
 
 @tests.add
+def unblocking_a_worker_of_a_key():
+    """a worker that is blocked with all of its key is unblocked with all of its key, and the page says so"""
+    with WebFarm() as farm, Browser() as browser:
+        farm.start_coordinator()
+        key = farm.path("ana.key")
+        farm.cli("key", "new", "ana", "--role", "worker", "--key", farm.key, "-o", key, expect=0, connect=False)
+        for _ in range(2):
+            farm.start_worker(key=key)
+        names = wait_for(lambda: (lambda all: all if len(all) == 2 else None)(
+            sorted(w["name"] for w in farm.list_workers())), "two workers of the key")
+        now = lambda: {w["state"] for w in farm.list_workers()}
+        farm.cli("workers", "block", "ana", expect=0)
+        wait_for(lambda: now() == {"blocked"}, "both to be blocked")
+        page = farm.page(browser, "#/workers")
+        page.wait_text("blocked", "table")
+        expect("Not connected" not in page.text("#main"), "a key is called not connected")
+        page.open(farm.origin() + "/#/worker/" + names[-1])
+        page.click("=Unblock")
+        wait_for(lambda: now() == {"idle"}, "%s: not both are unblocked" % names)
+        page.wait_text("all workers of the key ana")
+
+
+@tests.add
 def tokens_and_the_store():
     """an admin makes and revokes a token and collects the store; a revoked token's page asks for another"""
     with WebFarm() as farm, Browser() as browser, Browser() as other:

@@ -206,10 +206,16 @@ export const workerVerbs = {
   unblock: { states: ['blocked'], done: 'gets work again', undo: 'block' },
 };
 export const workerOffers = (worker) => (may('operate') ? Object.keys(workerVerbs).filter((v) => workerVerbs[v].states.includes(worker.state)) : []);
+/* The name that was blocked: the worker's own, or that of its key, which blocks all of its workers. */
+async function blockedName(name) {
+  const blocked = ((await get(`/workers/${encodeURIComponent(name)}`)).marks || []).filter((m) => m.blocked).map((m) => m.name);
+  return blocked.includes(name) ? name : blocked[0] || name;
+}
 export async function steer(verb, name, quiet) {
   try {
-    await post(`/workers/${encodeURIComponent(name)}/${verb}`);
+    const whom = verb === 'unblock' ? await blockedName(name) : name;
+    await post(`/workers/${encodeURIComponent(whom)}/${verb}`);
     const { done, undo } = workerVerbs[verb];
-    if (!quiet) say(`${name}: ${done}.`, () => steer(undo, name, true));
+    if (!quiet) say(`${whom === name ? name : `all workers of the key ${whom}`}: ${done}.`, () => steer(undo, whom, true));
   } catch (why) { trouble(why); }
 }

@@ -116,7 +116,7 @@ export function workersView(node) {
     }
     show(rows, state.workers.length);
     children(body, state.workers.length || !state.loaded ? [] : emptyWorkers());
-    if (marked.length) body.append(h('h2', null, 'Not connected'), ...marked.map((m) => h('p', { class: 'line' }, h('a', { href: workerLink(m.name) }, m.name), ` ${m.blocked ? 'blocked' : 'drained'} by ${m.who} `, moment(m.at), ...buttons({ name: m.name, state: m.blocked ? 'blocked' : 'drained' }, reload))));
+    if (marked.length) body.append(h('h2', null, 'Names that are drained or blocked'), ...marked.map((m) => h('p', { class: 'line' }, h('a', { href: workerLink(m.name) }, m.name), ` ${m.blocked ? 'blocked' : 'drained'} by ${m.who} `, moment(m.at), ...buttons({ name: m.name, state: m.blocked ? 'blocked' : 'drained' }, reload))));
   };
   const reload = () => get('/workers').then((list) => { state.marks = list.marks || []; update(); }).catch(() => {});
   reload();
