@@ -5,7 +5,7 @@ import sys
 import time
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
-from farm import BUILD, Farm, Program, Tests, read_bytes, wait_for
+from farm import BUILD, Farm, Program, Skip, Tests, read_bytes, wait_for
 from jobs import AREA, Outcome, expect
 from exr import read_exr
 from odd import OddPeer
@@ -202,6 +202,40 @@ def one_in_four():
 def one_bit():
     """a worker with one flipped bit in memory, which 30 % of its units read, is noticed, and no such bit stays in a picture"""
     lies(30, ("second", "third"), (), flip=1)
+
+
+def found_after(share):
+    """Units of its own after which a liar beside three honest workers is blocked; all pictures are right then."""
+    big = ["--size", "640x384", "--spp", "16"]  # 960 tiles, 7,680 units
+    with Farm() as farm:
+        farm.start_coordinator()
+        workers = [farm.start_worker("--name", name) for name in ("first", "second", "third")]
+        farm.wait_for_workers(3)
+        good = farm.submit(farm.scene(), *big)
+        farm.wait_for_job(good)
+        bits = picture(farm, good, "good")
+        start_liar(farm, "liar", share)
+        farm.wait_for_workers(4)
+        jobs = []
+        while not blocked(farm):
+            jobs.append(farm.submit(farm.scene(), *big))
+            farm.wait_for_job(jobs[-1])
+        expect(set(blocked(farm)) == {"liar"}, blocked(farm))
+        right_pictures(farm, jobs, bits)
+        expect(all(w.alive() for w in workers), "an honest worker ended")
+        listed = farm.cli("workers", "--gone", "--json", expect=0).json()
+        return sum(w["units_done"] for w in listed["workers"] + listed.get("gone", []) if w["name"] == "liar"), len(jobs)
+
+
+@tests.add
+def rare_lies():
+    """a liar of 5 % and one of 0.1 % of their units are found as soon as OPERATIONS.md says, in 99 of 100 runs (LIARS=rare; minutes)"""
+    if os.environ.get("LIARS") != "rare":
+        raise Skip("LIARS=rare asks for it; test_audits.c simulates it")
+    for share, most in ((5, 7300), (0.1, 460000)):
+        units, jobs = found_after(share)
+        print("# %g %%: found after %d units of its own, in %d jobs of 7,680" % (share, units, jobs), flush=True)
+        expect(units <= most, "%d units" % units)
 
 
 @tests.add
