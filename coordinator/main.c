@@ -42,25 +42,28 @@ static status load_key(const char *path, struct farm_key *key, struct error *err
     return STATUS_OK;
 }
 
-/* A size, or a share of the disk. */
-static status parse_limit(const char *text, struct retention_policy *policy, struct error *err)
+/* A size, or a share of the disk; NULL: not given. */
+static status parse_limit(const char *option, const char *text, struct room_limit *limit, struct error *err)
 {
     char *end;
-    double percent = strtod(text, &end);
+    double percent;
 
+    if (!text)
+        return STATUS_OK;
+    percent = strtod(text, &end);
     if (end != text && strcmp(end, "%") == 0 && percent > 0 && percent <= 100) {
-        policy->store_share = percent / 100;
+        limit->share = percent / 100;
         return STATUS_OK;
     }
-    if (options_size_parse(text, &policy->store_limit) == STATUS_OK && policy->store_limit > 0)
+    if (options_size_parse(text, &limit->bytes) == STATUS_OK && limit->bytes > 0)
         return STATUS_OK;
     return error_set(err, STATUS_ERR_USAGE,
-                     "--store-limit: '%s' is neither a size (a number with K, M, G or T) nor a share (1%% to 100%%)",
-                     text);
+                     "%s: '%s' is neither a size (a number with K, M, G or T) nor a share (1%% to 100%%)", option, text);
 }
 
 static status retention_options(const char *keep, const char *keep_failed, const char *keep_blobs, const char *age_wait,
-                                const char *store_limit, struct retention_policy *policy, struct error *err)
+                                const char *store_limit, const char *submit_jobs, struct retention_policy *policy,
+                                struct error *err)
 {
     status s = STATUS_OK;
 
@@ -72,8 +75,8 @@ static status retention_options(const char *keep, const char *keep_failed, const
         s = duration_parse("--keep-blobs", keep_blobs, &policy->keep_blobs_s, err);
     if (s == STATUS_OK && age_wait)
         s = duration_parse("--age-wait", age_wait, &policy->age_wait_s, err);
-    if (s == STATUS_OK && store_limit)
-        s = parse_limit(store_limit, policy, err);
+    THEN(s, parse_limit("--store-limit", store_limit, &policy->store, err));
+    THEN(s, parse_limit("--submit-jobs", submit_jobs, &policy->submit, err));
     return s;
 }
 
@@ -217,7 +220,8 @@ static void outlast_signals(void)
 int main(int argc, char **argv)
 {
     const char *listen = "127.0.0.1:7420", *key_path = NULL, *folder = "azulejo-store";
-    const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *age_wait = NULL, *store_limit = NULL;
+    const char *keep = NULL, *keep_failed = NULL, *keep_blobs = NULL, *age_wait = NULL, *store_limit = NULL,
+               *submit_jobs = NULL;
     const char *level = "info", *log_format = NULL, *completion = NULL, *ready_file = NULL, *precision = "float";
     struct server_options options = {.policy = RETENTION_POLICY_DEFAULT, .scrub_rate = SCRUB_RATE_DEFAULT};
     const char *half_life = NULL, *longest_wait = NULL;
@@ -250,6 +254,9 @@ int main(int argc, char **argv)
          "the same for the films and pictures of each owner's jobs (default: no limit)", 0, 0, NULL},
         {"submit-blobs", 0, OPTION_SIZE, &options.submit_blobs, "SIZE",
          "so much may a token of the role submit send that no job needs (16G)", 0, 0, NULL},
+        {"submit-jobs", 0, OPTION_STRING, &submit_jobs, "SIZE",
+         "so much, or such a share of the disk, may the jobs of an owner with the role submit take, scenes included (50%)", 0, 0,
+         NULL},
         {"unit-seconds", 0, OPTION_REAL, &unit_seconds, "S",
          "a work unit hangs when it is rendered for this long, and 20 times what the slowest of its size took (60)",
          0.01, 86400, NULL},
@@ -345,7 +352,7 @@ int main(int argc, char **argv)
         s = error_set(&err, STATUS_ERR_USAGE, "unexpected argument '%s': only 'backup DIR' and 'restore DIR' are known",
                       rest.items[0]);
     THEN(s, address_parse(listen, "", 0, host, sizeof host, &options.port, &err));
-    THEN(s, retention_options(keep, keep_failed, keep_blobs, age_wait, store_limit, &options.policy, &err));
+    THEN(s, retention_options(keep, keep_failed, keep_blobs, age_wait, store_limit, submit_jobs, &options.policy, &err));
     THEN(s, parse_length("--half-life", half_life, ORDER_HALF_LIFE_S, &options.order.half_life_s, &err));
     THEN(s, parse_length("--longest-wait", longest_wait, ORDER_LONGEST_WAIT_S, &options.order.longest_wait_s, &err));
     THEN(s, load_key(key_path, &key, &err));

@@ -55,7 +55,7 @@ static struct page_state state_now(const struct page *page)
 
     if (farm_store_usable(&server->farm, &why) != STATUS_OK)
         snprintf(now.store_why, sizeof now.store_why, "%.255s", why.text);
-    now.store_limit = retention_store_limit(&c->policy, c->footprint.disk_bytes);
+    now.store_limit = room_limit_bytes(&c->policy.store, c->footprint.disk_bytes);
     if (now.store_limit > 0) {
         uint64_t total = footprint_total(&c->footprint);
         now.uploads_max = now.store_limit > total ? now.store_limit - total : 0;

@@ -10,6 +10,14 @@
 #include "coordinator/steering/steer.h"
 #include "coordinator/store/store_hold.h"
 
+struct blob_user collect_user(const struct job *job)
+{
+    return (struct blob_user){.job = job->id,
+                              .scene = job->scene,
+                              .has_file = job->output.tonemap.has_file,
+                              .file = job->output.tonemap.file};
+}
+
 status collect_users(const struct farm *farm, struct blob_user **users, size_t *count, struct error *err)
 {
     const struct queue *queue = &farm->queue;
@@ -17,13 +25,8 @@ status collect_users(const struct farm *farm, struct blob_user **users, size_t *
     *count = 0;
     *users = mem_calloc(queue->count ? queue->count : 1, sizeof **users);
     NEED(*users, err, "the jobs' blobs");
-    for (size_t i = 0; i < queue->count; i++) {
-        const struct job *job = queue->all[i];
-        (*users)[(*count)++] = (struct blob_user){.job = job->id,
-                                                  .scene = job->scene,
-                                                  .has_file = job->output.tonemap.has_file,
-                                                  .file = job->output.tonemap.file};
-    }
+    for (size_t i = 0; i < queue->count; i++)
+        (*users)[(*count)++] = collect_user(queue->all[i]);
     return STATUS_OK;
 }
 
@@ -93,7 +96,7 @@ status collect_plan(struct retention_plan *plan, const struct farm *farm, const 
             jobs[i].films = done_share(job, jobs[i].films);
     }
     THEN(s, retention_make(plan, policy, jobs, queue->count, footprint_total(footprint),
-                           retention_store_limit(policy, footprint->disk_bytes), farm->wall_s, err));
+                           room_limit_bytes(&policy->store, footprint->disk_bytes), farm->wall_s, err));
     mem_free(sorted);
     mem_free(jobs);
     return s;
@@ -213,7 +216,7 @@ static uint64_t evictable(const struct farm *farm, const struct retention_policy
 static uint64_t room_within(const struct farm *farm, const struct retention_policy *policy,
                             const struct footprint *footprint, uint64_t disk, uint64_t free_bytes)
 {
-    uint64_t limit = retention_store_limit(policy, disk), used = footprint_total(footprint);
+    uint64_t limit = room_limit_bytes(&policy->store, disk), used = footprint_total(footprint);
     uint64_t allowed = limit == 0 ? UINT64_MAX : limit < used ? 0 : limit - used;
 
     return (allowed < free_bytes ? allowed : free_bytes) + evictable(farm, policy, footprint);

@@ -7,7 +7,9 @@
 #include "coordinator/store/files/footprint.h"
 #include "coordinator/store/sweep.h"
 
-/* The owners of blobs: every job in the queue. The caller frees *users. ERR_NO_MEMORY. */
+/* A job, as the owner of blobs. */
+struct blob_user collect_user(const struct job *job);
+/* Every job in the queue. The caller frees *users. ERR_NO_MEMORY. */
 status collect_users(const struct farm *farm, struct blob_user **users, size_t *count, struct error *err) MUST_CHECK;
 
 /* Is this job read by somebody just now? */

@@ -10,18 +10,18 @@
 #include "common/base/memory.h"
 #include "coordinator/farm/farm.h"
 
-uint64_t retention_store_limit(const struct retention_policy *policy, uint64_t disk_bytes)
+uint64_t room_limit_bytes(const struct room_limit *limit, uint64_t disk_bytes)
 {
-    uint64_t share = policy->store_share > 0 ? (uint64_t)(policy->store_share * (double)disk_bytes) : 0;
+    uint64_t share = limit->share > 0 ? (uint64_t)(limit->share * (double)disk_bytes) : 0;
 
-    if (share == 0 || (policy->store_limit > 0 && policy->store_limit < share))
-        return policy->store_limit;
+    if (share == 0 || (limit->bytes > 0 && limit->bytes < share))
+        return limit->bytes;
     return share;
 }
 
 int retention_makes_room(const struct retention_policy *policy)
 {
-    return policy->store_limit > 0 || policy->store_share > 0;
+    return policy->store.bytes > 0 || policy->store.share > 0;
 }
 
 void retention_plan_release(struct retention_plan *plan)

@@ -20,11 +20,19 @@
 
 enum { RETENTION_TEXT_MAX = 255 };
 
+/* The smaller of the two that are given. */
+struct room_limit {
+    uint64_t bytes; /* 0: not given */
+    double share;   /* of the disk's bytes; 0: not given */
+};
+/* 0: no limit. */
+uint64_t room_limit_bytes(const struct room_limit *limit, uint64_t disk_bytes);
+
 struct retention_policy {
     int64_t keep_s, keep_failed_s; /* negative: for ever */
-    uint64_t store_limit;          /* bytes; 0: none */
-    double store_share;            /* of the disk's bytes; 0: none */
-    uint64_t owner_limit;          /* bytes of films and pictures; 0: none */
+    struct room_limit store;
+    uint64_t owner_limit;     /* bytes of films and pictures; 0: none */
+    struct room_limit submit; /* of what an owner's jobs have with their scenes, where their key or token has the role submit */
     int64_t keep_blobs_s;          /* of blobs that no job needs, since a client last named them */
     int64_t age_wait_s;            /* age_clock.h */
 };
@@ -34,8 +42,6 @@ struct retention_policy {
         .keep_s = -1, .keep_failed_s = -1, .keep_blobs_s = 86400, .age_wait_s = 3600 \
     }
 
-/* Of the two limits of the store the smaller one; 0: none. */
-uint64_t retention_store_limit(const struct retention_policy *policy, uint64_t disk_bytes);
 /* May films and pictures be removed to make room? */
 int retention_makes_room(const struct retention_policy *policy);
 

@@ -16,18 +16,25 @@
 #include "coordinator/store/files/blobs.h"
 #include "coordinator/store/store_hold.h"
 
+struct needed_blob {
+    struct digest digest;
+    uint64_t bytes;
+};
 /* The blobs that jobs need; sorted once they are complete. */
 struct needed {
-    struct digest *items;
+    struct needed_blob *items;
     size_t count, capacity;
 };
 
-static int compare(const void *a, const void *b) { return memcmp(a, b, sizeof(struct digest)); }
+static int compare(const void *a, const void *b)
+{
+    return memcmp(&((const struct needed_blob *)a)->digest, &((const struct needed_blob *)b)->digest, sizeof(struct digest));
+}
 
-static status add(struct needed *n, const struct digest *digest, struct error *err)
+static status add(struct needed *n, const struct digest *digest, uint64_t bytes, struct error *err)
 {
     NEED(MEM_GROW(n->items, n->capacity, n->count + 1), err, "the blobs that jobs need");
-    n->items[n->count++] = *digest;
+    n->items[n->count++] = (struct needed_blob){*digest, bytes};
     return STATUS_OK;
 }
 
@@ -46,14 +53,14 @@ static status add_scene(struct needed *n, const char *folder, const struct diges
     *bytes = packed.size;
     THEN(s, scene_unpack(&scene, packed.data, packed.size, err));
     THEN(s, scene_blobs(&scene, &blobs, &count, err));
-    THEN(s, add(n, digest, err));
+    THEN(s, add(n, digest, packed.size, err));
     for (size_t i = 0; i < count && s == STATUS_OK; i++) {
-        s = add(n, &blobs[i].digest, err);
+        s = add(n, &blobs[i].digest, blobs[i].size_bytes, err);
         *bytes += blobs[i].size_bytes;
     }
     if (s != STATUS_OK && !status_is_environment(s)) {
         log_debug("a scene whose blobs are not known: %s", err->text);
-        s = add(n, digest, err);
+        s = add(n, digest, packed.size, err);
     }
     mem_free(blobs);
     scene_release(&scene);
@@ -66,21 +73,30 @@ static int compare_scenes(const void *a, const void *b)
     return memcmp(&((const struct blob_user *)a)->scene, &((const struct blob_user *)b)->scene, sizeof(struct digest));
 }
 
-static status find_needed(struct sweep *sweep, const char *folder, struct needed *n, struct error *err)
+static status add_file(struct needed *n, const char *folder, const struct blob_user *user, struct error *err)
+{
+    uint64_t bytes = 0;
+
+    if (!user->has_file)
+        return STATUS_OK;
+    (void)blobs_find(folder, &user->file, &bytes);
+    return add(n, &user->file, bytes, err);
+}
+
+static status find_needed(struct blob_user *users, size_t count, const char *folder, struct needed *n, struct error *err)
 {
     status s = STATUS_OK;
 
-    if (sweep->count > 0)
-        qsort(sweep->users, sweep->count, sizeof *sweep->users, compare_scenes);
-    for (size_t i = 0, end; i < sweep->count && s == STATUS_OK; i = end) {
+    if (count > 0)
+        qsort(users, count, sizeof *users, compare_scenes);
+    for (size_t i = 0, end; i < count && s == STATUS_OK; i = end) {
         uint64_t bytes = 0;
-        for (end = i + 1; end < sweep->count && compare_scenes(&sweep->users[i], &sweep->users[end]) == 0;)
+        for (end = i + 1; end < count && compare_scenes(&users[i], &users[end]) == 0;)
             end++;
-        s = add_scene(n, folder, &sweep->users[i].scene, &bytes, err);
+        s = add_scene(n, folder, &users[i].scene, &bytes, err);
         for (size_t k = i; k < end && s == STATUS_OK; k++) {
-            sweep->users[k].bytes = end - i == 1 ? bytes : 0;
-            if (sweep->users[k].has_file)
-                s = add(n, &sweep->users[k].file, err);
+            users[k].bytes = end - i == 1 ? bytes : 0;
+            s = add_file(n, folder, &users[k], err);
         }
     }
     if (n->count > 0)
@@ -90,7 +106,9 @@ static status find_needed(struct sweep *sweep, const char *folder, struct needed
 
 static int is_needed(const struct needed *n, const struct digest *digest)
 {
-    return n->count > 0 && bsearch(digest, n->items, n->count, sizeof *digest, compare) != NULL;
+    const struct needed_blob key = {.digest = *digest};
+
+    return n->count > 0 && bsearch(&key, n->items, n->count, sizeof key, compare) != NULL;
 }
 
 static void sweep_folder(struct sweep *sweep, const struct needed *n, const char *store, int blobs, const char *name)
@@ -135,13 +153,26 @@ static status sweep_blobs(struct sweep *sweep, const struct needed *n, const cha
     return STATUS_OK;
 }
 
+status sweep_bytes(struct blob_user *users, size_t count, const char *folder, uint64_t *bytes, struct error *err)
+{
+    struct needed n = {0};
+    status s = find_needed(users, count, folder, &n, err);
+
+    *bytes = 0;
+    for (size_t i = 0; i < n.count; i++)
+        if (i == 0 || compare(&n.items[i - 1], &n.items[i]) != 0)
+            *bytes += n.items[i].bytes;
+    mem_free(n.items);
+    return s;
+}
+
 status sweep_run(struct sweep *sweep, const char *folder, struct error *err)
 {
     struct needed n = {0};
     int hold = -1;
     status s = store_hold_exclude(folder, &hold, err);
 
-    THEN(s, find_needed(sweep, folder, &n, err));
+    THEN(s, find_needed(sweep->users, sweep->count, folder, &n, err));
     THEN(s, sweep_blobs(sweep, &n, folder, err));
     store_hold_end(hold);
     mem_free(n.items);

@@ -33,6 +33,9 @@ struct sweep {
     uint64_t waiting, waiting_bytes; /* not needed, but named since the cutoff */
 };
 
+/* What the scenes and files of these users take together, in bytes, each blob once; what is not there takes nothing. Sorts
+ * them. ERR_NO_MEMORY, ERR_IO. [any thread] */
+status sweep_bytes(struct blob_user *users, size_t count, const char *folder, uint64_t *bytes, struct error *err) MUST_CHECK;
 /* Fill the results and remove. ERR_NO_MEMORY, ERR_IO: not known what is needed, nothing was removed;
  * ERR_REFUSED: a backup is being made. [any thread] */
 status sweep_run(struct sweep *sweep, const char *folder, struct error *err) MUST_CHECK;

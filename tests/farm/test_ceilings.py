@@ -98,6 +98,74 @@ def keys_of_names_have_them_too():
         wait_for(lambda: farm.cli("list", key=keys["ana"]).code == 0, "the key to be served again")
 
 
+def named_key(farm, name, role="submit"):
+    path = farm.path(name + ".key")
+    farm.cli("key", "new", name, "--role", role, "--key", farm.key, "-o", path, expect=0, connect=False)
+    return path
+
+
+def heavy(farm, number):
+    """A scene of some 450 KiB, as no other number gives."""
+    path = farm.path("heavy-%d.obj" % number)
+    with open(path, "w") as out:
+        for i in range(48000):
+            out.write("v %d %d %d\n" % (i % 100, i // 100, number + i * 7919 % 13))
+        for i in range(1, 47999, 3):
+            out.write("f %d %d %d\n" % (i, i + 1, i + 2))
+    return path
+
+
+@tests.add
+def jobs_fill_no_disk():
+    """what the jobs of one submit key take, with their scenes, has a ceiling: each scene counts once, also after a restart"""
+    with Farm() as farm:
+        options = ["--submit-blobs", "1M", "--submit-jobs", "3M"]
+        farm.start_coordinator(*options)
+        greedy, other = named_key(farm, "greedy"), named_key(farm, "other")
+        small = ["--size", "16x16", "--spp", "2"]
+        for _ in range(8):  # of one scene
+            farm.cli("submit", heavy(farm, 0), *small, key=greedy, expect=0)
+        answers = [farm.cli("submit", heavy(farm, i), *small, "--json", key=greedy) for i in range(1, 12)]
+        expect(3 in [a.code for a in answers], ([a.code for a in answers], disk_used(os.path.join(farm.store, 'blobs'))))
+        taken = [a.code for a in answers].index(3)
+        expect(2 <= taken <= 8 and all(a.code == 3 for a in answers[taken:]), [a.code for a in answers])
+        for word in ("greedy", "--submit-jobs", "3.0 MiB", "prune --mine"):
+            expect(word in answers[taken].err, answers[taken].err)
+        expect(farm.cli("submit", heavy(farm, 0), *small, key=greedy, expect=0), "nothing more of a scene that is there")
+        farm.cli("submit", heavy(farm, 20), *small, key=other, expect=0)
+        farm.cli("submit", heavy(farm, 21), *small, expect=0)
+        farm.coordinator.kill()
+        farm.restart_coordinator(*options)
+        again = farm.cli("submit", heavy(farm, taken + 1), *small, key=greedy)
+        expect(again.code == 3 and "--submit-jobs" in again.err, again)
+        gone = answers[0].json()["job"]
+        farm.cli("cancel", gone, key=greedy, expect=0)
+        farm.cli("remove", gone, "--yes", key=greedy, expect=0)
+        farm.cli("submit", heavy(farm, taken + 1), *small, key=greedy, expect=0)
+
+
+@tests.add
+def pictures_count_too():
+    """films and pictures of jobs that have ended count with those of the role submit, until they are removed"""
+    with Farm() as farm:
+        farm.start_coordinator("--submit-jobs", "3M")
+        greedy = named_key(farm, "greedy")
+        farm.start_worker(threads=2)
+        last = None
+        for _ in range(12):
+            result = farm.cli("submit", farm.scene(), "--size", "128x96", "--spp", "4", "--json", key=greedy)
+            if result.code != 0:
+                break
+            last = result.json()["job"]
+            farm.wait_for_job(last)
+        expect(last and result.code == 3 and "--submit-jobs" in result.err, result)
+        kept = float(re.search(r"greedy has jobs for ([0-9.]+) MiB", result.err).group(1))
+        films, pictures = (disk_used(os.path.join(farm.store, kind)) / MIB for kind in ("films", "outputs"))
+        expect(films > 0.15 and pictures > 0.15 and abs(kept - films - pictures) < 0.1, (result.err, films, pictures))
+        farm.cli("prune", "--films", "--mine", "--yes", key=greedy, expect=0)
+        farm.cli("submit", farm.scene(), "--size", "128x96", "--spp", "4", key=greedy, expect=0)
+
+
 @tests.add
 def who_does_not_read_is_not_heard():
     """a key asks again and again and reads no answer: few wait in the coordinator's memory, and nothing is lost when it reads"""

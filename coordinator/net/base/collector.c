@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "common/schema/token_ceilings.h"
 #include "common/system/clock.h"
 #include "common/system/log.h"
 #include "common/base/memory.h"
@@ -30,6 +31,31 @@ status collector_check_room(struct server *server, const struct job *job, int fo
     return collect_check_room(&server->farm, &server->collector.policy, &server->collector.footprint, job, force, err);
 }
 
+/* Bytes that the jobs of an owner with this role may take; 0: no limit. */
+static uint64_t jobs_limit(const struct collector *c, enum web_role role, uint64_t disk)
+{
+    const uint32_t percent = token_ceiling_of(role).jobs_percent;
+    const uint64_t given = role == WEB_ROLE_SUBMIT ? room_limit_bytes(&c->policy.submit, disk) : 0;
+
+    if (given > 0 || percent >= 100)
+        return given;
+    return disk / 100 * percent;
+}
+
+status collector_owner_room(struct server *server, enum web_role role, const struct job *job, uint64_t estimate,
+                            struct owner_room *room, struct error *err)
+{
+    const struct collector *c = &server->collector;
+    const uint64_t blobs_most = c->measured_ns ? c->footprint.blobs + c->sent : UINT64_MAX;
+    uint64_t disk, left;
+    struct error why = {0};
+
+    if (footprint_disk(store_folder(server->store), &disk, &left, &why) != STATUS_OK)
+        return STATUS_OK; /* whether anything can be stored there shows soon */
+    return owner_room_init(room, &server->farm, &c->policy, &c->footprint, blobs_most, job, estimate,
+                           jobs_limit(c, role, disk), err);
+}
+
 void collector_wake(struct server *server) { server->collector.sweep_wanted = 1; }
 
 void collector_release(struct collector *collector)
@@ -43,6 +69,7 @@ void collector_release(struct collector *collector)
 struct collect_task {
     struct task task;
     struct footprint footprint;
+    uint64_t sent; /* before it was measured */
     struct sweep sweep;
     int sweeps;                     /* in any case, */
     struct retention_policy policy; /* or above its limit */
@@ -59,7 +86,7 @@ static void collect_run(struct task *task)
     task->result = footprint_measure(&t->footprint, folder, &task->error);
     if (task->result != STATUS_OK)
         return;
-    limit = retention_store_limit(&t->policy, t->footprint.disk_bytes);
+    limit = room_limit_bytes(&t->policy.store, t->footprint.disk_bytes);
     t->sweeps |= limit > 0 && footprint_total(&t->footprint) > limit;
     if (!t->sweeps)
         return;
@@ -163,6 +190,7 @@ static void begin_round(struct server *server, uint64_t now_ns)
         return;
     }
     t->policy = c->policy;
+    t->sent = c->sent;
     judge_ages(server);
     for (uint32_t i = 0; i < c->serving; i++)
         now |= c->asked[i].collect && c->asked[i].now;
@@ -205,10 +233,7 @@ static int may_remove(const struct collector *c)
     return c->serving == 0;
 }
 
-static int is_limited(const struct retention_policy *p)
-{
-    return p->store_limit > 0 || p->store_share > 0 || p->owner_limit > 0;
-}
+static int is_limited(const struct retention_policy *p) { return retention_makes_room(p) || p->owner_limit > 0; }
 
 static uint64_t period_ns(const struct retention_policy *p, size_t in_use)
 {
@@ -262,6 +287,7 @@ static void collect_end(struct task *task)
     footprint_release(&c->footprint);
     c->footprint = t->footprint;
     t->footprint = (struct footprint){0};
+    c->sent -= t->sent;
     c->measured_ns = now_ns;
     if (t->sweeps) {
         c->swept_ns = now_ns;

@@ -13,8 +13,10 @@
  */
 #pragma once
 
+#include "common/schema/token_roles.h"
 #include "coordinator/steering/age_clock.h"
 #include "coordinator/steering/collect.h"
+#include "coordinator/steering/owner_room.h"
 
 struct server;
 
@@ -35,6 +37,7 @@ struct collector {
     int ages_wait;              /* in this round nothing is removed by age */
     uint64_t announced_ns;      /* of clock.since_ns: the log has said what waits */
     struct footprint footprint; /* as it was measured last */
+    uint64_t sent;              /* bytes of blobs that came since */
     uint64_t measured_ns;       /* monotonic; 0: not yet */
     uint64_t next_ns;           /* the next round; 0: at once */
     uint64_t swept_ns;          /* the last sweep */
@@ -68,3 +71,6 @@ void collector_release(struct collector *collector);
 int collector_is_read(void *server, uint64_t job);
 /* collect_check_room. */
 status collector_check_room(struct server *server, const struct job *job, int force, struct error *err) MUST_CHECK;
+/* owner_room_init, with the ceiling of the role. */
+status collector_owner_room(struct server *server, enum web_role role, const struct job *job, uint64_t estimate,
+                            struct owner_room *room, struct error *err) MUST_CHECK;

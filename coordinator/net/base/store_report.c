@@ -117,7 +117,7 @@ static void fill_sums(Azulejo__Wire__StoreInfo *info, const struct collector *c)
     info->reserve = f->reserve;
     info->other = f->other;
     info->trash = f->trash;
-    info->store_limit = retention_store_limit(&c->policy, f->disk_bytes);
+    info->store_limit = room_limit_bytes(&c->policy.store, f->disk_bytes);
     info->owner_limit = c->policy.owner_limit;
     info->keep_s = c->policy.keep_s;
     info->keep_failed_s = c->policy.keep_failed_s;

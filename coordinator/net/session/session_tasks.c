@@ -206,6 +206,8 @@ static void upload_end(struct task *task)
 
     if (task->result != STATUS_OK)
         log_warn("a blob was not stored: %s", task->error.text);
+    if (task->result == STATUS_OK)
+        task->server->collector.sent += upload_total(u->upload);
     if (!session)
         return;
     session->storing--;
@@ -248,8 +250,9 @@ struct submit_task {
     struct error refusal;
     struct audit_actor actor;
     char name[JOB_NAME_MAX + 1];
-    uint64_t holder;      /* that submits it (holders.h); 0: none */
-    struct digest *blobs; /* that it needs */
+    struct owner_room room; /* of those who have a ceiling */
+    uint64_t holder;        /* that submits it (holders.h); 0: none */
+    struct digest *blobs;   /* that it needs */
     size_t blob_count;
 };
 
@@ -266,8 +269,9 @@ static void submit_run(struct task *task)
         task->error = t->refusal;
         return;
     }
-    if (t->estimate)
-        return; /* the queue does that */
+    task->result = owner_room_check(&t->room, store_folder(store), &task->error);
+    if (task->result != STATUS_OK || t->estimate)
+        return; /* the queue continues an estimate */
     task->result = store_job_insert(store, t->job, &task->error);
     /* Another thread may have stored the same submission in between. */
     if (task->result != STATUS_OK && t->job->token[0]) {
@@ -336,8 +340,11 @@ static void submit_end(struct task *task)
 
 static void submit_release(struct task *task)
 {
-    job_free(((struct submit_task *)task)->job);
-    mem_free(((struct submit_task *)task)->blobs);
+    struct submit_task *t = (struct submit_task *)task;
+
+    job_free(t->job);
+    mem_free(t->blobs);
+    owner_room_release(&t->room);
 }
 
 static const struct task_kind submit_kind = {"a job", sizeof(struct submit_task), submit_run,
@@ -368,6 +375,8 @@ void session_task_submit(struct session *session, uint64_t request, struct job *
         t->refused = collector_check_room(session->server, job, force, &t->refusal);
     estimate = farm_find_estimate(&session->server->farm, job);
     t->estimate = estimate ? estimate->id : 0;
+    if (t->refused == STATUS_OK && session->holder)
+        t->refused = collector_owner_room(session->server, session->may, job, t->estimate, &t->room, &t->refusal);
     t->job = job;
     /* Its blobs are held since then, until it is in the queue: the session may end before. */
     since_ns = session->blobs_since_ns ? session->blobs_since_ns : blobs_now();

@@ -57,7 +57,7 @@ static struct retention_policy nothing_is_allowed(void)
     struct retention_policy policy = RETENTION_POLICY_DEFAULT;
 
     policy.keep_s = 0;
-    policy.store_limit = policy.owner_limit = 1;
+    policy.store.bytes = policy.owner_limit = 1;
     return policy;
 }
 
@@ -303,9 +303,9 @@ static void jobs_that_do_not_fit(void **state)
     assert_in_range(all, films / 2, 2 * films);
     assert_true(retention_job_bytes(job, 0) < all - films / 4);
     assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 0, &err), STATUS_OK);
-    policy.store_limit = retention_job_bytes(job, 0);
+    policy.store.bytes = retention_job_bytes(job, 0);
     assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 0, &err), STATUS_OK);
-    policy.store_limit--;
+    policy.store.bytes--;
     assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 0, &err), STATUS_ERR_LIMIT);
     assert_non_null(strstr(err.text, "--force"));
     assert_int_equal(collect_check_room(&f->sim->farm, &policy, &none, job, 1, &err), STATUS_OK);

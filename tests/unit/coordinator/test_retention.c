@@ -162,13 +162,13 @@ static void store_limits(void **state)
     struct retention_policy policy = RETENTION_POLICY_DEFAULT;
 
     (void)state;
-    assert_true(retention_store_limit(&policy, 1000) == 0);
-    policy.store_share = 0.8;
-    assert_true(retention_store_limit(&policy, 1000) == 800);
-    policy.store_limit = 900;
-    assert_true(retention_store_limit(&policy, 1000) == 800);
-    policy.store_limit = 700;
-    assert_true(retention_store_limit(&policy, 1000) == 700);
+    assert_true(room_limit_bytes(&policy.store, 1000) == 0);
+    policy.store.share = 0.8;
+    assert_true(room_limit_bytes(&policy.store, 1000) == 800);
+    policy.store.bytes = 900;
+    assert_true(room_limit_bytes(&policy.store, 1000) == 800);
+    policy.store.bytes = 700;
+    assert_true(room_limit_bytes(&policy.store, 1000) == 700);
 }
 
 static void a_plan_needs_memory(void **state)
