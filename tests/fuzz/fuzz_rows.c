@@ -21,7 +21,7 @@ enum { HEAD = 6, TABLES_MAX = 64, COLUMNS_MAX = 64, NAME_SIZE = 64 };
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static struct sim_stored farm; /* its folder's database is another for each input */
+static struct sim_stored *farm; /* its folder's database is another for each input */
 static struct buffer before;   /* the database of a farm with a job in each state */
 static char database[SCRATCH_PATH + 32], log_file[SCRATCH_PATH + 40], index_file[SCRATCH_PATH + 40], tables[TABLES_MAX][NAME_SIZE];
 static size_t table_count;
@@ -106,28 +106,28 @@ static void start(void)
     uint32_t damaged;
     status s;
 
-    if (store_open(&farm.store, farm.folder, &err) != STATUS_OK) {
+    if (store_open(&farm->store, farm->folder, &err) != STATUS_OK) {
         if (!err.text[0])
             abort(); /* every refusal says why */
         return;
     }
-    s = farm_init(&probe, farm.store, 10 * NS_PER_SECOND, &nobody, 1000, &err);
+    s = farm_init(&probe, farm->store, 10 * NS_PER_SECOND, &nobody, 1000, &err);
     if (s == STATUS_OK) {
         farm_release(&probe, 5 * NS_PER_SECOND);
-        sim_init(farm.sim, farm.store, 1);
+        sim_init(farm->sim, farm->store, 1);
         for (int i = 0; i < 3; i++)
-            sim_stored_tick(&farm);
-        sim_release(farm.sim);
-        s = store_tokens_load(farm.store, any_token, NULL, &err);
+            sim_stored_tick(farm);
+        sim_release(farm->sim);
+        s = store_tokens_load(farm->store, any_token, NULL, &err);
         if (s == STATUS_OK)
-            s = store_keys_load(farm.store, any_key, NULL, &damaged, &err);
+            s = store_keys_load(farm->store, any_key, NULL, &damaged, &err);
     }
     if (s != STATUS_OK && !err.text[0])
         abort();
-    store_close(farm.store);
+    store_close(farm->store);
 }
 
-static void end(void) { file_remove_tree(farm.folder); }
+static void end(void) { file_remove_tree(farm->folder); }
 
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
@@ -137,17 +137,18 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
 
     (void)argc;
     (void)argv;
+    file_forgo_syncs();
     log_setup("fuzz_rows", LOG_LEVEL_ERROR);
     sim_stored_set_up(&made);
-    farm = *(struct sim_stored *)made;
+    farm = made;
     (void)atexit(end);
     for (size_t i = 0; i < sizeof states / sizeof *states; i++)
-        (void)sim_job_in(&farm, states[i]);
-    sim_release(farm.sim);
-    table_count = names(farm.store->db, "SELECT name FROM sqlite_master WHERE type='table' AND name NOT LIKE 'sqlite%' AND name<>'sums'",
+        (void)sim_job_in(farm, states[i]);
+    sim_release(farm->sim);
+    table_count = names(farm->store->db, "SELECT name FROM sqlite_master WHERE type='table' AND name NOT LIKE 'sqlite%' AND name<>'sums'",
                         0, tables, TABLES_MAX);
-    store_close(farm.store);
-    snprintf(database, sizeof database, "%s/queue.sqlite", farm.folder);
+    store_close(farm->store);
+    snprintf(database, sizeof database, "%s/queue.sqlite", farm->folder);
     snprintf(log_file, sizeof log_file, "%s-wal", database);
     snprintf(index_file, sizeof index_file, "%s-shm", database);
     if (file_read(database, SIZE_MAX, &before, NULL) != STATUS_OK)
@@ -162,7 +163,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     (void)unlink(log_file);
     (void)unlink(index_file);
     if (file_write_atomic(database, before.data, before.size, &err) != STATUS_OK ||
-        store_open(&farm.store, farm.folder, &err) != STATUS_OK)
+        store_open(&farm->store, farm->folder, &err) != STATUS_OK)
         abort();
     while (size >= HEAD) {
         const uint8_t *head = data;
@@ -170,11 +171,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         data += HEAD;
         size -= HEAD;
         length = length < size ? length : size;
-        change_row(farm.store->db, head, data, length);
+        change_row(farm->store->db, head, data, length);
         data += length;
         size -= length;
     }
-    store_close(farm.store);
+    store_close(farm->store);
     start();
     return 0;
 }
