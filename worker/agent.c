@@ -45,11 +45,11 @@ struct agent {
     uint64_t started_ns, asked_ns;
     uint64_t moved_ns; /* when a result was last added to the outbox, or acknowledged */
     uint64_t backoff_ms;
-    int was_welcome;                               /* at any time so far */
-    int last_asked;                                /* units of the last LeaseRequest that were not granted yet */
-    int is_answered;                               /* a grant followed it */
-    int failed_at_work;                            /* the last connection ended by a Failure: keep backing off */
-    uint32_t failures;                             /* connections lost or failed since the last Welcome */
+    int was_welcome;    /* at any time so far */
+    int last_asked;     /* units of the last LeaseRequest that were not granted yet */
+    int is_answered;    /* a grant followed it */
+    int failed_at_work; /* a connection ended by a Failure, and none has lasted since: keep backing off */
+    uint32_t failures;  /* connections lost or failed since the last Welcome */
     char trouble[sizeof((struct error *)0)->text]; /* the reason, as last logged */
 
     char name[WORKER_LABEL_BYTES_MAX + 1]; /* as the coordinator said last; "": not yet */
