@@ -83,6 +83,29 @@ static void test_slabs(void **state)
         }
 }
 
+/* A block in two halves, and in its middle dyed glass of the same priority, which both halves surround: it stays the innermost. */
+static void test_halves_around(void **state)
+{
+    for (int reversed = 0; reversed < 2; reversed++) {
+        struct render_settings settings = slabs_settings();
+        struct scene_builder b;
+        double expected[3];
+        uint32_t slab;
+        builder_init(&b);
+        slabs_glass(&b, 1.5f, INFINITY);
+        slabs_glass(&b, 1.5f, 2);
+        slab = builder_slab(&b);
+        for (int half = 0; half < 2; half++)
+            builder_place(&b, slab, 0, vec3_make(9, 1, 9), vec3_make(0, half == reversed ? 1 : -1, 0));
+        builder_place(&b, slab, 1, vec3_make(9, 1, 9), vec3_splat(0));
+        slabs_look_down(&b, 5);
+        LAYERS_SEEN(expected, {&b.scene.materials[0], 1}, {&b.scene.materials[1], 2}, {&b.scene.materials[0], 1});
+        radiance_expect_rgb(&b, &settings, COMPARISONS, expected, "dyed glass in two halves");
+        builder_release(&b);
+    }
+    (void)state;
+}
+
 /* The same where floats have a spacing: faces that overlap by 4 of them, 4 apart, and 12. */
 static void test_spacing(void **state)
 {
@@ -438,6 +461,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_slabs),        cmocka_unit_test(test_spacing),
+        cmocka_unit_test(test_halves_around),
         cmocka_unit_test(test_furnace),      cmocka_unit_test(test_filled),
         cmocka_unit_test(test_camera_inside), cmocka_unit_test(test_one_material),
         cmocka_unit_test(test_on_table),     cmocka_unit_test(test_medium_on_lamp),

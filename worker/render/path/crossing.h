@@ -249,6 +249,20 @@ static inline void crossing_wall(const struct interior *in, int between, struct 
     }
 }
 
+/* Cross those of the faces that enter a body, or leave one. Counted bodies are entered first: leaving takes away a body's last
+ * entry, so what lies across two halves of one body stays the innermost. Else the body that is entered last tells the medium. */
+static inline void crossing_pass(const struct render_scene *scene, const struct crossing_group *group, int first,
+                                 struct crossing *out)
+{
+    const int enters = (scene->volume_rule == VOLUMES_NESTED) == first;
+
+    for (uint32_t i = 0; i < group->count; i++) {
+        const struct interior before = out->beyond;
+        if (group->faces[i].front == enters)
+            interior_cross(scene, &before, &group->faces[i], &out->beyond, &out->is_boundary);
+    }
+}
+
 /* Cross the face `s` that the ray met, with all faces that coincide. *s becomes the face that shades and lists the
  * others as faces to leave. `mix`: random number that chooses parts of mixes. `counted`: the indices follow the bodies
  * that the ray is in. `between`: the path comes from another face at this place (next_side). */
@@ -278,10 +292,8 @@ static inline void crossing_find(const struct render_scene *scene, const struct 
     if (group.count == 1) {
         interior_cross(scene, in, &group.faces[0], &out->beyond, &out->is_boundary);
     } else {
-        for (uint32_t i = 0; i < group.count; i++) {
-            const struct interior before = out->beyond;
-            interior_cross(scene, &before, &group.faces[i], &out->beyond, &out->is_boundary);
-        }
+        crossing_pass(scene, &group, 1, out);
+        crossing_pass(scene, &group, 0, out);
         out->together = 1;
         chosen = counted ? crossing_choose(scene, in, &out->beyond, group.faces, group.count)
                          : crossing_multiply(group.faces, group.count, out);
