@@ -2,9 +2,9 @@
  *
  *   test_pairs [--all] [--table] [--spp N] [--only THING] [--row ROW]
  *
- * Rows are combined: one keeps the bits of a picture of 16x16 pixels (lengths, light, a black lamp, surfaces mixed with themselves;
- * indices, where transform_denser may), one has noise (turned, mirrored, other corners, in an empty box, lamps in halves) and is
- * judged by blocks.h, 32x32 pixels, family-wise 1e-4 over COMPARISONS (Sidak). That is for one of NOISE_EVERY pairs, with few
+ * Rows are combined: one keeps the bits of a picture of 16x16 pixels (lengths, light, a black lamp, surfaces mixed with themselves,
+ * tables and nodes in another order; indices, where transform_denser may), one has noise (turned, mirrored, other corners, in an empty
+ * box, in pieces, lamps in halves and another order, more keys) and is judged by blocks.h, 32x32 pixels, family-wise 1e-4 over COMPARISONS (Sidak). That is for one of NOISE_EVERY pairs, with few
  * samples; --all: for all. --table prints a line for each picture; --row takes rows by their names instead of the two. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -30,16 +30,19 @@ static uint32_t samples = 8;
 static const char *only, *row_asked;
 static int table, all;
 
-static uint32_t with_the_same_bits(struct import_result *import) { return transform_in_other_words(import); }
+static uint32_t with_the_same_bits(struct import_result *import)
+{
+    return transform_in_other_words(import) + transform_reorder_nodes(import);
+}
 
 static uint32_t with_the_same_bits_and_denser(struct import_result *import)
 {
-    return transform_denser(import) + transform_in_other_words(import);
+    return transform_denser(import) + with_the_same_bits(import);
 }
 
 static uint32_t with_noise(struct import_result *import)
 {
-    return transform_halve_lamps(import) + transform_elsewhere(import);
+    return transform_halve_lamps(import) + transform_elsewhere(import) + transform_more_keys(import);
 }
 
 static const struct transform_row rows[] = {

@@ -22,6 +22,13 @@ const struct transform_row transforms[] = {
     {.name = "other first corners", .apply = transform_corners, .part = 1},
     {.name = "in an empty box", .apply = transform_empty_box, .part = 1},
     {.name = "lamps in halves", .apply = transform_halve_lamps, .part = 1},
+    {.name = "each triangle as four", .apply = transform_quarter_faces, .part = 1},
+    {.name = "bodies in halves", .apply = transform_halve_bodies, .part = 1},
+    {.name = "lamps in another order", .apply = transform_reorder_lamps, .part = 1},
+    {.name = "tables in another order", .apply = transform_reorder_tables, .bits = 1, .part = 1},
+    {.name = "bodies in another order", .apply = transform_reorder_bodies, .part = 1},
+    {.name = "nodes in another order", .apply = transform_reorder_nodes, .bits = 1, .moves = 1},
+    {.name = "more keys", .apply = transform_more_keys, .moves = 1},
     {.name = "mixed with itself", .apply = transform_mix_with_itself, .bits = 1, .part = 1},
 };
 const size_t transform_count = sizeof transforms / sizeof *transforms;
@@ -137,10 +144,13 @@ uint32_t transform_in_other_words(struct import_result *import)
 {
     if (transform_light(import) == 0)
         return 0;
-    return transform_scale(import) + transform_black_light(import) + transform_mix_with_itself(import);
+    return transform_scale(import) + transform_black_light(import) + transform_mix_with_itself(import) +
+           transform_reorder_tables(import);
 }
 
 uint32_t transform_elsewhere(struct import_result *import)
 {
-    return transform_mirror(import) + transform_corners(import) + transform_empty_box(import) + transform_turn(import);
+    return transform_halve_bodies(import) + transform_quarter_faces(import) + transform_mirror(import) +
+           transform_corners(import) + transform_empty_box(import) + transform_turn(import) +
+           transform_reorder_bodies(import) + transform_reorder_lamps(import);
 }

@@ -16,6 +16,7 @@ struct transform_row {
      * left as it is. Depends on nothing but the scene. */
     uint32_t (*apply)(struct import_result *import);
     int bits;     /* the picture keeps its bits */
+    int moves;    /* of the scene with its animations, while the shutter is open */
     float factor; /* 0: none; the picture is so many times as bright */
     int part;     /* a row that does several has it, too: it runs where rows are asked for one by one */
 };
@@ -91,3 +92,23 @@ uint32_t transform_denser(struct import_result *import);
 uint32_t transform_halve_lamps(struct import_result *import);
 /* Each opaque surface a mix of itself and itself: the same bits. */
 uint32_t transform_mix_with_itself(struct import_result *import);
+
+/* ---- transform_cut.c: pieces ------------------------------------------------------------------------- */
+
+/* Each triangle as four: faces, lamps, boundaries. */
+uint32_t transform_quarter_faces(struct import_result *import);
+/* Each closed body that light passes, glass or a medium, as two that touch. */
+uint32_t transform_halve_bodies(struct import_result *import);
+
+/* ---- transform_lists.c: another order, and more than is needed --------------------------------------- */
+
+/* Meshes, images, textures, media, skins, and the materials of what is not refractive. */
+uint32_t transform_reorder_tables(struct import_result *import);
+/* The materials of what is. */
+uint32_t transform_reorder_bodies(struct import_result *import);
+/* Lights, portals and instances. */
+uint32_t transform_reorder_lamps(struct import_result *import);
+/* Nodes, and with them their channels. */
+uint32_t transform_reorder_nodes(struct import_result *import);
+/* Keys between keys, after the last, and of what stands. */
+uint32_t transform_more_keys(struct import_result *import);
