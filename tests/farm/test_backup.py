@@ -109,9 +109,14 @@ def backup_while_developing():
             while not os.path.exists(os.path.join(folder, "queue.sqlite")) and program.poll() is None:
                 pass
             program.send_signal(signal.SIGSTOP)  # it has begun with the database
-            farm.cli("develop", number, "--tonemap", operator, expect=0)
-            wait_for(lambda: developed(farm, number), "the pictures")
+            asked = farm.start_cli("develop", number, "--tonemap", operator)
+            try:
+                asked.wait(5 * PATIENCE)
+                wait_for(lambda: developed(farm, number), "the pictures")
+            except subprocess.TimeoutExpired:
+                print("# it stood still with a lock of SQLite's, for which the coordinator waits")
             program.send_signal(signal.SIGCONT)
+            expect(asked.wait(60 * PATIENCE) == 0, asked.communicate())
             expect(program.wait(60 * PATIENCE) == 0, "the backup")
         farm.coordinator.stop()
         for i in range(2):
