@@ -22,7 +22,7 @@
 #include "coordinator/pictures/cryptomatte.h"
 #include "coordinator/pictures/develop.h"
 #include "tests/support/exr_channels.h"
-#include "coordinator/store/store.h"
+#include "coordinator/store/store_parts.h"
 #include "tests/support/film_data.h"
 #include "tests/support/scratch.h"
 #include "tests/support/sim_farm.h"
@@ -468,6 +468,57 @@ static void failed_saves_are_tried_again(void **state)
     change_database("ALTER TABLE away RENAME TO jobs");
     assert_int_equal(save_job(store, job, &err), STATUS_OK); /* it takes the row's place */
     assert_true(comes_to(store, 1));
+    store_close(store);
+    job_free(job);
+}
+
+/* Where a file could not be opened for writing, SQLite has opened it for reading. */
+static void what_is_open_for_reading_is_opened_again(void **state)
+{
+    struct store *store = sim_store(folder);
+    struct job *job = sim_job(16, 16, 1, 1, 3, 0);
+    struct error err = {0};
+
+    (void)state;
+    assert_int_equal(sqlite3_exec(store->db, "PRAGMA query_only=ON", NULL, NULL, NULL), SQLITE_OK);
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_ERR_IO);
+    assert_true(store_suspect(store));
+    assert_int_equal(store_check(store, &err), STATUS_OK);
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    store_close(store);
+    job_free(job);
+}
+
+static int steps_left;
+static int fails_once(void *user UNUSED) { return --steps_left == 0; }
+
+/* SQLite stops after each number of steps, once: then no row is looked through, and none is called damaged. */
+static void sound_rows_stay_sound_where_reading_fails(void **state)
+{
+    struct store *store = sim_store(folder);
+    struct job *job = sim_job(16, 16, 1, 1, 3, 0);
+    struct error err = {0};
+    int tried = 0, failed = 0;
+
+    (void)state;
+    assert_int_equal(store_job_insert(store, job, &err), STATUS_OK);
+    for (int steps = 1; steps_left <= 0; steps += 1 + steps / 100) {
+        sqlite3_stmt *bad;
+        int code;
+        steps_left = steps;
+        sqlite3_progress_handler(store->db, 1, fails_once, NULL);
+        code = rows_find(store->db);
+        sqlite3_progress_handler(store->db, 0, NULL, NULL);
+        tried++;
+        failed += code != SQLITE_OK;
+        if (code != SQLITE_OK)
+            continue;
+        assert_int_equal(sqlite3_prepare_v2(store->db, "SELECT count(*) FROM temp.bad", -1, &bad, NULL), SQLITE_OK);
+        assert_int_equal(sqlite3_step(bad), SQLITE_ROW);
+        assert_int_equal(sqlite3_column_int(bad, 0), 0);
+        sqlite3_finalize(bad);
+    }
+    assert_in_range(failed, 100, tried - 1);
     store_close(store);
     job_free(job);
 }
@@ -1274,6 +1325,8 @@ int main(void)
         STORE_TEST(deliverers_keep_their_numbers),
         STORE_TEST(deliverers_have_keys),
         STORE_TEST(failed_saves_are_tried_again),
+        STORE_TEST(what_is_open_for_reading_is_opened_again),
+        STORE_TEST(sound_rows_stay_sound_where_reading_fails),
         STORE_TEST(a_frame_whose_outputs_cannot_be_synced_is_not_done), STORE_TEST(tokens_name_one_job),
         STORE_TEST(epochs_never_repeat),
         STORE_TEST(a_store_in_use_is_refused),
