@@ -159,6 +159,8 @@ static void print_motion(const struct import_result *result, FILE *out)
     if (scene->channel_count)
         fprintf(out, "motion:         %u channels move %u nodes, %g s\n", scene->channel_count,
                 scene->node_count, scene_duration_s(&result->scene));
+    if (scene->track_count)
+        fprintf(out, "animated:       %u values of materials, lights, cameras and meshes' visibility\n", scene->track_count);
     if (scene->skin_count)
         fprintf(out, "skins:          %u\n", scene->skin_count);
     for (uint32_t i = 0; i < scene->mesh_count; i++) {
@@ -428,26 +430,25 @@ json_t *import_report_json(const struct import_result *result)
 
     digest_to_hex(&result->scene_digest, hex);
     /* "o" takes the reference also when packing fails, and a NULL makes it fail. */
-    return json_pack("{s:o, s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, "
-                     "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, "
-                     "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o, s:[f,f,f], s:f}",
-                     "file", source ? source : json_null(), "inputs", import_inputs_json(result), "name", scene->name,
-                     "digest", hex, "triangles", (json_int_t)result->triangles, "triangles_placed",
-                     (json_int_t)result->triangles_placed, "vertices", (json_int_t)result->vertices,
-                     "degenerate_triangles", (json_int_t)result->degenerate_triangles, "meshes", (int)scene->mesh_count,
-                     "instances", (int)scene->instance_count, "textures", (int)scene->texture_count, "materials",
-                     materials_json(scene), "images", images_json(result), "lights", lights_json(scene), "cameras",
-                     cameras_json(scene), "environment", environment_json(&scene->environment), "effects",
-                     effects_json(effects), "bytes", "blobs", (json_int_t)result->blob_bytes, "scene",
-                     (json_int_t)result->packed_bytes, "count", (json_int_t)result->blob_count, "warnings",
-                     warnings_json(result), "variants", variants_json(result), "variant_taken", result->variant_taken,
-                     "animations", animations_json(result), "duration_s", scene_duration_s(&result->scene), "nodes",
-                     (int)scene->node_count, "channels", (int)scene->channel_count, "skins", (int)scene->skin_count,
-                     "morph_targets", morph_targets(scene), "simplified", "constant_textures",
-                     (int)result->simplified.folded, "flat_normal_maps", (int)result->simplified.flat_normals,
-                     "unseen_textures", (int)result->simplified.unseen, "made_opaque",
-                     (int)result->simplified.made_opaque, "mixes", (int)result->simplified.mixes, "uniform_environment",
-                     result->simplified.uniform_environment, "image_bytes", (json_int_t)result->simplified.image_bytes,
-                     "asks", hints_json(&result->hints), "origin", scene->origin[0], scene->origin[1], scene->origin[2],
-                     "position_spacing_m", result->position_spacing_m);
+    return json_pack(
+        "{s:o, s:o, s:s, s:s, s:I, s:I, s:I, s:I, s:i, s:i, s:i, s:o, s:o, s:o, s:o, s:o, s:o, "
+        "s:{s:I, s:I, s:I}, s:o, s:o, s:i, s:o, s:f, s:i, s:i, s:i, s:i, s:i, "
+        "s:{s:i, s:i, s:i, s:i, s:i, s:b, s:I}, s:o, s:[f,f,f], s:f}",
+        "file", source ? source : json_null(), "inputs", import_inputs_json(result), "name", scene->name, "digest", hex,
+        "triangles", (json_int_t)result->triangles, "triangles_placed", (json_int_t)result->triangles_placed,
+        "vertices", (json_int_t)result->vertices, "degenerate_triangles", (json_int_t)result->degenerate_triangles,
+        "meshes", (int)scene->mesh_count, "instances", (int)scene->instance_count, "textures",
+        (int)scene->texture_count, "materials", materials_json(scene), "images", images_json(result), "lights",
+        lights_json(scene), "cameras", cameras_json(scene), "environment", environment_json(&scene->environment),
+        "effects", effects_json(effects), "bytes", "blobs", (json_int_t)result->blob_bytes, "scene",
+        (json_int_t)result->packed_bytes, "count", (json_int_t)result->blob_count, "warnings", warnings_json(result),
+        "variants", variants_json(result), "variant_taken", result->variant_taken, "animations",
+        animations_json(result), "duration_s", scene_duration_s(&result->scene), "nodes", (int)scene->node_count,
+        "channels", (int)scene->channel_count, "tracks", (int)scene->track_count, "skins", (int)scene->skin_count,
+        "morph_targets", morph_targets(scene), "simplified", "constant_textures", (int)result->simplified.folded,
+        "flat_normal_maps", (int)result->simplified.flat_normals, "unseen_textures", (int)result->simplified.unseen,
+        "made_opaque", (int)result->simplified.made_opaque, "mixes", (int)result->simplified.mixes,
+        "uniform_environment", result->simplified.uniform_environment, "image_bytes",
+        (json_int_t)result->simplified.image_bytes, "asks", hints_json(&result->hints), "origin", scene->origin[0],
+        scene->origin[1], scene->origin[2], "position_spacing_m", result->position_spacing_m);
 }

@@ -8,6 +8,7 @@
 #include "common/base/safeguard.h"
 #include "common/math/elementary.h"
 #include "common/scene/effects.h"
+#include "common/scene/track.h"
 
 /* ---- channels --------------------------------------------------------------------------- */
 
@@ -24,6 +25,9 @@ static struct moment moment_find(const struct scene_channel *c, double time_s)
     struct moment m = {0, 0, 0};
     uint32_t low = 0, high = c->key_count - 1;
 
+    /* Keys are floats: what changes at a frame's own time must have changed in that frame. */
+    if (c->interpolation == INTERPOLATE_STEP)
+        time_s = (double)(float)time_s;
     if (!(time_s > (double)c->times[0]))
         return m;
     if (time_s >= (double)c->times[high]) {
@@ -69,6 +73,11 @@ static double channel_number(const struct scene_channel *c, struct moment m, uin
         return (1 - u) * a + u * b;
     return (2 * u3 - 3 * u2 + 1) * a + m.span_s * (u3 - 2 * u2 + u) * key_number(c, m.key, OUT_TANGENT, i) +
            (3 * u2 - 2 * u3) * b + m.span_s * (u3 - u2) * key_number(c, m.key + 1, IN_TANGENT, i);
+}
+
+double scene_channel_number(const struct scene_channel *channel, double time_s, uint32_t i)
+{
+    return channel_number(channel, moment_find(channel, time_s), i);
 }
 
 static int quaternion_normalize(double q[4])
@@ -512,8 +521,7 @@ status pose_deform(const struct scene_pose *pose, const struct scene *scene, uin
 
 /* ---- what moves at all ------------------------------------------------------------------ */
 
-/* Are all of a channel's values the same, and its tangents 0? */
-static int channel_is_still(const struct scene_channel *c)
+int scene_channel_is_still(const struct scene_channel *c)
 {
     for (uint32_t key = 0; key < c->key_count; key++)
         for (uint32_t i = 0; i < c->components; i++) {
@@ -565,7 +573,7 @@ static void nodes_mark(const struct scene *scene, uint8_t *marks)
 {
     for (uint32_t i = 0; i < scene->channel_count; i++) {
         const struct scene_channel *c = &scene->channels[i];
-        if (!channel_is_still(c))
+        if (!scene_channel_is_still(c))
             marks[c->node] |= c->path == PATH_WEIGHTS ? MORPHS : MOVES;
     }
     for (uint32_t i = 0; i < scene->node_count; i++)
@@ -585,7 +593,8 @@ static int instance_moves(const struct scene *scene, const uint8_t *marks, const
     return 0;
 }
 
-int scene_is_animated(const struct scene *scene, const struct render_settings *settings)
+/* Does anything that this camera sees move? */
+static int scene_moves(const struct scene *scene, const struct render_settings *settings)
 {
     const struct scene_camera *camera = &scene->cameras[settings->camera];
     uint8_t *marks;
@@ -606,15 +615,20 @@ int scene_is_animated(const struct scene *scene, const struct render_settings *s
     return moves;
 }
 
+int scene_is_animated(const struct scene *scene, const struct render_settings *settings)
+{
+    return scene_moves(scene, settings) || scene_tracks_change(scene, settings->camera);
+}
+
 void scene_shutter(const struct scene *scene, const struct render_settings *settings, uint32_t frame, double *open_s,
                    double *close_s)
 {
     const struct scene_camera *camera = &scene->cameras[settings->camera];
     const double fps = (double)settings->fps;
-    const double time_s = (double)frame / fps;
+    const double time_s = scene_frame_s(settings, frame);
 
     *open_s = *close_s = time_s;
-    if (settings->without & EFFECT_MOTION_BLUR || !scene_is_animated(scene, settings))
+    if (settings->without & EFFECT_MOTION_BLUR || !scene_moves(scene, settings))
         return;
     if (settings->shutter > 0) {
         *close_s = time_s + (double)settings->shutter / fps;
@@ -624,14 +638,18 @@ void scene_shutter(const struct scene *scene, const struct render_settings *sett
     }
 }
 
+static double later(double last, const struct scene_channel *c)
+{
+    return fmax(last, (double)c->times[c->key_count - 1]);
+}
+
 double scene_duration_s(const struct scene *scene)
 {
     double last = 0;
 
-    for (uint32_t i = 0; i < scene->channel_count; i++) {
-        const struct scene_channel *c = &scene->channels[i];
-        if ((double)c->times[c->key_count - 1] > last)
-            last = (double)c->times[c->key_count - 1];
-    }
+    for (uint32_t i = 0; i < scene->channel_count; i++)
+        last = later(last, &scene->channels[i]);
+    for (uint32_t i = 0; i < scene->track_count; i++)
+        last = later(last, &scene->tracks[i].keys);
     return last;
 }

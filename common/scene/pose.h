@@ -22,6 +22,11 @@ struct scene_pose {
 status scene_pose_init(struct scene_pose *pose, const struct scene *scene, double time_s, struct error *err) MUST_CHECK;
 void scene_pose_release(struct scene_pose *pose);
 
+/* Number `i` of a channel's value; not of a rotation. */
+double scene_channel_number(const struct scene_channel *channel, double time_s, uint32_t i);
+/* Are all of its keys the same, and its tangents 0? */
+int scene_channel_is_still(const struct scene_channel *channel);
+
 /* Transforms at the pose. An object that follows no node has its own; a skinned instance has the identity. A camera's
  * is made rigid (no scale; if its axes vanish its own rotation stays). `position` and `direction` of a light that
  * follows a node are the node's origin and -Z, to_world its rigid part (each stays if the node's axes vanish). */
@@ -39,6 +44,12 @@ status pose_deform(const struct scene_pose *pose, const struct scene *scene, uin
 /* Is there a time at which pose_deform gives other vertices than the blob's? If in doubt, yes. */
 int scene_instance_deforms(const struct scene *scene, uint32_t instance);
 
+/* The time of a frame, seconds. */
+static inline double scene_frame_s(const struct render_settings *settings, uint32_t frame)
+{
+    return (double)frame / (double)settings->fps;
+}
+
 /* The shutter of a frame, in seconds of the scene's time. Both ends are equal if nothing blurs (no
  * shutter, nothing that moves, or motion blur among the effects to leave out). */
 void scene_shutter(const struct scene *scene, const struct render_settings *settings, uint32_t frame, double *open_s,
@@ -48,5 +59,5 @@ void scene_shutter(const struct scene *scene, const struct render_settings *sett
  * scene for each), or within one frame's shutter? If in doubt, yes. */
 int scene_is_animated(const struct scene *scene, const struct render_settings *settings);
 
-/* The time of the last key, seconds; 0 without channels. */
+/* The time of the last key, seconds; 0 without any. */
 double scene_duration_s(const struct scene *scene);

@@ -28,7 +28,8 @@ enum {
     SCENE_CAMERAS_MAX = 1 << 12,
     SCENE_NODES_MAX = 1 << 22,
     SCENE_CHANNELS_MAX = 1 << 20,   /* animation channels */
-    SCENE_KEYS_MAX = 1 << 22,       /* keys of one channel */
+    SCENE_TRACKS_MAX = 1 << 20,     /* values that are animated */
+    SCENE_KEYS_MAX = 1 << 22,       /* keys of one channel, or track */
     SCENE_SKINS_MAX = 1 << 16,
     SCENE_JOINTS_MAX = 1 << 16,     /* of one skin */
     SCENE_MORPHS_MAX = 1 << 10,     /* morph targets of one mesh */
@@ -241,6 +242,28 @@ static inline size_t scene_channel_floats(const struct scene_channel *channel)
     return values * channel->key_count * channel->components;
 }
 
+/* What a track animates: track.h. */
+enum scene_track_target {
+    TRACK_MATERIAL,      /* numbers of a material */
+    TRACK_UV_SCALE,      /* of a material's texture: uv' = T R S uv, in this order of its tracks */
+    TRACK_UV_ROTATION,
+    TRACK_UV_OFFSET,
+    TRACK_INSTANCE,      /* its visibility: below 0.5 it is hidden */
+    TRACK_LIGHT,
+    TRACK_CAMERA,
+    TRACK_TARGETS
+};
+
+/* An animated value that is not a node's: that of the frame's time, also while the shutter is open. The table itself holds
+ * the largest of its keys, so that what a scene may need in any frame follows from it. */
+struct scene_track {
+    enum scene_track_target target;
+    uint32_t row;              /* of the target's table */
+    uint32_t field;            /* which of its values: track.h */
+    uint32_t factor;           /* 0: it is the value; 1, 2 ...: it multiplies it */
+    struct scene_channel keys; /* its node is 0 and its path PATH_WEIGHTS: numbers, without a meaning of their own */
+};
+
 struct scene_skin {
     uint32_t joint_count;
     uint32_t *joints;                      /* [joint_count] nodes */
@@ -367,7 +390,7 @@ struct scene {
     const char *name;   /* every name: UTF-8 without control characters, at most
                                    SCENE_NAME_MAX bytes, never NULL */
     uint32_t mesh_count, image_count, texture_count, material_count, instance_count, light_count, camera_count,
-        node_count, channel_count, skin_count, medium_count;
+        node_count, channel_count, track_count, skin_count, medium_count;
     struct scene_mesh *meshes;
     struct scene_image *images;
     struct scene_texture *textures;
@@ -378,6 +401,7 @@ struct scene {
     struct scene_environment environment;
     struct scene_node *nodes;
     struct scene_channel *channels; /* sorted by node, then path; none twice */
+    struct scene_track *tracks;     /* sorted by target, row, field, factor; none twice */
     struct scene_skin *skins;
     struct scene_medium *media;
     int32_t fog;      /* the medium that fills the scene's bounding sphere, -1: none */

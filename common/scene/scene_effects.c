@@ -5,8 +5,10 @@
 
 #include "common/base/memory.h"
 #include "common/scene/effects_material.h"
+#include "common/scene/move.h"
 #include "common/scene/pose.h"
 #include "common/scene/settings.h"
+#include "common/scene/track.h"
 
 /* ---- the frame ---------------------------------------------------------------------------- */
 
@@ -291,8 +293,8 @@ static void find_camera(struct finder *f, uint32_t frame UNUSED)
         add(f, EFFECT_DEPTH_OF_FIELD, "camera", f->eye.name, camera);
 }
 
-uint64_t scene_effects(const struct scene *scene, const struct render_settings *settings, uint32_t frame,
-                       struct effect_cause *causes)
+static uint64_t find_effects(const struct scene *scene, const struct render_settings *settings, uint32_t frame,
+                             struct effect_cause *causes)
 {
     struct finder f = {.scene = scene, .settings = settings, .causes = causes};
     uint64_t scatters, mirrors, shines;
@@ -323,6 +325,21 @@ uint64_t scene_effects(const struct scene *scene, const struct render_settings *
     mem_free(f.named_material);
     mem_free(f.named_mesh);
     return f.found;
+}
+
+uint64_t scene_effects(const struct scene *scene, const struct render_settings *settings, uint32_t frame,
+                       struct effect_cause *causes)
+{
+    struct error ignored;
+    struct scene at;
+    uint64_t found;
+
+    if (scene_at_frame(&at, scene, settings, frame, &ignored) == STATUS_OK)
+        found = find_effects(&at, settings, frame, causes);
+    else
+        found = find_effects(scene, settings, frame, causes); /* of the largest keys */
+    scene_copy_release(&at);
+    return found;
 }
 
 uint64_t scene_effects_default(const struct scene *scene, uint32_t camera)

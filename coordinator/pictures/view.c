@@ -5,7 +5,9 @@
 
 #include "common/base/memory.h"
 #include "common/math/elementary.h"
+#include "common/scene/move.h"
 #include "common/scene/pose.h"
+#include "common/scene/track.h"
 
 /* To the camera's coordinates: x to the right, y up, z forward, as OpenEXR has it. */
 static int find_to_camera(struct scene_view *view, const double origin[3], const struct transform_d *to_world)
@@ -46,21 +48,34 @@ static void find_to_screen(struct scene_view *view, const struct scene_camera *c
     view->has_screen = 1;
 }
 
+static status pose_at(const struct scene *scene, const struct render_settings *settings, uint32_t frame,
+                      struct scene_pose *pose, struct error *err)
+{
+    double open_s, close_s;
+
+    scene_shutter(scene, settings, frame, &open_s, &close_s);
+    return scene_pose_init(pose, scene, open_s, err);
+}
+
 status scene_view_find(const struct scene *scene, const struct render_settings *settings, uint32_t frame,
                        enum scene_space from, struct scene_view *view, struct error *err)
 {
     static const double nowhere[3] = {0, 0, 0};
-    struct scene_camera camera;
-    struct scene_pose pose;
-    double open_s, close_s;
+    struct scene_camera camera = {0};
+    struct scene_pose pose = {0};
+    struct scene at;
+    status s;
 
     memset(view, 0, sizeof *view);
     if (settings->camera >= scene->camera_count)
         return STATUS_OK;
-    scene_shutter(scene, settings, frame, &open_s, &close_s);
-    TRY(scene_pose_init(&pose, scene, open_s, err));
-    pose_camera(&pose, scene, settings->camera, &camera);
+    s = scene_at_frame(&at, scene, settings, frame, err);
+    THEN(s, pose_at(&at, settings, frame, &pose, err));
+    if (s == STATUS_OK)
+        pose_camera(&pose, &at, settings->camera, &camera);
     scene_pose_release(&pose);
+    scene_copy_release(&at);
+    TRY(s);
     view->has_camera = find_to_camera(view, from == SPACE_OF_FILE ? scene->origin : nowhere, &camera.to_world);
     if (view->has_camera && camera.kind != CAMERA_PANORAMA)
         find_to_screen(view, &camera, settings);
@@ -90,15 +105,6 @@ static int agree(const struct scene_view *a, const struct scene_view *b)
 }
 
 /* ---- from one frame to another --------------------------------------------------------------- */
-
-static status pose_at(const struct scene *scene, const struct render_settings *settings, uint32_t frame,
-                      struct scene_pose *pose, struct error *err)
-{
-    double open_s, close_s;
-
-    scene_shutter(scene, settings, frame, &open_s, &close_s);
-    return scene_pose_init(pose, scene, open_s, err);
-}
 
 /* An instance that is hidden by a scale of 0 in either frame stays where it is. */
 static void find_moves(struct scene_way *way, const struct scene *scene, const struct scene_pose *here, const struct scene_pose *there)

@@ -1,6 +1,7 @@
 """A glTF file with something on the way, for tests and measurements of animations:
-moving.py SCENE.gltf OUT.gltf NAME=X,Y,Z ...  moves each node (or `camera`) by so many metres within the first second. Files that the
-scene names must lie beside OUT."""
+moving.py SCENE.gltf OUT.gltf NAME=X,Y,Z ...  moves each node (or `camera`) by so many metres within the first second. A NAME that begins
+with / is a pointer of KHR_animation_pointer, with the numbers of its first key and its second. Files that the scene names must lie
+beside OUT."""
 import base64
 import json
 import struct
@@ -8,7 +9,7 @@ import sys
 
 
 def write(scene_path, out_path, moves):
-    """`moves`: {node name, or "camera": (x, y, z)}."""
+    """`moves`: {node name, or "camera": (x, y, z)}, {pointer: numbers of both keys}."""
     with open(scene_path) as file:
         scene = json.load(file)
     data, samplers, channels = struct.pack("<2f", 0, 1), [], []
@@ -20,11 +21,19 @@ def write(scene_path, out_path, moves):
         return len(accessors) - 1
 
     times = accessor("SCALAR", 0, 2, min=[0], max=[1])
+    def channel(output, target):
+        samplers.append({"input": times, "output": output})
+        channels.append({"sampler": len(samplers) - 1, "target": target})
+
     for name, way in moves.items():
+        if name.startswith("/"):
+            kind = ("SCALAR", "VEC2", "VEC3", "VEC4")[len(way) // 2 - 1]
+            channel(accessor(kind, len(data), len(way)), {"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": name}}})
+            data += struct.pack("<%df" % len(way), *way)
+            continue
         node = next(i for i, n in enumerate(scene["nodes"]) if ("camera" in n if name == "camera" else n.get("name") == name))
         at = scene["nodes"][node].get("translation", [0, 0, 0])
-        samplers.append({"input": times, "output": accessor("VEC3", len(data), 6)})
-        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": "translation"}})
+        channel(accessor("VEC3", len(data), 6), {"node": node, "path": "translation"})
         data += struct.pack("<6f", *at, *(a + b for a, b in zip(at, way)))
     scene["buffers"].append({"byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()})
     scene["animations"] = [{"samplers": samplers, "channels": channels}]

@@ -6,9 +6,27 @@
 
 #include "common/base/buffer.h"
 #include "common/base/memory.h"
-#include "common/scene/scene_effects.h"
+#include "common/scene/move.h"
 #include "common/scene/pose.h"
 #include "common/scene/scene.h"
+#include "common/scene/scene_effects.h"
+#include "common/scene/track.h"
+
+/* In a frame it is valid, too, but for instances that are hidden. */
+static void take_frame(const struct scene *scene)
+{
+    struct render_settings settings;
+    struct error err = {0};
+    struct scene at;
+    int hides = 0;
+
+    render_settings_default(&settings);
+    for (uint32_t i = 0; i < scene->track_count; i++)
+        hides |= scene->tracks[i].target == TRACK_INSTANCE;
+    if (scene_at_frame(&at, scene, &settings, 7, &err) == STATUS_OK && !hides && scene_validate(&at, &err) != STATUS_OK)
+        abort();
+    scene_copy_release(&at);
+}
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -72,6 +90,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             abort();
         return 0;
     }
+    take_frame(&scene);
     for (uint32_t camera = 0; camera < scene.camera_count && camera < 4; camera++)
         scene_effects_default(&scene, camera);
     scene_bounds(&scene, low, high);

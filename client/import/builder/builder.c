@@ -33,6 +33,7 @@ void builder_end(struct builder *b)
     mem_free(b->cameras);
     mem_free(b->nodes);
     mem_free(b->channels);
+    mem_free(b->tracks);
     mem_free(b->skins);
     mem_free(b->media);
     mem_free(b->portals);
@@ -320,17 +321,33 @@ status builder_add_node(struct builder *b, const struct scene_node *node, uint32
     return STATUS_OK;
 }
 
+static status keep_keys(struct builder *b, struct scene_channel *keys)
+{
+    const size_t floats = scene_channel_floats(keys);
+
+    if (keys->key_count > SCENE_KEYS_MAX)
+        return error_set(b->err, STATUS_ERR_LIMIT, "an animation has %u keys: at most %d are taken", keys->key_count,
+                         SCENE_KEYS_MAX);
+    KEEP(b, keys->times, keys->key_count);
+    KEEP(b, keys->values, floats);
+    return STATUS_OK;
+}
+
 status builder_add_channel(struct builder *b, const struct scene_channel *channel)
 {
     struct scene_channel added = *channel;
-    const size_t values = channel->interpolation == INTERPOLATE_CUBIC ? 3 : 1; /* of a key */
 
-    if (channel->key_count > SCENE_KEYS_MAX)
-        return error_set(b->err, STATUS_ERR_LIMIT, "an animation has %u keys: at most %d are taken", channel->key_count,
-                         SCENE_KEYS_MAX);
-    KEEP(b, added.times, channel->key_count);
-    KEEP(b, added.values, channel->key_count * values * channel->components);
+    TRY(keep_keys(b, &added));
     ADD_ROW(channels, channel_count, channel_capacity, SCENE_CHANNELS_MAX, added);
+    return STATUS_OK;
+}
+
+status builder_add_track(struct builder *b, const struct scene_track *track)
+{
+    struct scene_track added = *track;
+
+    TRY(keep_keys(b, &added.keys));
+    ADD_ROW(tracks, track_count, track_capacity, SCENE_TRACKS_MAX, added);
     return STATUS_OK;
 }
 

@@ -36,13 +36,14 @@ struct builder {
     struct scene_camera *cameras;
     struct scene_node *nodes;
     struct scene_channel *channels;
+    struct scene_track *tracks;
     struct scene_skin *skins;
     struct scene_medium *media;
     struct scene_portal *portals;
     size_t mesh_count, image_count, texture_count, material_count, instance_count, light_count, camera_count,
-        node_count, channel_count, skin_count, medium_count, portal_count;
+        node_count, channel_count, track_count, skin_count, medium_count, portal_count;
     size_t mesh_capacity, image_capacity, texture_capacity, material_capacity, instance_capacity, light_capacity,
-        camera_capacity, node_capacity, channel_capacity, skin_capacity, medium_capacity, portal_capacity;
+        camera_capacity, node_capacity, channel_capacity, track_capacity, skin_capacity, medium_capacity, portal_capacity;
     /* The importer fills this in (radiance, to_map, constant; builder_set_environment_map for an
      * image), but not its portals. options->env_path replaces it entirely. */
     struct scene_environment environment;
@@ -120,6 +121,8 @@ status builder_add_camera(struct builder *b, const struct scene_camera *camera) 
 status builder_add_node(struct builder *b, const struct scene_node *node, uint32_t *row) MUST_CHECK;
 /* In any order; builder_finish sorts. A second channel for the same node and path is left out with a warning. */
 status builder_add_channel(struct builder *b, const struct scene_channel *channel) MUST_CHECK;
+/* In any order, each value once. */
+status builder_add_track(struct builder *b, const struct scene_track *track) MUST_CHECK;
 status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32_t *row) MUST_CHECK;
 /* `grid` (mem_alloc'd float32, size[0] * size[1] * size[2]; taken over, also when it fails) is
  * NULL for a homogeneous medium; medium->grid comes from it, has_grid too. */

@@ -9,6 +9,7 @@
 #include "client/terminal/must.h"
 #include "common/base/memory.h"
 #include "common/scene/scene_effects.h"
+#include "common/scene/track.h"
 
 struct ordered_channel {
     struct scene_channel channel;
@@ -50,6 +51,8 @@ static void sort_channels(struct builder *b)
     mem_free(list);
 }
 
+static int track_compare(const void *a, const void *b) { return scene_track_compare(a, b); }
+
 #define HAND_OVER(type, table, count)                                            \
     do {                                                                         \
         scene->table = must(ARENA_ARRAY(&scene->arena, type, b->count));         \
@@ -71,6 +74,9 @@ static status hand_over_tables(struct builder *b)
     HAND_OVER(struct scene_light, lights, light_count);
     HAND_OVER(struct scene_node, nodes, node_count);
     HAND_OVER(struct scene_channel, channels, channel_count);
+    HAND_OVER(struct scene_track, tracks, track_count);
+    if (scene->track_count)
+        qsort(scene->tracks, scene->track_count, sizeof *scene->tracks, track_compare);
     HAND_OVER(struct scene_skin, skins, skin_count);
     HAND_OVER(struct scene_medium, media, medium_count);
     scene->environment = b->environment;

@@ -7,7 +7,7 @@
 #include "client/import/builder/input_files.h"
 #include "common/base/digest.h"
 #include "common/scene/scene.h"
-#include "common/scene/simplify.h"
+#include "common/scene/simplify/simplify.h"
 
 enum {
     IMPORT_WARNINGS_MAX = 40,

@@ -43,7 +43,7 @@ static const struct {
     {"EXT_mesh_gpu_instancing", SUPPORT_FULL},
     {"KHR_materials_subsurface", SUPPORT_WITHOUT},
     {"KHR_materials_variants", SUPPORT_FULL},
-    {"KHR_animation_pointer", SUPPORT_WITHOUT},
+    {"KHR_animation_pointer", SUPPORT_FULL},
     {"KHR_materials_pbrSpecularGlossiness", SUPPORT_FULL},
     {"EXT_lights_image_based", SUPPORT_WITHOUT},
     {"KHR_texture_basisu", SUPPORT_FALLBACK},
@@ -258,10 +258,10 @@ static void close_tables(struct gltf *g)
     for (size_t i = 0; g->mesh_data && i < json_array_size(g->meshes); i++)
         gltf_mesh_free(g->mesh_data[i]);
     for (size_t i = 0; i < g->channel_count; i++) {
-        mem_free(g->channels[i].channel.times);
-        mem_free(g->channels[i].channel.values);
+        gltf_keys_release(&g->channels[i].channel);
     }
     mem_free(g->channels);
+    gltf_tracks_free(g);
     mem_free(g->node_data);
     mem_free(g->skin_rows);
     mem_free(g->buffer_data);
@@ -376,6 +376,7 @@ static status gltf_import(const void *data, size_t size_bytes, const char *name,
     THEN(result, gltf_animations(&g, options->animation));
     THEN(result, gltf_walk(&g, options->scene_index, &title));
     THEN(result, gltf_add_channels(&g));
+    THEN(result, gltf_add_tracks(&g));
     THEN(result, builder_finish(b, *title ? title : file_basename(name), options));
     close_tables(&g);
     return result;

@@ -19,6 +19,7 @@ enum {
     GLTF_KEY_MAX = 96,                 /* characters of a place in messages */
     GLTF_MORPHED_VERTICES_MAX = 1 << 26, /* of one primitive, all its morph targets together */
     GLTF_KEY_FLOATS_MAX = 1 << 27,     /* values of all animation channels together */
+    GLTF_TIME_MAX_S = 1000000000,      /* of a key */
 };
 
 /* Return the failed status. */
@@ -67,11 +68,27 @@ struct gltf_channel {
     int still;                    /* every key is the same: the node's value, not a motion */
 };
 
+/* Another animated value (gltf_pointers.c), read and checked. */
+struct gltf_value;
+struct gltf_track {
+    const struct gltf_value *value;
+    uint32_t row;              /* of the file */
+    struct gltf_place at;      /* of the channel */
+    struct scene_channel keys; /* owns times and values */
+};
+
+/* A row of the scene that a row of the file became: of a light, a camera or, of TRACK_INSTANCE, a node's mesh. */
+struct gltf_placed {
+    enum scene_track_target target;
+    uint32_t file_row, node, row;
+};
+
 struct gltf_node {
     int64_t parent;               /* -1: none */
     int64_t row;                  /* the builder's, GLTF_ROW_UNREAD */
     uint32_t animated;            /* bit 1 << enum scene_channel_path: it changes */
     int32_t channels[PATH_COUNT]; /* rows of gltf.channels, -1 */
+    int32_t visible;              /* row of gltf.tracks: when it is; -1: always */
 };
 
 /* A node's place in its parent. */
@@ -101,6 +118,10 @@ struct gltf {
     struct gltf_node *node_data;
     struct gltf_channel *channels;
     size_t channel_count, channel_capacity, key_floats;
+    struct gltf_track *tracks;
+    size_t track_count, track_capacity;
+    struct gltf_placed *placed;
+    size_t placed_count, placed_capacity;
     int64_t *skin_rows;
     int64_t *image_rows, *texture_rows;
     int variant;                               /* -1: none chosen */
@@ -230,6 +251,31 @@ status gltf_walk(struct gltf *g, int64_t scene_index, const char **title) MUST_C
 status gltf_animations(struct gltf *g, const char *wanted) MUST_CHECK;
 /* Add the channels of the scene's nodes to the scene. */
 status gltf_add_channels(struct gltf *g) MUST_CHECK;
+
+/* ---- gltf_samplers.c ---------------------------------------------------------------------- */
+
+/* The keys of a sampler into *out, whose path and components are set; `what` is animated by them. The caller releases
+ * it, also after a failure. */
+status gltf_keys(struct gltf *g, json_t *sampler, const struct gltf_place *at, const char *what,
+                 struct scene_channel *out) MUST_CHECK;
+void gltf_keys_release(struct scene_channel *keys);
+int gltf_keys_are_still(const struct scene_channel *keys);
+
+/* ---- gltf_pointers.c ---------------------------------------------------------------------- */
+
+/* What a pointer of KHR_animation_pointer animates besides nodes' transforms and weights, and the row of the file's
+ * table; NULL: nothing that can be animated. */
+const struct gltf_value *gltf_value_find(const char *pointer, uint32_t *row);
+/* Can a picture show it? */
+int gltf_value_is_seen(const struct gltf_value *value);
+/* Read a channel's keys, and write the largest into the file's own objects. `at`: of the channel. */
+status gltf_track(struct gltf *g, const struct gltf_value *value, uint32_t row, json_t *sampler,
+                  const struct gltf_place *at_sampler, const struct gltf_place *at, double *duration_s) MUST_CHECK;
+/* A light, a camera, or an instance of the node's mesh, was added to the scene as its row `row`. */
+void gltf_note_placed(struct gltf *g, enum scene_track_target target, size_t file_row, size_t node, size_t row);
+/* Add what changes to the scene. */
+status gltf_add_tracks(struct gltf *g) MUST_CHECK;
+void gltf_tracks_free(struct gltf *g);
 
 /* ---- gltf_skeleton.c: nodes that move, and skins -------------------------------------------- */
 

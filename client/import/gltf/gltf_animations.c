@@ -7,8 +7,6 @@
 #include "client/terminal/must.h"
 #include "common/base/memory.h"
 
-enum { TIME_MAX_S = 1000000000 };
-
 static const char *const path_names[PATH_COUNT] = {"translation", "rotation", "scale", "weights"};
 
 static int path_of(const char *name)
@@ -17,139 +15,6 @@ static int path_of(const char *name)
         if (strcmp(name, path_names[i]) == 0)
             return i;
     return -1;
-}
-
-/* ---- samplers ------------------------------------------------------------------------------- */
-
-static status read_times(struct gltf *g, json_t *sampler, const struct gltf_place *at, struct scene_channel *out)
-{
-    struct gltf_accessor accessor;
-    int64_t index = -1;
-
-    TRY(gltf_index(g, sampler, at, "input", g->accessors, &index));
-    if (index < 0)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "has no input");
-    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
-    if (accessor.components != 1)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "input must be SCALAR");
-    if (accessor.count > SCENE_KEYS_MAX)
-        return gltf_fail(g, STATUS_ERR_LIMIT, at, "has %zu keys: at most %d are taken", accessor.count, SCENE_KEYS_MAX);
-    TRY(gltf_accessor_floats(g, (size_t)index, &accessor, 0, &out->times));
-    out->key_count = (uint32_t)accessor.count;
-    for (uint32_t i = 0; i < out->key_count; i++)
-        if (fabsf(out->times[i]) > (float)TIME_MAX_S || (i && out->times[i] < out->times[i - 1]))
-            return gltf_fail(g, STATUS_ERR_INPUT, at,
-                             "the times of its keys must rise and stay below %d s: key %u is at %g", TIME_MAX_S, i,
-                             (double)out->times[i]);
-    return STATUS_OK;
-}
-
-static status read_values(struct gltf *g, json_t *sampler, const struct gltf_place *at, struct scene_channel *out)
-{
-    size_t wanted = (size_t)out->key_count * (out->interpolation == INTERPOLATE_CUBIC ? 3 : 1);
-    struct gltf_accessor accessor;
-    int64_t index = -1;
-
-    TRY(gltf_index(g, sampler, at, "output", g->accessors, &index));
-    if (index < 0)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "has no output");
-    TRY(gltf_accessor_open(g, (size_t)index, &accessor));
-    if (out->path == PATH_WEIGHTS)
-        wanted *= out->components;
-    if (accessor.components != (out->path == PATH_WEIGHTS ? 1 : (int)out->components) || accessor.count != wanted)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "output must have %zu elements of %d components for %u keys of a %s",
-                         wanted, out->path == PATH_WEIGHTS ? 1 : (int)out->components, out->key_count,
-                         path_names[out->path]);
-    /* Many channels may name one accessor. */
-    g->key_floats += accessor.count * (size_t)accessor.components;
-    if (g->key_floats > GLTF_KEY_FLOATS_MAX)
-        return gltf_fail(g, STATUS_ERR_LIMIT, at,
-                         "the file's animations have more than %d values: choose one with "
-                         "--animation",
-                         GLTF_KEY_FLOATS_MAX);
-    return gltf_accessor_floats(g, (size_t)index, &accessor, 0, &out->values);
-}
-
-static status read_interpolation(struct gltf *g, json_t *sampler, const struct gltf_place *at,
-                                 enum scene_interpolation *out)
-{
-    const char *name = "LINEAR";
-
-    TRY(gltf_text(g, sampler, at, "interpolation", &name));
-    if (strcmp(name, "LINEAR") == 0)
-        *out = INTERPOLATE_LINEAR;
-    else if (strcmp(name, "STEP") == 0)
-        *out = INTERPOLATE_STEP;
-    else if (strcmp(name, "CUBICSPLINE") == 0)
-        *out = INTERPOLATE_CUBIC;
-    else
-        return gltf_fail(g, STATUS_ERR_INPUT, at,
-                         "interpolation \"%.32s\" is unknown: LINEAR, STEP and CUBICSPLINE are "
-                         "known",
-                         name);
-    return STATUS_OK;
-}
-
-/* ---- mending -------------------------------------------------------------------------------- */
-
-static size_t key_floats(const struct scene_channel *c)
-{
-    return (size_t)c->components * (c->interpolation == INTERPOLATE_CUBIC ? 3 : 1);
-}
-
-/* Of several keys at one time the last one is kept, as if the others came just before it. */
-static void drop_equal_times(struct gltf *g, const struct gltf_place *at, struct scene_channel *c)
-{
-    size_t width = key_floats(c);
-    uint32_t kept = 0;
-
-    for (uint32_t i = 0; i < c->key_count; i++) {
-        if (kept && c->times[kept - 1] == c->times[i])
-            kept--;
-        c->times[kept] = c->times[i];
-        memmove(c->values + kept * width, c->values + i * width, width * sizeof *c->values);
-        kept++;
-    }
-    if (kept < c->key_count)
-        builder_warn(g->b, "keys at one time", "%s[%zu]%s: has several keys at one time: the last of them is taken",
-                     at->table, at->row, at->part);
-    c->key_count = kept;
-}
-
-/* Rotations to unit length (of a spline only the values: it is made unit after). */
-static void normalize_rotations(struct gltf *g, const struct gltf_place *at, struct scene_channel *c)
-{
-    size_t width = key_floats(c), first = c->interpolation == INTERPOLATE_CUBIC ? 4 : 0;
-
-    for (uint32_t i = 0; i < c->key_count; i++) {
-        float *q = c->values + i * width + first;
-        double length = sqrt((double)q[0] * (double)q[0] + (double)q[1] * (double)q[1] + (double)q[2] * (double)q[2] +
-                             (double)q[3] * (double)q[3]);
-        if (!(length > 0) || !isfinite(length)) {
-            builder_warn(g->b, "rotation", "%s[%zu]%s: key %u is no rotation: none is taken", at->table, at->row,
-                         at->part, i);
-            q[0] = q[1] = q[2] = 0, q[3] = 1;
-            continue;
-        }
-        for (int k = 0; k < 4; k++)
-            q[k] = (float)((double)q[k] / length);
-    }
-}
-
-static int is_still(const struct scene_channel *c)
-{
-    size_t width = key_floats(c);
-    const float *first = c->values + (c->interpolation == INTERPOLATE_CUBIC ? c->components : 0);
-
-    for (uint32_t i = 0; i < c->key_count; i++)
-        for (size_t k = 0; k < width; k++) {
-            int tangent = c->interpolation == INTERPOLATE_CUBIC && k / c->components != 1;
-            /* The outer tangents of the first and last key do not matter, but exporters write zeros there too. */
-            float wanted = tangent ? 0.0f : first[k % c->components];
-            if (c->values[i * width + k] != wanted)
-                return 0;
-        }
-    return 1;
 }
 
 /* ---- channels ------------------------------------------------------------------------------- */
@@ -174,8 +39,9 @@ static int parse_pointer(const char *pointer, size_t node_count, uint32_t *node,
     return *path >= 0;
 }
 
-/* The target of a channel. *path is -1, with a warning, if it cannot be animated. */
-static status read_target(struct gltf *g, json_t *channel, const struct gltf_place *at, uint32_t *node, int *path)
+/* The target of a channel: *value, and its row, or a node and *path. NULL and -1, with a warning: it cannot be animated. */
+static status read_target(struct gltf *g, json_t *channel, const struct gltf_place *at, uint32_t *node, int *path,
+                          const struct gltf_value **value)
 {
     const struct gltf_place inner = gltf_within(at, ".target");
     const char *name = "", *pointer = "";
@@ -183,6 +49,7 @@ static status read_target(struct gltf *g, json_t *channel, const struct gltf_pla
     int64_t index = -1;
 
     *path = -1;
+    *value = NULL;
     TRY(gltf_object(g, channel, at, "target", &target));
     TRY(gltf_text(g, target, &inner, "path", &name));
     TRY(gltf_index(g, target, &inner, "node", g->nodes, &index));
@@ -190,10 +57,10 @@ static status read_target(struct gltf *g, json_t *channel, const struct gltf_pla
     if (extension)
         TRY(gltf_text(g, extension, &inner, "pointer", &pointer));
     if (extension && !parse_pointer(pointer, json_array_size(g->nodes), node, path)) {
-        builder_warn(g->b, "animation pointer",
-                     "%s[%zu]%s: animates \"%.80s\": only the transforms and weights of nodes "
-                     "are animated, this stands still",
-                     at->table, at->row, at->part, pointer);
+        *value = gltf_value_find(pointer, node);
+        if (!*value)
+            builder_warn(g->b, "animation pointer", "%s[%zu]%s: animates \"%.80s\", which stands still here", at->table,
+                         at->row, at->part, pointer);
         return STATUS_OK;
     }
     if (extension || index < 0) /* without a node there is nothing to move (glTF 2.0, 3.11) */
@@ -233,27 +100,11 @@ static status count_components(struct gltf *g, const struct gltf_place *at, uint
     return STATUS_OK;
 }
 
-static status read_sampler(struct gltf *g, json_t *sampler, const struct gltf_place *at, struct scene_channel *out)
-{
-    TRY(read_interpolation(g, sampler, at, &out->interpolation));
-    TRY(read_times(g, sampler, at, out));
-    TRY(read_values(g, sampler, at, out));
-    drop_equal_times(g, at, out);
-    if (out->path == PATH_ROTATION)
-        normalize_rotations(g, at, out);
-    return STATUS_OK;
-}
-
-static void channel_release(struct scene_channel *channel)
-{
-    mem_free(channel->times);
-    mem_free(channel->values);
-}
-
 static status read_channel(struct gltf *g, json_t *channel, json_t *samplers, const struct gltf_place *animation,
                            const struct gltf_place *at, double *duration_s)
 {
     struct gltf_channel out = {0};
+    const struct gltf_value *value;
     struct gltf_place at_sampler;
     int64_t sampler = -1;
     int path;
@@ -261,12 +112,15 @@ static status read_channel(struct gltf *g, json_t *channel, json_t *samplers, co
 
     if (!json_is_object(channel))
         return gltf_fail(g, STATUS_ERR_INPUT, at, "must be an object");
-    TRY(read_target(g, channel, at, &out.channel.node, &path));
+    TRY(read_target(g, channel, at, &out.channel.node, &path, &value));
     TRY(gltf_index(g, channel, at, "sampler", samplers, &sampler));
-    if (path < 0)
+    if (path < 0 && (!value || !gltf_value_is_seen(value)))
         return STATUS_OK;
     if (sampler < 0)
         return gltf_fail(g, STATUS_ERR_INPUT, at, "names no sampler");
+    at_sampler = gltf_within(animation, ".samplers[%lld]", (long long)sampler);
+    if (value)
+        return gltf_track(g, value, out.channel.node, json_array_get(samplers, (size_t)sampler), &at_sampler, at, duration_s);
     if (g->node_data[out.channel.node].channels[path] >= 0) {
         builder_warn(g->b, "animated twice",
                      "%s[%zu]%s: animates the %s of nodes[%u], which an earlier channel does already: the first is "
@@ -281,15 +135,14 @@ static status read_channel(struct gltf *g, json_t *channel, json_t *samplers, co
         return STATUS_OK;
     if (g->channel_count >= SCENE_CHANNELS_MAX)
         return gltf_fail(g, STATUS_ERR_LIMIT, at, "the file has more than %d animation channels", SCENE_CHANNELS_MAX);
-    at_sampler = gltf_within(animation, ".samplers[%lld]", (long long)sampler);
-    result = read_sampler(g, json_array_get(samplers, (size_t)sampler), &at_sampler, &out.channel);
+    result = gltf_keys(g, json_array_get(samplers, (size_t)sampler), &at_sampler, path_names[path], &out.channel);
     MUST_GROW(g->channels, g->channel_capacity, g->channel_count + 1);
     if (result != STATUS_OK) {
-        channel_release(&out.channel);
+        gltf_keys_release(&out.channel);
         return result;
     }
     *duration_s = fmax(*duration_s, (double)out.channel.times[out.channel.key_count - 1]);
-    out.still = is_still(&out.channel);
+    out.still = gltf_keys_are_still(&out.channel);
     if (!out.still)
         g->node_data[out.channel.node].animated |= 1u << path;
     g->node_data[out.channel.node].channels[path] = (int32_t)g->channel_count;
@@ -330,7 +183,7 @@ static double claimed_duration(const struct gltf *g, size_t index)
         json_t *input = json_object_get(json_array_get(samplers, i), "input");
         json_t *accessor = json_array_get(g->accessors, (size_t)json_integer_value(input));
         double last = json_number_value(json_array_get(json_object_get(accessor, "max"), 0));
-        if (last > duration && last <= TIME_MAX_S)
+        if (last > duration && last <= GLTF_TIME_MAX_S)
             duration = last;
     }
     return duration;

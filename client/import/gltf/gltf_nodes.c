@@ -76,6 +76,7 @@ static status place_mesh(struct gltf *g, const struct placing *how, const struct
             return gltf_fail(g, STATUS_ERR_INPUT, how->at, "its mesh names joint %u, but its skin has %u joints",
                              primitive->joint_max, how->joint_count);
         TRY(builder_add_instance(g->b, &instance));
+        gltf_note_placed(g, TRACK_INSTANCE, 0, how->at->row, g->b->instance_count - 1);
     }
     return STATUS_OK;
 }
@@ -228,7 +229,9 @@ static status add_light(struct gltf *g, json_t *node, size_t index, const struct
 
     TRY(gltf_light(g, index, node_name(node), &stand->to_world, &out));
     TRY(follow(g, stand, &out.node));
-    return builder_add_light(g->b, &out);
+    TRY(builder_add_light(g->b, &out));
+    gltf_note_placed(g, TRACK_LIGHT, index, stand->node, g->b->light_count - 1);
+    return STATUS_OK;
 }
 
 /* ---- cameras ------------------------------------------------------------------------------ */
@@ -300,7 +303,9 @@ static status add_camera(struct gltf *g, json_t *node, size_t index, const struc
     }
     out.name = camera_name(g, name, node);
     TRY(follow(g, stand, &out.node));
-    return builder_add_camera(g->b, &out);
+    TRY(builder_add_camera(g->b, &out));
+    gltf_note_placed(g, TRACK_CAMERA, index, stand->node, g->b->camera_count - 1);
+    return STATUS_OK;
 }
 
 /* ---- the hierarchy ------------------------------------------------------------------------ */

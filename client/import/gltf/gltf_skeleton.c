@@ -14,6 +14,7 @@ void gltf_open_nodes(struct gltf *g)
     for (size_t n = 0; n < count; n++) {
         g->node_data[n].parent = -1;
         g->node_data[n].row = GLTF_ROW_UNREAD;
+        g->node_data[n].visible = -1;
         for (int path = 0; path < PATH_COUNT; path++)
             g->node_data[n].channels[path] = -1;
     }

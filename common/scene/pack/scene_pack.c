@@ -266,6 +266,21 @@ static void pack_channel(struct buffer *out, const struct scene_channel *channel
     append_message(out, 12, &m.base);
 }
 
+static void pack_track(struct buffer *out, const struct scene_track *track)
+{
+    Azulejo__Scene__Track m = AZULEJO__SCENE__TRACK__INIT;
+
+    m.target = (uint32_t)track->target;
+    m.row = track->row;
+    m.field = track->field;
+    m.factor = track->factor;
+    m.interpolation = (uint32_t)track->keys.interpolation;
+    m.components = track->keys.components;
+    FLOATS(&m, times, track->keys.times, track->keys.key_count);
+    FLOATS(&m, values, track->keys.values, scene_channel_floats(&track->keys));
+    append_message(out, 19, &m.base);
+}
+
 static void pack_skin(struct buffer *out, const struct scene_skin *skin)
 {
     Azulejo__Scene__Skin m = AZULEJO__SCENE__SKIN__INIT;
@@ -347,7 +362,6 @@ status scene_pack(const struct scene *scene, struct buffer *out, struct error *e
     PACK_TABLE(pack_skin, skins, skin_count)
     PACK_TABLE(pack_medium, media, medium_count)
     PACK_TABLE(pack_portal, environment.portals, environment.portal_count)
-#undef PACK_TABLE
     if (scene->fog >= 0) {
         append_varint(out, 16 << 3 | 0);
         append_varint(out, index_plus_one(scene->fog));
@@ -357,6 +371,8 @@ status scene_pack(const struct scene *scene, struct buffer *out, struct error *e
         append_varint(out, 18 << 3 | 0);
         append_varint(out, scene->volume_rule);
     }
+    PACK_TABLE(pack_track, tracks, track_count)
+#undef PACK_TABLE
     NEED(buffer_ok(out), err, "the packed scene");
     if (out->size - start > SCENE_WIRE_BYTES_MAX)
         return error_set(err, STATUS_ERR_LIMIT, "the packed scene takes %zu bytes: at most %d are taken",

@@ -10,7 +10,7 @@ enum {
     FIELD_NAME = 2,
     FIELD_FOG = 16,
     FIELD_VOLUME_RULE = 18,
-    FIELD_COUNT = 19,
+    FIELD_COUNT = 20,
     /* Our own writer writes each field of an element once. An element with more pieces is not ours,
      * and protobuf-c would take many times its size to decode it. */
     ELEMENT_PIECES_MAX = 64,
@@ -130,6 +130,8 @@ static const struct element {
     [15] = {"portals", &azulejo__scene__portal__descriptor, SCENE_PORTALS_MAX, 42, unpack_portal,
             0},
     [17] = {"origins", &azulejo__scene__origin__descriptor, 1, 26, unpack_origin, 0},
+    [19] = {"tracks", &azulejo__scene__track__descriptor, SCENE_TRACKS_MAX, 12, unpack_track,
+            SCENE_CHANNEL_BYTES_MAX},
 };
 
 static size_t element_bytes_max(uint32_t field)
@@ -194,6 +196,7 @@ static status allocate_tables(struct scene_reader *r, const uint32_t counts[FIEL
     ALLOCATE(9, struct scene_camera, cameras, camera_count)
     ALLOCATE(11, struct scene_node, nodes, node_count)
     ALLOCATE(12, struct scene_channel, channels, channel_count)
+    ALLOCATE(19, struct scene_track, tracks, track_count)
     ALLOCATE(13, struct scene_skin, skins, skin_count)
     ALLOCATE(14, struct scene_medium, media, medium_count)
     ALLOCATE(15, struct scene_portal, environment.portals, environment.portal_count)

@@ -164,16 +164,19 @@ status unpack_node(struct scene_reader *r, const ProtobufCMessage *message, uint
     return STATUS_OK;
 }
 
-status unpack_channel(struct scene_reader *r, const ProtobufCMessage *message, uint32_t row)
+/* What a channel's message and a track's say of their keys. */
+struct keys_message {
+    uint32_t interpolation, components;
+    size_t n_times, n_values;
+    float *times, *values;
+};
+
+static status unpack_keys(struct scene_reader *r, const struct keys_message *m, struct scene_channel *to)
 {
-    const Azulejo__Scene__Channel *m = (const Azulejo__Scene__Channel *)message;
-    struct scene_channel *to = &r->scene->channels[row];
     void *times, *values;
 
-    to->node = m->node;
-    if (m->path >= PATH_COUNT || m->interpolation >= INTERPOLATE_COUNT)
-        return unpack_damaged(r, "a channel's path or interpolation is unknown");
-    to->path = (enum scene_channel_path)m->path;
+    if (m->interpolation >= INTERPOLATE_COUNT)
+        return unpack_damaged(r, "an interpolation is unknown");
     to->interpolation = (enum scene_interpolation)m->interpolation;
     if (m->n_times > SCENE_KEYS_MAX || m->components > SCENE_MORPHS_MAX)
         return unpack_damaged(r, "a channel has too many keys or components");
@@ -186,6 +189,31 @@ status unpack_channel(struct scene_reader *r, const ProtobufCMessage *message, u
     to->times = times;
     to->values = values;
     return STATUS_OK;
+}
+#define KEYS_OF(m) &(struct keys_message){(m)->interpolation, (m)->components, (m)->n_times, (m)->n_values, (m)->times, (m)->values}
+
+status unpack_channel(struct scene_reader *r, const ProtobufCMessage *message, uint32_t row)
+{
+    const Azulejo__Scene__Channel *m = (const Azulejo__Scene__Channel *)message;
+    struct scene_channel *to = &r->scene->channels[row];
+
+    to->node = m->node;
+    if (m->path >= PATH_COUNT)
+        return unpack_damaged(r, "a channel's path is unknown");
+    to->path = (enum scene_channel_path)m->path;
+    return unpack_keys(r, KEYS_OF(m), to);
+}
+
+status unpack_track(struct scene_reader *r, const ProtobufCMessage *message, uint32_t row)
+{
+    const Azulejo__Scene__Track *m = (const Azulejo__Scene__Track *)message;
+    struct scene_track *to = &r->scene->tracks[row];
+
+    if (m->target >= TRACK_TARGETS)
+        return unpack_damaged(r, "a track's target is unknown");
+    *to = (struct scene_track){.target = (enum scene_track_target)m->target, .row = m->row, .field = m->field, .factor = m->factor,
+                               .keys.path = PATH_WEIGHTS};
+    return unpack_keys(r, KEYS_OF(m), &to->keys);
 }
 
 status unpack_skin(struct scene_reader *r, const ProtobufCMessage *message, uint32_t row)

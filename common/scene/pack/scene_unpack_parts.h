@@ -65,5 +65,5 @@ status unpack_slot(struct scene_reader *r, const Azulejo__Scene__TextureSlot *fr
 /* One element: its decoded message into its row of the scene's table. */
 typedef status unpack_element(struct scene_reader *r, const ProtobufCMessage *message, uint32_t row);
 unpack_element unpack_mesh, unpack_image_row, unpack_texture, unpack_material, unpack_instance;
-unpack_element unpack_light, unpack_camera, unpack_environment, unpack_node, unpack_channel;
+unpack_element unpack_light, unpack_camera, unpack_environment, unpack_node, unpack_channel, unpack_track;
 unpack_element unpack_skin, unpack_medium, unpack_portal, unpack_origin;

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "common/scene/pack/scene_validate_parts.h"
+#include "common/scene/track.h"
 
 /* Are the columns of the 3x3 with this row stride orthonormal? */
 static int is_orthonormal(const double *m, int stride)
@@ -198,12 +199,15 @@ static status check_node(const struct check_place *at, const struct scene_node *
     return STATUS_OK;
 }
 
-static status check_keys(const struct check_place *at, const struct scene_channel *channel)
+static status check_keys(const struct check_place *at, const struct scene_channel *channel, float limit)
 {
-    const size_t numbers = scene_channel_floats(channel);
-    const size_t stride = numbers / channel->key_count;
-    const float limit = channel->path == PATH_WEIGHTS ? 1e6f : SCENE_COORDINATE_MAX;
+    size_t numbers, stride;
 
+    TRY(check_enum(at, "interpolation", (unsigned)channel->interpolation, INTERPOLATE_COUNT));
+    if (channel->key_count < 1 || channel->key_count > SCENE_KEYS_MAX)
+        return check_complain(at, "key_count", "is out of range");
+    numbers = scene_channel_floats(channel);
+    stride = numbers / channel->key_count;
     for (uint32_t i = 0; i < channel->key_count; i++) {
         TRY(check_range(at, "times", channel->times[i], -1e9f, 1e9f));
         if (i && channel->times[i] <= channel->times[i - 1])
@@ -228,7 +232,6 @@ static status check_channel(const struct check_place *at, const struct scene *sc
 
     TRY(check_index(at, "node", channel->node, scene->node_count));
     TRY(check_enum(at, "path", (unsigned)channel->path, PATH_COUNT));
-    TRY(check_enum(at, "interpolation", (unsigned)channel->interpolation, INTERPOLATE_COUNT));
     if (at->row) {
         const struct scene_channel *before = channel - 1;
         if (channel->node < before->node || (channel->node == before->node && channel->path <= before->path))
@@ -239,9 +242,31 @@ static status check_channel(const struct check_place *at, const struct scene *sc
     components[PATH_WEIGHTS] = scene->nodes[channel->node].weight_count;
     if (channel->components < 1 || channel->components != components[channel->path])
         return check_complain(at, "components", "does not fit what it moves");
-    if (channel->key_count < 1 || channel->key_count > SCENE_KEYS_MAX)
-        return check_complain(at, "key_count", "is out of range");
-    return check_keys(at, channel);
+    return check_keys(at, channel, channel->path == PATH_WEIGHTS ? 1e6f : SCENE_COORDINATE_MAX);
+}
+
+static status check_track(const struct check_place *at, const struct scene *scene)
+{
+    const struct scene_track *track = &scene->tracks[at->row];
+    const uint32_t rows[TRACK_TARGETS] = {[TRACK_MATERIAL] = scene->material_count, [TRACK_UV_SCALE] = scene->material_count,
+                                          [TRACK_UV_ROTATION] = scene->material_count, [TRACK_UV_OFFSET] = scene->material_count,
+                                          [TRACK_INSTANCE] = scene->instance_count, [TRACK_LIGHT] = scene->light_count,
+                                          [TRACK_CAMERA] = scene->camera_count};
+    float least, most;
+    int count;
+
+    TRY(check_enum(at, "target", (unsigned)track->target, TRACK_TARGETS));
+    TRY(check_index(at, "row", track->row, rows[track->target]));
+    count = scene_track_count(track, &least, &most);
+    if (count == 0)
+        return check_complain(at, "field", "is not known");
+    if (track->keys.components != (uint32_t)count && !(track->factor && track->keys.components == 1))
+        return check_complain(at, "components", "does not fit what it animates");
+    if (at->row && scene_track_compare(track - 1, track) >= 0)
+        return check_complain(at, "field", "is not in order, or there twice");
+    if (track->keys.path != PATH_WEIGHTS || track->keys.node != 0)
+        return check_complain(at, "path", "is a node's");
+    return check_keys(at, &track->keys, unlimited);
 }
 
 static status check_skin(const struct check_place *at, const struct scene_skin *skin, uint32_t node_count)
@@ -345,6 +370,7 @@ status scene_validate(const struct scene *scene, struct error *err)
     TRY(check_count(err, "cameras", scene->camera_count, SCENE_CAMERAS_MAX));
     TRY(check_count(err, "nodes", scene->node_count, SCENE_NODES_MAX));
     TRY(check_count(err, "channels", scene->channel_count, SCENE_CHANNELS_MAX));
+    TRY(check_count(err, "tracks", scene->track_count, SCENE_TRACKS_MAX));
     TRY(check_count(err, "skins", scene->skin_count, SCENE_SKINS_MAX));
     TRY(check_count(err, "media", scene->medium_count, SCENE_MEDIA_MAX));
     TRY(check_count(err, "portals", scene->environment.portal_count, SCENE_PORTALS_MAX));
@@ -367,6 +393,7 @@ status scene_validate(const struct scene *scene, struct error *err)
     EACH_ROW("instances", scene->instance_count, check_instance(&at, scene, at.row))
     EACH_ROW("lights", scene->light_count, check_light(&at, scene, &scene->lights[at.row]))
     EACH_ROW("cameras", scene->camera_count, check_camera(&at, scene, &scene->cameras[at.row]))
+    EACH_ROW("tracks", scene->track_count, check_track(&at, scene))
 #undef EACH_ROW
     at = (struct check_place){"environment", 0, NULL, err};
     TRY(check_environment(&at, &scene->environment));

@@ -280,8 +280,9 @@ static void test_pointers(void **state)
     assert_int_equal(r.scene.channel_count, 1);
     assert_int_equal(r.scene.channels[0].path, PATH_TRANSLATION);
     assert_int_equal(r.scene.instances[0].node, (int)r.scene.channels[0].node);
-    assert_warned(&r, "animates \"/materials/0/alphaCutoff\"");
-    assert_warned(&r, "3 more");
+    assert_warned(&r, "animates \"/materials/#/alphaCutoff\" of row 0, which the file does not have");
+    assert_warned(&r, "animates \"/nodes/2/scale\", which stands still");
+    assert_warned(&r, "2 more");
     import_result_release(&r);
 }
 

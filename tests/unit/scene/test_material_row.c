@@ -14,7 +14,7 @@
 #include "common/scene/scene_effects.h"
 #include "common/scene/material.h"
 #include "common/scene/settings.h"
-#include "common/scene/simplify.h"
+#include "common/scene/simplify/simplify.h"
 #include "tests/support/scene_sample.h"
 #include "worker/render/scene/render_material.h"
 

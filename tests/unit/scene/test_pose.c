@@ -131,6 +131,25 @@ static void test_steps_and_lines(void **state)
     assert_near(scene_duration_s(&s.scene), 0, 0);
 }
 
+/* A step at a frame's time is seen in that frame, also where the time is no float: some of those of 24 a second are
+ * rounded up. */
+static void test_steps_on_time(void **state)
+{
+    enum { FRAMES = 96 };
+    float times[FRAMES], values[3 * FRAMES] = {0};
+    struct stage s;
+
+    (void)state;
+    stage_set(&s);
+    for (int i = 0; i < FRAMES; i++) {
+        times[i] = (float)(i / 24.0);
+        values[3 * i] = (float)i;
+    }
+    add_channel(&s, 0, PATH_TRANSLATION, INTERPOLATE_STEP, FRAMES, 3, times, values);
+    for (int i = 0; i < FRAMES; i++)
+        translation_at(&s, i / 24.0, i);
+}
+
 /* Many keys: each is found, and what lies between any two. */
 static void test_many_keys(void **state)
 {
@@ -651,7 +670,8 @@ static void test_shutter(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_steps_and_lines), cmocka_unit_test(test_many_keys),
+        cmocka_unit_test(test_steps_and_lines),
+        cmocka_unit_test(test_steps_on_time), cmocka_unit_test(test_many_keys),
         cmocka_unit_test(test_quarter_turn),    cmocka_unit_test(test_slerp_ends),
         cmocka_unit_test(test_splines),         cmocka_unit_test(test_hierarchy),
         cmocka_unit_test(test_camera_and_light), cmocka_unit_test(test_skin),

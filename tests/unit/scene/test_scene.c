@@ -859,7 +859,7 @@ static void test_hostile_bytes(void **state)
     refuse_bytes("\x12\x00", 2, "version 0");
     refuse_bytes("\x08\x03", 2, "no camera");
     refuse_bytes("\x08\x03\x08\x03", 4, "twice");
-    refuse_bytes("\x08\x03\x9a\x01\x00", 5, "does not know"); /* field 19 */
+    refuse_bytes("\x08\x03\xa2\x01\x00", 5, "does not know"); /* field 20 */
     refuse_bytes("\x08\x03\x10\x00", 4, "does not know");     /* field 2 as a number */
     refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x01", 13, "ends within");
     refuse_bytes("\x08\x03\x1a\xff\xff\xff\xff\xff\xff\xff\xff\xff\x7f", 13, "ends within");

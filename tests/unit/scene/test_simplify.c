@@ -15,7 +15,8 @@
 #include "common/base/memory.h"
 #include "common/image/image.h"
 #include "common/scene/material.h"
-#include "common/scene/simplify.h"
+#include "common/scene/simplify/simplify.h"
+#include "common/scene/track.h"
 #include "tests/support/scene_builder.h"
 #include "tests/support/statistics.h"
 #include "worker/render/texture/texture.h"
@@ -559,8 +560,15 @@ static void test_unreached_rows_go(void **state)
     struct scene_material *m = start(&b), *mix;
     struct scene_simplify_report report;
     struct digest kept[3];
+    float time = 0, number = 0.5f;
+    struct scene_track tracks[4];
 
     (void)state;
+    for (uint32_t i = 0; i < 4; i++)
+        tracks[i] = (struct scene_track){
+            .target = i < 3 ? TRACK_MATERIAL : TRACK_LIGHT, .row = i < 3 ? i : 1,
+            .field = i < 3 ? scene_track_value(MATERIAL_VALUE_roughness) : TRACK_LIGHT_RANGE,
+            .keys = {.path = PATH_WEIGHTS, .key_count = 1, .components = 1, .times = &time, .values = &number}};
     for (int i = 0; i < 5; i++) {
         memcpy(other, pixels, sizeof other);
         other[0] = (uint8_t)(100 + i);
@@ -591,8 +599,14 @@ static void test_unreached_rows_go(void **state)
     kept[0] = b.scene.images[1].blob.digest;
     kept[1] = b.scene.images[2].blob.digest;
     kept[2] = b.scene.images[3].blob.digest;
+    b.scene.tracks = tracks;
+    b.scene.track_count = 4;
 
     report = simplified(&b);
+    assert_int_equal(b.scene.track_count, 3);
+    for (uint32_t i = 0; i < 2; i++)
+        assert_true(tracks[i].target == TRACK_MATERIAL && tracks[i].row == i);
+    assert_true(tracks[2].target == TRACK_LIGHT && tracks[2].row == 1);
     assert_int_equal(report.materials, 2);
     assert_int_equal(report.textures, 3);
     assert_int_equal(report.images, 2);

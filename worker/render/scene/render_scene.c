@@ -12,6 +12,7 @@
 #include "common/scene/scene_effects.h"
 #include "common/scene/pose.h"
 #include "common/scene/sight.h"
+#include "common/scene/track.h"
 #include "worker/render/base/bounds.h"
 #include "worker/render/caustic/casters.h"
 #include "worker/render/scene/image_share.h"
@@ -494,23 +495,21 @@ static status build_moved(struct render_scene *w, const struct scene *scene, con
     return s;
 }
 
-status render_scene_new(struct render_scene **out, const struct scene *scene, const struct render_settings *settings,
-                        uint32_t frame, struct blob_source blobs, struct error *err)
+/* `scene`: in this frame; `animated`: it may differ in others. */
+static status new_at_frame(struct render_scene **out, const struct scene *scene, const struct render_settings *settings,
+                           uint32_t frame, int animated, struct blob_source blobs, struct error *err)
 {
     uint64_t start_ns = clock_monotonic_ns();
     struct render_used used;
-    struct render_scene *w;
+    struct render_scene *w = mem_calloc(1, sizeof *w);
     status s;
 
-    *out = NULL;
-    TRY(render_settings_validate(settings, scene->camera_count, err));
-    w = mem_calloc(1, sizeof *w);
     NEED(w, err, "the scene");
     w->settings = *settings;
     w->build_threads = build_threads;
     w->roulette_depth = settings->no_roulette ? UINT32_MAX : ROULETTE_DEPTH;
     w->frame = frame;
-    w->animated = scene_is_animated(scene, settings);
+    w->animated = animated;
     w->volume_rule = scene->volume_rule;
     w->effects = scene_effects(scene, settings, frame, NULL);
     s = used_init(&used, scene, settings, err);
@@ -539,6 +538,21 @@ status render_scene_new(struct render_scene **out, const struct scene *scene, co
     w->info.build_ns = clock_monotonic_ns() - start_ns;
     *out = w;
     return STATUS_OK;
+}
+
+status render_scene_new(struct render_scene **out, const struct scene *scene, const struct render_settings *settings,
+                        uint32_t frame, struct blob_source blobs, struct error *err)
+{
+    struct scene at;
+    status s;
+
+    *out = NULL;
+    TRY(render_settings_validate(settings, scene->camera_count, err));
+    s = scene_at_frame(&at, scene, settings, frame, err);
+    if (s == STATUS_OK)
+        s = new_at_frame(out, &at, settings, frame, scene_is_animated(scene, settings), blobs, err);
+    scene_copy_release(&at);
+    return s;
 }
 
 void render_scene_free(struct render_scene *w)

@@ -5,7 +5,7 @@
 #include "common/system/parallel.h"
 #include "common/image/color.h"
 #include "common/image/image.h"
-#include "common/scene/simplify_parts.h"
+#include "common/scene/simplify/simplify_parts.h"
 
 static void survey_value(struct survey *s, int channel, float value)
 {
@@ -151,10 +151,20 @@ void simplify_survey_ahead(struct simplifier *w)
         for (int k = 0; k < MATERIAL_TEXTURES && w->material_reached[i]; k++) {
             const struct scene_material *m = &scene->materials[i];
 
-            if (m->textures[k].texture >= 0 && material_texture_acts(m, k))
+            if (m->textures[k].texture >= 0 && (w->animated[i] || material_texture_acts(m, k)))
                 w->image_wanted[scene->textures[m->textures[k].texture].image] = 1;
         }
     parallel_for(0, scene->image_count, 1, survey_wanted, w);
+}
+
+status simplify_survey_animated(struct simplifier *w, const struct scene_material *m)
+{
+    const struct survey *ignored;
+
+    for (int k = 0; k < MATERIAL_TEXTURES; k++)
+        if (m->textures[k].texture >= 0)
+            TRY(simplify_survey(w, &m->textures[k], &ignored));
+    return STATUS_OK;
 }
 
 int survey_is_constant(const struct survey *s, int channel) { return s->low[channel] == s->high[channel]; }

@@ -1,10 +1,10 @@
-#include "common/scene/simplify.h"
+#include "common/scene/simplify/simplify.h"
 
 #include <string.h>
 
 #include "common/base/memory.h"
 #include "common/image/image.h"
-#include "common/scene/simplify_parts.h"
+#include "common/scene/simplify/simplify_parts.h"
 
 static status simplify_environment(struct simplifier *w)
 {
@@ -43,6 +43,9 @@ static status simplify_materials(struct simplifier *w)
 {
     status st;
 
+    for (uint32_t i = 0; i < w->scene->track_count; i++)
+        if (w->scene->tracks[i].target <= TRACK_UV_OFFSET)
+            w->animated[w->scene->tracks[i].row] = 1;
     simplify_mixes(w);
     simplify_reach(w);
     simplify_survey_ahead(w);
@@ -51,6 +54,10 @@ static status simplify_materials(struct simplifier *w)
 
         if (!w->material_reached[i])
             continue;
+        if (w->animated[i]) {
+            TRY(simplify_survey_animated(w, m));
+            continue;
+        }
         simplify_drop_unseen(w, m);
         TRY(simplify_fold(w, m));
         simplify_drop_unseen(w, m);
@@ -60,7 +67,7 @@ static status simplify_materials(struct simplifier *w)
     simplify_reach(w);
     st = simplify_survey_colors(w);
     for (uint32_t i = 0; i < w->scene->material_count && st == STATUS_OK; i++)
-        if (w->material_reached[i]) {
+        if (w->material_reached[i] && !w->animated[i]) {
             st = simplify_make_opaque(w, i);
             /* Without alpha there may be less to keep. */
             THEN(st, simplify_fold_slot(w, &w->scene->materials[i], MATERIAL_TEXTURE_base_color));
@@ -80,9 +87,10 @@ status scene_simplify(struct scene *scene, struct scene_blob_reader reader, stru
     w.images = mem_calloc(scene->image_count, sizeof *w.images);
     w.image_wanted = mem_calloc(scene->image_count, 1);
     w.material_reached = mem_calloc(scene->material_count, 1);
+    w.animated = mem_calloc(scene->material_count, 1);
     w.alpha_colors = mem_calloc(scene->material_count, 1);
     w.mesh_alpha = mem_calloc(scene->mesh_count, 1);
-    if (!w.images || !w.image_wanted || !w.material_reached || !w.alpha_colors || !w.mesh_alpha)
+    if (!w.images || !w.image_wanted || !w.material_reached || !w.animated || !w.alpha_colors || !w.mesh_alpha)
         st = error_no_memory(err, "what is known of the scene");
     else
         st = simplify_materials(&w);
@@ -90,6 +98,7 @@ status scene_simplify(struct scene *scene, struct scene_blob_reader reader, stru
     THEN(st, simplify_remove_unreached(&w));
     mem_free(w.mesh_alpha);
     mem_free(w.alpha_colors);
+    mem_free(w.animated);
     mem_free(w.material_reached);
     mem_free(w.image_wanted);
     mem_free(w.images);

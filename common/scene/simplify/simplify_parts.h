@@ -8,7 +8,7 @@
 #pragma once
 
 #include "common/scene/material.h"
-#include "common/scene/simplify.h"
+#include "common/scene/simplify/simplify.h"
 
 /* What is known of an image. Grey is replicated and a missing alpha is 1, as in the renderer. */
 struct survey {
@@ -26,6 +26,7 @@ struct simplifier {
     struct survey *images;     /* [image_count] */
     uint8_t *image_wanted;     /* [image_count] by simplify_survey_ahead */
     uint8_t *material_reached; /* [material_count] */
+    uint8_t *animated;         /* [material_count] its values change: it stays as it is */
     uint8_t *alpha_colors;     /* [material_count] on a mesh with vertex alpha below 1 */
     uint8_t *mesh_alpha;       /* [mesh_count] 0: not checked yet, 1: all 1, 2: below */
     struct error *err;
@@ -49,6 +50,8 @@ int survey_is_constant(const struct survey *s, int channel);
 float survey_least(const struct survey *s, int channel, int srgb);
 /* +z to the precision of 8 bits. Their codes have no 0: 127 and 128 are on either side of it. */
 int survey_is_flat(const struct survey *s);
+/* Find the faults of an animated material's images: each of its textures may have an effect at some time. */
+status simplify_survey_animated(struct simplifier *w, const struct scene_material *m) MUST_CHECK;
 /* Which materials are on a mesh with vertices that are less than opaque, including a mix's parts. */
 status simplify_survey_colors(struct simplifier *w) MUST_CHECK;
 

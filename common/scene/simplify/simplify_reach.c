@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "common/base/memory.h"
-#include "common/scene/simplify_parts.h"
+#include "common/scene/simplify/simplify_parts.h"
 
 void simplify_mixes(struct simplifier *w)
 {
@@ -71,6 +71,23 @@ static void remove_materials(struct scene *scene, const uint8_t *reached, uint32
     scene->material_count = kept;
 }
 
+/* `reached` and `number`: the materials'. Those of TRACK_MATERIAL and of textures come first, and stay in order. */
+static void remove_tracks(struct scene *scene, const uint8_t *reached, const uint32_t *number)
+{
+    uint32_t kept = 0;
+
+    for (uint32_t i = 0; i < scene->track_count; i++) {
+        struct scene_track track = scene->tracks[i];
+
+        if (track.target <= TRACK_UV_OFFSET && !reached[track.row])
+            continue;
+        if (track.target <= TRACK_UV_OFFSET)
+            track.row = number[track.row];
+        scene->tracks[kept++] = track;
+    }
+    scene->track_count = kept;
+}
+
 static void remove_textures(struct scene *scene, uint8_t *reached, uint32_t *number)
 {
     uint32_t kept;
@@ -137,6 +154,7 @@ status simplify_remove_unreached(struct simplifier *w)
     if (reached && number) {
         simplify_reach(w);
         remove_materials(scene, w->material_reached, number);
+        remove_tracks(scene, w->material_reached, number);
         remove_textures(scene, reached, number);
         remove_images(scene, reached, number, &w->report->image_bytes);
         w->report->materials = materials - scene->material_count;

@@ -1,5 +1,5 @@
 /* Drops textures without effect, turns constant ones into factors, and removes alpha that is 1 everywhere. */
-#include "common/scene/simplify_parts.h"
+#include "common/scene/simplify/simplify_parts.h"
 
 #include <math.h>
 
