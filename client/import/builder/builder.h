@@ -129,10 +129,11 @@ status builder_add_skin(struct builder *b, const struct scene_skin *skin, uint32
 status builder_add_medium(struct builder *b, const struct scene_medium *medium, float *grid, uint32_t *row) MUST_CHECK;
 status builder_add_portal(struct builder *b, const struct scene_portal *portal) MUST_CHECK;
 
-/* The picture `name` that a scene names at file:line (line 0: none) cannot be used, for the reason `why` with the words in
- * b->err: a warning, and the surface does without it. The error stays where options->strict, and where it is one of place,
+/* The picture `name`, of a `kind` ("texture"), that a scene names at file:line (line 0: none) cannot be used, for the reason
+ * `why` with the words in b->err: a warning, and the scene does without it. The error stays where options->strict, and where it is one of place,
  * size or memory. */
-status builder_leave_out(struct builder *b, const char *file, uint64_t line, const char *name, status why) MUST_CHECK;
+status builder_leave_out(struct builder *b, const char *file, uint64_t line, const char *kind, const char *name,
+                         status why) MUST_CHECK;
 
 /* Let the environment be this lat-long EXR or Radiance HDR file (taken over, also when it fails). It is decoded to find
  * its faults; `name` is the file's, for messages. radiance and to_map are not changed. */

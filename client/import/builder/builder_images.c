@@ -104,9 +104,9 @@ status builder_add_image(struct builder *b, const char *name, uint8_t *data, siz
     return builder_add_image_row(b, &image, row);
 }
 
-status builder_leave_out(struct builder *b, const char *file, uint64_t line, const char *name, status why)
+status builder_leave_out(struct builder *b, const char *file, uint64_t line, const char *kind, const char *name, status why)
 {
-    char kind[300];
+    char one[300];
 
     if (b->options->strict || (why != STATUS_ERR_INPUT && why != STATUS_ERR_UNSUPPORTED)) {
         if (line && why != STATUS_ERR_NO_MEMORY && !b->error_is_placed) {
@@ -115,8 +115,8 @@ status builder_leave_out(struct builder *b, const char *file, uint64_t line, con
         }
         return why;
     }
-    snprintf(kind, sizeof kind, "texture %.200s", name);
-    builder_warn_at(b, file, line, kind, "the texture \"%.200s\" cannot be used (%.250s): left out", name, b->err->text);
+    snprintf(one, sizeof one, "%s %.200s", kind, name);
+    builder_warn_at(b, file, line, one, "the %s \"%.200s\" cannot be used (%.250s): left out", kind, name, b->err->text);
     *b->err = (struct error){0};
     return STATUS_OK;
 }

@@ -48,6 +48,7 @@ static const struct {
     {"EXT_lights_image_based", SUPPORT_WITHOUT},
     {"KHR_texture_basisu", SUPPORT_FALLBACK},
     {"EXT_texture_webp", SUPPORT_FULL},
+    {"EXT_lights_ies", SUPPORT_FULL},
     {"KHR_draco_mesh_compression", SUPPORT_FULL},
     {"EXT_meshopt_compression", SUPPORT_FULL},
     {"KHR_meshopt_compression", SUPPORT_FULL},
@@ -211,6 +212,7 @@ static status open_tables(struct gltf *g)
 {
     const struct gltf_place at = gltf_at("", 0, "");
     json_t *punctual = gltf_extension(g->root, "KHR_lights_punctual");
+    json_t *ies = gltf_extension(g->root, "EXT_lights_ies");
 
     TRY(gltf_array(g, g->root, &at, "accessors", &g->accessors));
     TRY(gltf_array(g, g->root, &at, "buffers", &g->buffers));
@@ -227,6 +229,11 @@ static status open_tables(struct gltf *g)
     TRY(gltf_array(g, g->root, &at, "skins", &g->skins));
     if (punctual)
         TRY(gltf_array(g, punctual, &at, "lights", &g->lights));
+    if (ies)
+        TRY(gltf_array(g, ies, &at, "lights", &g->profile_table));
+    g->profiles = must(mem_alloc_array(json_array_size(g->profile_table), sizeof *g->profiles));
+    for (size_t i = 0; i < json_array_size(g->profile_table); i++)
+        g->profiles[i].image = GLTF_ROW_UNREAD;
     g->buffer_data = must(mem_calloc(json_array_size(g->buffers), sizeof *g->buffer_data));
     g->view_data = must(mem_calloc(json_array_size(g->views), sizeof *g->view_data));
     g->accessor_data = must(mem_calloc(json_array_size(g->accessors), sizeof *g->accessor_data));
@@ -264,6 +271,7 @@ static void close_tables(struct gltf *g)
     gltf_tracks_free(g);
     mem_free(g->node_data);
     mem_free(g->skin_rows);
+    mem_free(g->profiles);
     mem_free(g->buffer_data);
     mem_free(g->view_data);
     mem_free(g->accessor_data);

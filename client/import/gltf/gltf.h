@@ -68,6 +68,12 @@ struct gltf_channel {
     int still;                    /* every key is the same: the node's value, not a motion */
 };
 
+/* A profile of EXT_lights_ies. */
+struct gltf_profile {
+    int64_t image;  /* the builder's, GLTF_ROW_UNREAD, BUILDER_NO_ROW */
+    double candela; /* of the picture's 1 */
+};
+
 /* Another animated value (gltf_pointers.c), read and checked. */
 struct gltf_value;
 struct gltf_track {
@@ -109,7 +115,7 @@ struct gltf {
 
     /* the file's tables; NULL when absent */
     json_t *accessors, *buffers, *views, *images, *samplers, *textures, *materials, *meshes, *nodes, *scenes, *cameras,
-        *lights, *animations, *skins;
+        *lights, *animations, *skins, *profile_table;
     struct gltf_buffer *buffer_data;
     size_t decompressed_bytes;    /* of all views */
     struct buffer *view_data;     /* of views: what their compressed form holds, once it was read */
@@ -124,6 +130,7 @@ struct gltf {
     size_t placed_count, placed_capacity;
     int64_t *skin_rows;
     int64_t *image_rows, *texture_rows;
+    struct gltf_profile *profiles;
     int variant;                               /* -1: none chosen */
     double light_scale[LIGHT_DIRECTIONAL + 1]; /* of intensities, by kind */
     int64_t *material_rows;                    /* one more than the file has: the last is the default material */
@@ -138,6 +145,13 @@ void gltf_light_units(struct gltf *g, const char *units);
 /* The scene's light for row `index` of the file's, placed by `to_world`. */
 status gltf_light(struct gltf *g, size_t index, const char *node_name, const struct transform_d *to_world,
                   struct scene_light *out) MUST_CHECK;
+
+/* ---- gltf_ies.c ----------------------------------------------------------------------------- */
+
+/* Add the light of a node's EXT_lights_ies; `node`: the builder's to follow, -1: none. *added is 0 where the profile cannot
+ * be used, with a warning. */
+status gltf_ies_light(struct gltf *g, json_t *extension, const struct gltf_place *at_node, const char *node_name,
+                      const struct transform_d *to_world, int32_t node, int *added) MUST_CHECK;
 
 /* ---- gltf_json.c: typed reading, with errors that name the place -------------------------- */
 

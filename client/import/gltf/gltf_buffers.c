@@ -1,6 +1,6 @@
 #include "client/import/gltf/gltf.h"
 #include "client/import/builder/uri.h"
-#include "client/import/gltf/meshopt.h"
+#include "client/import/gltf/compressed/meshopt.h"
 #include "client/terminal/must.h"
 #include "common/base/memory.h"
 

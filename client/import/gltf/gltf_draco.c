@@ -1,5 +1,5 @@
 /* KHR_draco_mesh_compression: the accessors of a primitive get their elements of its stream. */
-#include "client/import/gltf/draco.h"
+#include "client/import/gltf/compressed/draco.h"
 #include "client/import/gltf/gltf_mesh_parts.h"
 #include "client/terminal/must.h"
 #include "common/base/memory.h"

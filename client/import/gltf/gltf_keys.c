@@ -68,6 +68,8 @@ static const struct {
     {"EXT_mesh_gpu_instancing", "attributes>instances"},
     {"instances", "TRANSLATION ROTATION SCALE _#"},
     {"EXT_texture_webp", "source"},
+    {"EXT_lights_ies", "light multiplier color lights*>profile"},
+    {"profile", "name uri bufferView mimeType"},
 };
 
 /* The way from the file to an object. */

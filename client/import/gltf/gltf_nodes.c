@@ -234,6 +234,19 @@ static status add_light(struct gltf *g, json_t *node, size_t index, const struct
     return STATUS_OK;
 }
 
+static status add_ies_light(struct gltf *g, json_t *node, const struct gltf_place *at, json_t *extension,
+                            const struct stand *stand)
+{
+    int32_t followed = -1;
+    int added;
+
+    TRY(follow(g, stand, &followed));
+    TRY(gltf_ies_light(g, extension, at, node_name(node), &stand->to_world, followed, &added));
+    if (added)
+        gltf_note_placed(g, TRACK_LIGHT, UINT32_MAX, stand->node, g->b->light_count - 1);
+    return STATUS_OK;
+}
+
 /* ---- cameras ------------------------------------------------------------------------------ */
 
 static int camera_name_taken(const struct gltf *g, const char *name)
@@ -373,6 +386,9 @@ static status visit_node(struct walk *w, const struct visit *visit)
         TRY(add_camera(g, node, (size_t)camera, &stand));
     if (light >= 0)
         TRY(add_light(g, node, (size_t)light, &stand));
+    extension = gltf_extension(node, "EXT_lights_ies");
+    if (extension)
+        TRY(add_ies_light(g, node, &at, extension, &stand));
     TRY(gltf_array(g, node, &at, "children", &children));
     if (!visit->top)
         below.top = builder_name(g->b, node_name(node));

@@ -72,7 +72,7 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
         bytes = (struct buffer)BUFFER_INIT; /* taken over */
         *row = added;
     } else if (can_lack) {
-        result = builder_leave_out(g->b, g->name, 0, file ? file : name ? name : numbered, result);
+        result = builder_leave_out(g->b, g->name, 0, "texture", file ? file : name ? name : numbered, result);
     }
     buffer_release(&bytes);
     return result;

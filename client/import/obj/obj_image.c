@@ -17,7 +17,7 @@ static const float HEIGHT_TEXELS = 8;
 
 static status leave_out(struct obj *o, const struct obj_material *m, const struct obj_texture *map, status why)
 {
-    return builder_leave_out(o->b, o->files.texts[m->file], map->line, map->file, why);
+    return builder_leave_out(o->b, o->files.texts[m->file], map->line, "texture", map->file, why);
 }
 
 /* The pixels, and the file itself in `bytes`. After a failure, which is a warning, *good is 0. */

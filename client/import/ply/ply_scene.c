@@ -84,7 +84,7 @@ static status add_texture(struct builder *b, const char *name, const char *folde
     result = read_texture(b, folder, texture, &bytes);
     if (result != STATUS_OK) {
         buffer_release(&bytes);
-        return builder_leave_out(b, name, 0, texture, result);
+        return builder_leave_out(b, name, 0, "texture", texture, result);
     }
     TRY(builder_add_image(b, file_basename(texture), bytes.data, bytes.size, &row.image));
     TRY(builder_add_texture(b, &row, &added));

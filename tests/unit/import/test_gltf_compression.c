@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "client/import/gltf/meshopt.h"
+#include "client/import/gltf/compressed/meshopt.h"
 #include "common/base/memory.h"
 #include "tests/support/draco_maker.h"
 #include "tests/support/gltf_maker.h"

@@ -126,12 +126,54 @@ static void test_missing(void **state)
     maker_release(&m);
 }
 
+/* EXT_lights_ies: an even profile of 100 cd, in a view and as text, on two nodes each. */
+static void test_luminaires(void **state)
+{
+    static const char profile[] = "TILT=NONE\n1 1 1 2 1 1 1 0 0 0 1 1 1 0 180 0 100 100";
+#define PROFILE_TEXT "VElMVD1OT05FCjEgMSAxIDIgMSAxIDEgMCAwIDAgMSAxIDEgMCAxODAgMCAxMDAgMTAw"
+#define LUMINAIRE(light, more) "{\"name\":\"lamp\",\"extensions\":{\"EXT_lights_ies\":{\"light\":" #light more "}}}"
+    static const char rest[] =
+        "\"nodes\":[{\"camera\":0}," LUMINAIRE(0, ",\"multiplier\":3,\"color\":[1,0.5,2]") "," LUMINAIRE(0, "") ","
+        LUMINAIRE(1, "") "," LUMINAIRE(1, ",\"multiplier\":0") "],\"scenes\":[{\"nodes\":[0,1,2,3,4]}],"
+        "\"cameras\":[{\"type\":\"perspective\",\"perspective\":{\"yfov\":1}}],\"extensionsRequired\":[\"EXT_lights_ies\"],"
+        "\"extensions\":{\"EXT_lights_ies\":{\"lights\":[{\"bufferView\":0,\"mimeType\":\"application/x-ies-lm-63\"},"
+        "{\"uri\":\"data:application/x-ies-lm-63;base64," PROFILE_TEXT "\",\"name\":\"even\"}]}}";
+    static const float wanted[4][3] = {{300, 150, 300}, {100, 100, 100}, {100, 100, 100}, {0, 0, 0}};
+    struct maker m = {0};
+    struct import_result r;
+
+    (void)state;
+    put_view(&m, profile, sizeof profile - 1, 0);
+    maker_import(&m, rest, &r);
+    assert_int_equal(r.scene.light_count, 4);
+    assert_int_equal(r.warning_count, 1); /* that there are no triangles */
+    for (int i = 0; i < 4; i++) {
+        assert_int_equal(r.scene.lights[i].kind, LIGHT_GONIOMETRIC);
+        assert_floats(r.scene.lights[i].intensity, wanted[i], 3, 0);
+        assert_string_equal(r.scene.lights[i].name, "lamp");
+    }
+    assert_int_equal(r.scene.lights[0].image, r.scene.lights[1].image);
+    assert_int_equal(r.scene.lights[2].image, r.scene.lights[3].image);
+    assert_string_equal(r.scene.images[r.scene.lights[2].image].name, "even");
+    import_result_release(&r);
+
+    m = (struct maker){0};
+    put_view(&m, profile, sizeof profile - 1, 0);
+    maker_starve(&m, rest, 0);
+    m = (struct maker){0};
+    maker_refuse(&m, "\"nodes\":[" LUMINAIRE(2, "") "],\"extensions\":{\"EXT_lights_ies\":{\"lights\":[]}}", "EXT_lights_ies|light is 2");
+    m = (struct maker){0};
+    maker_refuse(&m, "\"nodes\":[" LUMINAIRE(0, "") "],\"extensions\":{\"EXT_lights_ies\":{\"lights\":[{}]}}",
+                 "EXT_lights_ies.lights[0]|neither");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_units),
         cmocka_unit_test(test_odd_lights),
         cmocka_unit_test(test_missing),
+        cmocka_unit_test(test_luminaires),
     };
 
     return cmocka_run_group_tests_name("glTF lights", tests, NULL, NULL);

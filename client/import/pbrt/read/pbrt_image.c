@@ -43,7 +43,7 @@ status pbrt_image(struct pbrt *p, const char *name, const struct pbrt_place *at,
     result = read_image(p, name, image);
     if (result != STATUS_OK) {
         buffer_release(&image->bytes);
-        return builder_leave_out(p->b, at->file, at->line, name, result);
+        return builder_leave_out(p->b, at->file, at->line, "texture", name, result);
     }
     pbrt_name_set(p, &p->images, name, image);
     *out = image;

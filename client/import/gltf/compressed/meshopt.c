@@ -1,4 +1,4 @@
-#include "client/import/gltf/meshopt.h"
+#include "client/import/gltf/compressed/meshopt.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "client/import/gltf/draco.h"
+#include "client/import/gltf/compressed/draco.h"
 
 #include <exception>
 #include <memory>
