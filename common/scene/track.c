@@ -217,6 +217,14 @@ static void *copied(struct arena *arena, const void *table, size_t count, size_t
     return copy;
 }
 
+static int has_target(const struct scene *scene, enum scene_track_target first, enum scene_track_target last)
+{
+    for (uint32_t i = 0; i < scene->track_count; i++)
+        if (scene->tracks[i].target >= first && scene->tracks[i].target <= last)
+            return 1;
+    return 0;
+}
+
 status scene_at_frame(struct scene *out, const struct scene *scene, const struct render_settings *settings,
                       uint32_t frame, struct error *err)
 {
@@ -226,17 +234,20 @@ status scene_at_frame(struct scene *out, const struct scene *scene, const struct
     arena_init(&out->arena);
     if (scene->track_count == 0)
         return STATUS_OK;
-#define COPY(table, count)                                                                   \
-    out->table = copied(&out->arena, scene->table, scene->count, sizeof *scene->table);      \
-    NEED(out->table, err, "the scene in a frame");
-    COPY(materials, material_count)
-    COPY(instances, instance_count)
-    COPY(lights, light_count)
-    COPY(cameras, camera_count)
+#define COPY(table, count, first, last)                                                          \
+    if (has_target(scene, first, last)) {                                                        \
+        out->table = copied(&out->arena, scene->table, scene->count, sizeof *scene->table);      \
+        NEED(out->table, err, "the scene in a frame");                                           \
+    }
+    COPY(materials, material_count, TRACK_MATERIAL, TRACK_UV_OFFSET)
+    COPY(instances, instance_count, TRACK_INSTANCE, TRACK_INSTANCE)
+    COPY(lights, light_count, TRACK_LIGHT, TRACK_LIGHT)
+    COPY(cameras, camera_count, TRACK_CAMERA, TRACK_CAMERA)
 #undef COPY
     for (uint32_t i = 0; i < scene->track_count; i++)
         apply(out, &scene->tracks[i], time_s);
-    mend_cones(out);
+    if (out->lights != scene->lights)
+        mend_cones(out);
     out->track_count = 0;
     return STATUS_OK;
 }

@@ -450,40 +450,48 @@ static int is_hidden(const struct scene_instance *instance)
     return instance->to_world.m[0][0] == 0 && instance->to_world.m[1][1] == 0 && instance->node < 0;
 }
 
+/* Node 4 is shown in frames 6 to 11, node 0 above it up to frame 8. */
 static void hidden_nodes(void **state)
 {
-    static const float times[3] = {0, 0.25f, 0.5f};
-    static const uint8_t shown[3] = {0, 1, 0};
-    static const char *const pointers[] = {"/nodes/4/extensions/KHR_node_visibility/visible"};
-    struct maker m = made();
-    struct import_result r;
-    json_t *doc = base();
-
+    static const float times[3] = {0, 0.25f, 0.5f}, later[3] = {0, 0.375f, 0.5f};
+    static const uint8_t shown[2][3] = {{0, 1, 0}, {1, 0, 0}};
+    static const char *const pointers[] = {"/nodes/4/extensions/KHR_node_visibility/visible",
+                                           "/nodes/0/extensions/KHR_node_visibility/visible"};
     (void)state;
-    put_values(&m, times, 1, 3);
-    put_accessor(&m, put_view(&m, shown, sizeof shown, 0), "SCALAR", 5121, 3, "");
-    set(doc, pointers[0], (const float[]){0}, 1);
-    animate(doc, pointers, 1, "LINEAR");
-    import_doc(&m, doc, &r);
-    assert_int_equal(r.scene.instance_count, 2);
-    assert_int_equal(r.scene.light_count, 3);
-    for (uint32_t frame = 0; frame < 15; frame++) {
-        struct scene at = at_frame(&r.scene, frame);
-        const int wanted = frame >= 6 && frame < 12;
+    for (int count = 1; count <= 2; count++) {
+        struct maker m = made();
+        struct import_result r;
+        json_t *doc = base();
 
-        assert_false(is_hidden(&at.instances[0]));
-        assert_int_equal(is_hidden(&at.instances[1]), !wanted);
-        /* The place stays, so that nothing grows to reach the origin. */
-        assert_true(at.instances[1].to_world.m[0][3] == r.scene.instances[1].to_world.m[0][3]);
-        for (uint32_t i = 0; i < 3; i++) {
-            const int below = r.scene.lights[i].position[0] + r.scene.origin[0] == 1;
+        put_values(&m, times, 1, 3);
+        for (int i = 0; i < 2; i++)
+            put_accessor(&m, put_view(&m, shown[i], sizeof shown[i], 0), "SCALAR", 5121, 3, "");
+        put_values(&m, later, 1, 3);
+        set(doc, pointers[0], (const float[]){0}, 1);
+        animate(doc, pointers, count, "LINEAR");
+        if (count == 2)
+            set(doc, "/animations/0/samplers/1/input", (const float[]){VALUES + 2}, 1);
+        import_doc(&m, doc, &r);
+        assert_int_equal(r.scene.instance_count, 2);
+        assert_int_equal(r.scene.light_count, 3);
+        for (uint32_t frame = 0; frame < 15; frame++) {
+            struct scene at = at_frame(&r.scene, frame);
+            const int above = count == 1 || frame < 9, wanted = above && frame >= 6 && frame < 12;
 
-            assert_true((at.lights[i].intensity[0] > 0) == (!below || wanted));
-            assert_true(!wanted || memcmp(&at.lights[i], &r.scene.lights[i], sizeof at.lights[i]) == 0);
+            assert_int_equal(is_hidden(&at.instances[0]), !above);
+            assert_int_equal(is_hidden(&at.instances[1]), !wanted);
+            /* The place stays, so that nothing grows to reach the origin. */
+            assert_true(at.instances[1].to_world.m[0][3] == r.scene.instances[1].to_world.m[0][3]);
+            for (uint32_t i = 0; i < 3; i++) {
+                const int below = r.scene.lights[i].position[0] + r.scene.origin[0] == 1, on = below ? wanted : above;
+
+                assert_true((at.lights[i].intensity[0] > 0) == on);
+                assert_true(!on || memcmp(&at.lights[i], &r.scene.lights[i], sizeof at.lights[i]) == 0);
+            }
+            scene_copy_release(&at);
         }
-        scene_copy_release(&at);
+        import_result_release(&r);
     }
-    import_result_release(&r);
 }
 
 /* ---- keys -------------------------------------------------------------------------------------- */
