@@ -14,7 +14,7 @@
 
 /* ---- what can be animated ---------------------------------------------------------------------- */
 
-enum { FACTORS_MAX = 3 };
+enum { FACTORS_MAX = 3, TRACKS_MAX = 1 << 15 };
 
 /* A value of the file. `number`: the field of its target, by its own enum. */
 struct gltf_value {
@@ -260,6 +260,9 @@ status gltf_track(struct gltf *g, const struct gltf_value *value, uint32_t row, 
     char key[GLTF_KEY_MAX];
     status result;
 
+    if (g->track_count >= TRACKS_MAX)
+        return gltf_fail(g, STATUS_ERR_LIMIT, at,
+                         "is more than %d animated values: choose an animation with --animation", TRACKS_MAX);
     if (!is_there(g, value, row, at))
         return STATUS_OK;
     out.keys.path = PATH_WEIGHTS;
@@ -404,11 +407,24 @@ static status add_partner(struct gltf *g, const struct gltf_track *from, uint32_
     return add_track(g, &still, row);
 }
 
+/* Does the material read the value? Not what stands beside the archived model, and no emission of which the texture, which
+ * may say that a small part glows, cannot be read (gltf_materials.c). */
+static int reads(struct gltf *g, const struct gltf_track *from, uint32_t row)
+{
+    const float *emission = g->b->materials[row].emission;
+
+    if (strncmp(from->value->pointer, PBR, strlen(PBR)) == 0 &&
+        gltf_extension(json_array_get(g->materials, from->row), "KHR_materials_pbrSpecularGlossiness"))
+        return 0;
+    return from->value->target != TRACK_MATERIAL || from->value->number != MATERIAL_VALUE_emission || emission[0] > 0 ||
+           emission[1] > 0 || emission[2] > 0;
+}
+
 static status add_to_material(struct gltf *g, const struct gltf_track *from)
 {
     const int64_t row = g->material_rows[from->row];
 
-    if (row < 0) /* nothing has the material */
+    if (row < 0 || !reads(g, from, (uint32_t)row)) /* or nothing has the material */
         return STATUS_OK;
     TRY(add_track(g, from, (uint32_t)row));
     return from->value->target == TRACK_MATERIAL ? STATUS_OK : add_partner(g, from, (uint32_t)row);

@@ -630,6 +630,34 @@ static void test_bad_pointers(void **state)
     json_decref(doc);
 }
 
+/* What the material does not read, as beside the archived model or where the texture of what glows is missing, is not
+ * animated. */
+static void what_is_not_read(void **state)
+{
+    static const float times[2] = {0, 1}, colors[8] = {0, 0, 0, 0, 1, 1, 1, 1}, emissions[6] = {0, 0, 0, 1, 1, 1};
+    static const char *const color[] = {"/materials/1/pbrMetallicRoughness/baseColorFactor"};
+    static const char *const emission[] = {"/materials/1/emissiveFactor"};
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        struct maker m = made();
+        struct import_result r;
+        json_t *doc = base();
+        char key[96];
+
+        put_values(&m, times, 1, 2);
+        put_values(&m, i ? emissions : colors, i ? 3 : 4, 2);
+        if (i == 0)
+            assert_int_equal(json_object_set_new(object_at(doc, OF("pbrSpecularGlossiness"), key), key, json_object()), 0);
+        else
+            assert_int_equal(json_object_set_new(json_array_get(json_object_get(doc, "images"), 0), "uri", json_string("none.png")), 0);
+        animate(doc, i ? emission : color, 1, "LINEAR");
+        import_doc(&m, doc, &r);
+        assert_int_equal(r.scene.track_count, 0);
+        import_result_release(&r);
+    }
+}
+
 /* A value of which every key is the same is the file's. */
 static void test_still_values(void **state)
 {
@@ -655,7 +683,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_value_alone),     cmocka_unit_test(pairs_of_values),       cmocka_unit_test(textures_stay), cmocka_unit_test(hidden_nodes),
         cmocka_unit_test(steps_are_on_time),    cmocka_unit_test(splines_stay_in_range), cmocka_unit_test(wild_splines), cmocka_unit_test(test_bad_pointers),
-        cmocka_unit_test(test_still_values),
+        cmocka_unit_test(what_is_not_read), cmocka_unit_test(test_still_values),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
