@@ -8,6 +8,7 @@
 
 #include "common/base/bytes_text.h"
 #include "common/base/duration.h"
+#include "common/base/memory.h"
 #include "common/cli/completion.h"
 #include "common/system/file.h"
 #include "common/system/log.h"
@@ -318,6 +319,7 @@ int main(int argc, char **argv)
     status s;
 
     file_hold_standard();
+    mem_keep();
     log_setup("azulejo-coordinator", LOG_LEVEL_INFO);
     s = options_parse(table, argc, argv, &rest, &help, &err);
     THEN(s, log_set_format(log_format, &err));

@@ -109,6 +109,15 @@ void *mem_memdup(const void *data, size_t size_bytes)
 
 void mem_free(void *block) { free(block); }
 
+void mem_keep(void)
+{
+#ifdef __GLIBC__
+    mallopt(M_ARENA_MAX, 2);
+    mallopt(M_MMAP_THRESHOLD, 4 << 20);
+    mallopt(M_TRIM_THRESHOLD, 64 << 20);
+#endif
+}
+
 void mem_trim(void)
 {
 #ifdef __GLIBC__

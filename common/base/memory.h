@@ -31,6 +31,10 @@ char *mem_strdup(const char *text) __attribute__((warn_unused_result));
 void *mem_memdup(const void *data, size_t size_bytes) __attribute__((warn_unused_result));
 void mem_free(void *block);
 
+/* Keep what is freed for the next block, up to 64 MiB, but for blocks above 4 MiB: films and messages come and go, and the
+ * page faults of memory that was given back cost more than the work on it. At most two pools, so that what one thread
+ * frees serves others. Call it before the first thread. */
+void mem_keep(void);
 /* Return freed memory to the machine, as far as the C library can. */
 void mem_trim(void);
 
