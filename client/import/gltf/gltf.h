@@ -187,6 +187,9 @@ status gltf_view(struct gltf *g, size_t view, const uint8_t **data, size_t *size
                  size_t *stride_bytes) MUST_CHECK;
 /* Append the bytes of a URI (data or file). */
 status gltf_read_uri(struct gltf *g, const char *uri, const struct gltf_place *at, struct buffer *out) MUST_CHECK;
+/* Append the bytes of an image or the like: of its `uri`, or, where that is NULL, of its buffer view. */
+status gltf_read_bytes(struct gltf *g, json_t *row, const struct gltf_place *at, const char *uri,
+                       struct buffer *out) MUST_CHECK;
 
 /* ---- gltf_accessors.c --------------------------------------------------------------------- */
 

@@ -157,3 +157,20 @@ status gltf_view(struct gltf *g, size_t view, const uint8_t **data, size_t *size
     }
     return view_bytes(g, row, &at, data, size_bytes);
 }
+
+status gltf_read_bytes(struct gltf *g, json_t *row, const struct gltf_place *at, const char *uri, struct buffer *out)
+{
+    const uint8_t *data = NULL;
+    size_t size = 0, stride;
+    int64_t view = -1;
+
+    if (uri)
+        return gltf_read_uri(g, uri, at, out);
+    TRY(gltf_index(g, row, at, "bufferView", g->views, &view));
+    if (view < 0)
+        return gltf_fail(g, STATUS_ERR_INPUT, at, "has neither a uri nor a bufferView");
+    TRY(gltf_view(g, (size_t)view, &data, &size, &stride));
+    buffer_append(out, data, size);
+    must_hold(out);
+    return STATUS_OK;
+}

@@ -5,26 +5,7 @@
 #include "client/import/gltf/gltf.h"
 #include "client/import/builder/uri.h"
 #include "client/import/ies/ies.h"
-#include "client/terminal/must.h"
-#include "common/base/memory.h"
 #include "common/system/file.h"
-
-static status read_bytes(struct gltf *g, json_t *row, const struct gltf_place *at, const char *uri, struct buffer *out)
-{
-    const uint8_t *data = NULL;
-    size_t size = 0, stride;
-    int64_t view = -1;
-
-    if (uri)
-        return gltf_read_uri(g, uri, at, out);
-    TRY(gltf_index(g, row, at, "bufferView", g->views, &view));
-    if (view < 0)
-        return gltf_fail(g, STATUS_ERR_INPUT, at, "has neither a uri nor a bufferView");
-    TRY(gltf_view(g, (size_t)view, &data, &size, &stride));
-    buffer_append(out, data, size);
-    must_hold(out);
-    return STATUS_OK;
-}
 
 /* The picture's row; a profile that cannot be used, or that does not shine, has none. */
 static status read_profile(struct gltf *g, size_t index, struct gltf_profile *out)
@@ -43,7 +24,7 @@ static status read_profile(struct gltf *g, size_t index, struct gltf_profile *ou
     TRY(gltf_text(g, profile, &at, "name", &name));
     if (!*name)
         name = uri && !uri_is_data(uri) ? file_basename(uri) : "IES profile";
-    result = read_bytes(g, profile, &at, uri, &bytes);
+    result = gltf_read_bytes(g, profile, &at, uri, &bytes);
     if (result == STATUS_OK) {
         struct error inner = {0};
 

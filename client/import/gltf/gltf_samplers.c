@@ -1,4 +1,4 @@
-/* glTF: the keys of animations' samplers, read, checked and mended. */
+/* glTF: reads the keys of an animation's samplers, checks and mends them. */
 #include <math.h>
 #include <string.h>
 

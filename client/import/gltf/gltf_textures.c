@@ -33,7 +33,6 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
     const char *uri = NULL, *name = NULL, *file, *shown;
     struct buffer bytes = BUFFER_INIT;
     char numbered[32];
-    int64_t view = -1;
     json_t *image;
     uint32_t added = 0;
     int can_lack;
@@ -42,22 +41,10 @@ static status read_image(struct gltf *g, size_t index, int64_t *row)
     TRY(gltf_row(g, g->images, &at, &image));
     TRY(gltf_text(g, image, &at, "uri", &uri));
     TRY(gltf_text(g, image, &at, "name", &name));
-    TRY(gltf_index(g, image, &at, "bufferView", g->views, &view));
     file = uri && !uri_is_data(uri) ? uri : NULL;
     snprintf(numbered, sizeof numbered, "images[%zu]", index); /* reports of damage use the name */
     shown = name ? name : file ? file_basename(file) : numbered;
-    if (uri) {
-        result = gltf_read_uri(g, uri, &at, &bytes);
-    } else if (view >= 0) {
-        const uint8_t *data = NULL;
-        size_t size = 0, stride;
-        result = gltf_view(g, (size_t)view, &data, &size, &stride);
-        if (result == STATUS_OK)
-            buffer_append(&bytes, data, size);
-        must_hold(&bytes);
-    } else {
-        result = gltf_fail(g, STATUS_ERR_INPUT, &at, "has neither a uri nor a bufferView");
-    }
+    result = gltf_read_bytes(g, image, &at, uri, &bytes);
     *row = BUILDER_NO_ROW;
     if (result == STATUS_OK && image_format_of(bytes.data, bytes.size) == IMAGE_UNKNOWN)
         result = gltf_fail(g, STATUS_ERR_UNSUPPORTED, &at,

@@ -91,7 +91,7 @@ static const char *next_line(struct ies *f, size_t *length)
     return start;
 }
 
-/* Keywords up to TILT, and what that includes: how lamps fade when they are tilted, which nobody knows of a node. */
+/* Skip the keywords, and the table of TILT: how much less a tilted lamp gives. A node does not say how its lamp hangs. */
 static status read_head(struct ies *f)
 {
     const char *line;
