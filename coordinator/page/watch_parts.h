@@ -28,7 +28,7 @@ enum {
     TILES_MESSAGE_BYTES = 1 << 16,/* of tiles, about */
     TILES_CACHE = 256,            /* encoded, for watchers of the same */
     TILES_STORED_BYTES = 1 << 18, /* read at once of a frame that is done */
-    TILES_STORED_STALL_MS = 10000,/* a watcher that takes nothing for so long makes room for one that waits */
+    TILES_STORED_STALL_MS = 1000, /* a watcher that takes nothing for so long makes room for one that waits */
 };
 
 struct watcher;
@@ -95,7 +95,8 @@ struct watching {
     uv_timer_t timer;
     int is_stopped;
     struct watcher *clients;
-    uint32_t watching, stored;      /* watchers; frames that are being read */
+    uint32_t watching, stored;      /* watchers; frames that are being read, */
+    uint32_t stored_pictures;       /* of them without a film, as far as is known */
     int timer_runs;                 /* 1: to the next turn; 2: it comes at once */
     uint64_t turn_ns;               /* begin of the last turn */
     int64_t share_ns;               /* that may be spent on tiles that watchers saw before */

@@ -13,6 +13,7 @@ struct stored_watch {
     struct buffer bytes; /* records, */
     size_t at;           /* of which these were sent */
     int is_reading, end;
+    int is_picture;    /* it has no film, as far as is known */
     uint64_t moved_ns; /* when the client took something last */
 };
 
@@ -24,6 +25,7 @@ struct stored_task {
 static void stored_free(struct stored_watch *s)
 {
     s->all->stored--;
+    s->all->stored_pictures -= (uint32_t)s->is_picture;
     stored_tiles_free(s->tiles);
     buffer_release(&s->bytes);
     mem_free(s);
@@ -68,6 +70,10 @@ static void task_end(struct task *task)
     struct stored_watch *s = ((struct stored_task *)task)->stored;
 
     s->is_reading = 0;
+    if (s->is_picture && stored_tiles_are_exact(s->tiles)) {
+        s->is_picture = 0;
+        s->all->stored_pictures--;
+    }
     if (!s->client) {
         stored_free(s);
     } else if (task->result != STATUS_OK) {
@@ -79,15 +85,22 @@ static void task_end(struct task *task)
 
 static const struct task_kind stored_kind = {"a picture's tiles", sizeof(struct stored_task), task_run, task_end, NULL, 0};
 
+/* 1: the open ones leave no place. A film that is open leaves one for another film. */
+static int is_full(const struct watching *all)
+{
+    return all->stored >= STORED_TILES_OPEN || all->stored_pictures >= STORED_PICTURES_OPEN;
+}
+
 /* Is there a place? A client that takes nothing gives up its own; it goes on later. */
 static int make_room(struct watching *all, uint64_t now_ns)
 {
-    for (struct watcher *c = all->clients; c && all->stored >= STORED_TILES_OPEN; c = c->next) {
+    for (struct watcher *c = all->clients; c && is_full(all); c = c->next) {
         struct stored_watch *s = c->watch.stored;
-        if (s && !s->is_reading && now_ns - s->moved_ns > TILES_STORED_STALL_MS * NS_PER_MS)
+        if (s && !s->is_reading && now_ns - s->moved_ns > TILES_STORED_STALL_MS * NS_PER_MS &&
+            (s->is_picture || all->stored >= STORED_TILES_OPEN))
             stored_end(c);
     }
-    return all->stored < STORED_TILES_OPEN;
+    return !is_full(all);
 }
 
 static void begin(struct watcher *client, const struct job *job, uint64_t now_ns)
@@ -107,7 +120,9 @@ static void begin(struct watcher *client, const struct job *job, uint64_t now_ns
     s->all = all;
     s->client = client;
     s->moved_ns = now_ns;
+    s->is_picture = 1;
     all->stored++;
+    all->stored_pictures++;
     w->stored = s;
 }
 

@@ -2,7 +2,7 @@
  *
  * The kept film has everything. Where it was not kept, the stored picture has the means: then the standard error is
  * not known, and the samples are the frame's mean. The film takes the memory of one tile, the picture that of all its
- * pixels: at most STORED_TILES_OPEN of them at once.
+ * pixels: hence few at once.
  *
  * Made on the farm's thread; stored_tiles_read from any thread.
  */
@@ -12,7 +12,10 @@
 #include "coordinator/pictures/linear.h"
 #include "coordinator/store/store.h"
 
-enum { STORED_TILES_OPEN = 2 };
+enum {
+    STORED_TILES_OPEN = 16,
+    STORED_PICTURES_OPEN = 2, /* of them, at most so many that are not known to have a film */
+};
 
 struct stored_tiles;
 
