@@ -201,6 +201,7 @@ FORMS = {
     "get /api/v1/verbs": ("application/json", obj("verbs", verbs=array(VERB))),
     "put /api/v1/blobs/{digest}": ("application/json", obj("digest bytes", digest=ref("Bytes"), bytes=BIG)),
     "get /api/v1/events": ("text/event-stream", TEXT), "get /api/v1/live": (None, {}),
+    "get /api/v1/jobs/{job}/frames/{frame}/live": ("application/octet-stream", {"type": "string", "format": "binary"}),
     "post /api/v1/imports": ("application/json", obj("import", **{"import": BIG})),
     "put /api/v1/imports/{import}/files/{path...}": ("application/json", obj("path bytes", bytes=BIG)),
     "post /api/v1/imports/{import}": ("application/json", obj("job", job=BIG), obj("scene", "options", options=array(TEXT))),
@@ -214,7 +215,7 @@ FILES = {"exr": "image/x-exr", "png": "image/png", "jpg": "image/jpeg", "effects
 # Values of a query that are fields of no message.
 QUERIES = {"tonemap": TEXT, "exposure": {"type": "number"}, "metering": {"enum": ["off", "key", "percentile"]},
            "metering_percentile": {"type": "number"}, "white_kelvin": {"type": "number"},
-           "denoise": {"enum": ["off", "on", "fast"]}, "no_dither": {"enum": ["0", "1"]}, "after": TEXT}
+           "denoise": {"enum": ["off", "on", "fast"]}, "no_dither": {"enum": ["0", "1"]}, "after": TEXT, "layer": TEXT}
 
 
 # ---- the document -------------------------------------------------------------------------------------------------

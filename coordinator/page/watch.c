@@ -45,8 +45,9 @@ void watch_done(struct watcher *client, const struct error *why)
 
     watch_flush(client);
     if (why)
-        done.why = (char *)why->text;
-    tell(client, &envelope);
+        session_fail(client->session, client->watch.request, why);
+    else
+        tell(client, &envelope);
     client->watch.state = WATCH_DONE;
 }
 

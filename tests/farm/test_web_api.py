@@ -76,7 +76,7 @@ def every_route():
             digest = '"%s"' % hashlib.sha256(answer.body).hexdigest()
             expect(answer.headers["etag"] == digest, "its ETag is its SHA-256: %s" % answer.headers["etag"])
             api.does(304, "get", FRAME + "/" + file, job=done, frame=1, headers={"If-None-Match": digest})
-        for file in ("preview.png", "preview.exr", "history", "tiles"):
+        for file in ("preview.png", "preview.exr", "history", "tiles", "live"):
             api.does(200, "get", FRAME + "/" + file, job=done, frame=1)
             api.does(404, "get", FRAME + "/" + file, job=done, frame=2)
             api.does(404, "get", FRAME + "/" + file, job=999, frame=1)
@@ -436,7 +436,7 @@ def random_request(rng, api, jobs):
 
 
 # Asked elsewhere: streams without end, and what would end the test's own token or send requests to others.
-NOT_AT_RANDOM = re.compile(r"/api/v1/(events|live|tokens|session)|/imports")
+NOT_AT_RANDOM = re.compile(r"/api/v1/(events|tokens|session)|/live$|/imports")
 
 
 @tests.add

@@ -3,14 +3,17 @@ import http.client
 import json
 import math
 import os
+import re
+import socket
 import struct
+import subprocess
 import sys
 import time
 import zlib
 
 sys.dont_write_bytecode = True  # no __pycache__ in the sources
 import exr
-from farm import Failure, Farm, Tests, wait_for, write_scene
+from farm import ROOT, Failure, Farm, Tests, wait_for, write_scene
 from websocket import Closed, Refused, WebSocket
 
 tests = Tests()
@@ -409,9 +412,24 @@ def a_restart_is_survived():
 # ---- clients that do not behave ------------------------------------------------------------------
 
 
-def memory_of(program):
-    with open("/proc/%d/statm" % program.pid) as f:
+def resident(pid):
+    with open("/proc/%d/statm" % pid) as f:
         return int(f.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def memory_of(program):
+    return resident(program.pid)
+
+
+def page_program(farm):
+    """The number of the process azulejo-web."""
+    pid = farm.coordinator.pid
+    with open("/proc/%d/task/%d/children" % (pid, pid)) as f:
+        for child in f.read().split():
+            with open("/proc/%s/comm" % child) as name:
+                if name.read() == "azulejo-web\n":
+                    return int(child)
+    raise Failure("the coordinator has no process azulejo-web")
 
 
 @tests.add
@@ -614,6 +632,201 @@ def server_sent_events_are_the_same():
             for again in (Stream(page, last=got[0][0]), Stream(page, after=got[0][0])):
                 expect(again.next() == got[1], "resuming goes on with another event")
             expect(Stream(page, last="7-7").next()[1] == "reset", "an id of another run")
+
+
+# ---- the picture as an answer ----------------------------------------------------------------------
+
+
+class Answer:
+    """A frame's tiles as one answer, with nothing but http.client; the messages are the WebSocket's."""
+
+    def __init__(self, page, job, frame=0, layer=None, token=None, receive_buffer=None):
+        self.connection = http.client.HTTPConnection(page.address, timeout=60)
+        if receive_buffer:
+            self.connection.sock = socket.socket()
+            self.connection.sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+            host, port = page.address.rsplit(":", 1)
+            self.connection.sock.connect((host, int(port)))
+        path = "/api/v1/jobs/%d/frames/%d/live%s" % (job, frame, "?layer=" + layer if layer else "")
+        self.connection.request("GET", path, headers={"Authorization": "Bearer " + (token or page.token)})
+        self.answer = self.connection.getresponse()
+        self.status = self.answer.status
+        if self.status != 200:
+            self.problem = json.loads(self.answer.read())
+            self.connection.close()
+        self.told, self.picture = [], None
+
+    def step(self):
+        """False: the answer has ended."""
+        head = self.answer.read(4)
+        if not head:
+            return False
+        size = struct.unpack("<I", head)[0]
+        message = self.answer.read(size)
+        expect(len(message) == size, "the answer ended within a message")
+        if message[:1] == b"{":
+            text = json.loads(message)
+            expect(text["data"]["watch"] == 1, text)
+            self.told.append((text["event"], text["data"]))
+            if text["event"] == "picture":
+                self.picture = Picture(text["data"])
+        elif message:
+            self.picture.take(message)
+        return True
+
+    def until(self, condition, what):
+        while not condition():
+            expect(self.step(), "the answer ended before " + what)
+        return self
+
+    def to_the_end(self):
+        while self.step():
+            pass
+        self.connection.close()
+        return self
+
+    def drop(self):
+        self.answer.close()
+        self.connection.close()
+
+
+@tests.add
+def an_answer_is_the_same_picture():
+    """over plain HTTP the picture grows, and ends with the EXR file's pixels; so do layers and done frames"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "100x70", "--spp", "64", "--aov", "normal")
+        answer = Answer(page, job, 1)
+        expect(answer.answer.getheader("content-type") == "application/octet-stream", answer.answer.getheaders())
+        answer.until(lambda: answer.picture, "the picture was announced")
+        told = answer.picture.told
+        expect((told["job"], told["frame"], told["width"], told["height"], told["complete"], told["layers"]) ==
+               (job, 1, 100, 70, False, ["color", "normal", "samples", "error"]), told)
+        farm.start_worker()
+        answer.to_the_end()
+        expect([event for event, _ in answer.told] == ["picture", "picture-done"], answer.told)
+        expect("error" not in answer.told[-1][1], answer.told)
+        expect(answer.picture.is_whole() and set(answer.picture.samples().values()) == {64.0}, answer.picture.samples())
+        farm.wait_for_job(job)
+        expect_same_pixels(answer.picture, exr_of(farm, job), ["R", "G", "B"])
+        again = Answer(page, job, 1, "normal").to_the_end()
+        expect(again.picture.told["complete"] is True and again.picture.count == 35, again.told)
+        expect_same_pixels(again.picture, exr_of(farm, job), ["N.X", "N.Y", "N.Z"])
+
+
+@tests.add
+def an_answer_follows_an_animation():
+    """over plain HTTP frame 0 goes on with the next frame, until the job is removed"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "8", "--frames", "1-3")
+        answer = Answer(page, job)
+        answer.until(lambda: answer.told, "the picture was announced")
+        farm.start_worker()
+        answer.until(lambda: answer.picture.told["frame"] == 3 and answer.told[-1][0] == "picture-done", "the third frame")
+        expect(answer.picture.is_whole(), len(answer.picture.pixels))
+        frames = [data["frame"] for event, data in answer.told if event == "picture"]
+        expect(frames == sorted(frames) and set(frames) >= {1, 3}, frames)
+        farm.wait_for_job(job)
+        farm.cli("remove", job, expect=0)
+        answer.to_the_end()
+        expect("there is none" in answer.told[-1][1].get("error", ""), answer.told)
+
+
+@tests.add
+def an_answer_that_cannot_be_is_a_problem():
+    """over plain HTTP what there is not is 404 with its reason, and without a token 401"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "64x48", "--spp", "8")
+        for number, frame, layer, words in ((job, 7, None, "has frames 1 to 1"), (999, 1, None, "there is none"),
+                                            (job, 1, "albedo", "no layer 'albedo'"), (0, 1, None, "no job 0")):
+            answer = Answer(page, number, frame, layer)
+            expect(answer.status == 404 and answer.problem["code"] == "not-found", answer.problem)
+            expect(words in answer.problem["detail"], answer.problem)
+        answer = Answer(page, job, 1, token="azt_nobody")
+        expect(answer.status == 401, answer.status)
+        status, _ = page.get("/api/v1/jobs/%d/frames/1/live?frame=1" % job)
+        expect(status == 400, status)
+
+
+@tests.add
+def an_answer_ends_with_the_coordinator():
+    """over plain HTTP a killed coordinator breaks the answer off, and the next one goes on with what there was"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "160x120", "--spp", "512")
+        farm.start_worker()
+        answer = Answer(page, job, 1)
+        answer.until(lambda: answer.picture and answer.picture.is_whole(), "the whole picture")
+        farm.coordinator.kill()
+        try:
+            answer.to_the_end()
+            raise Failure("a broken answer ended as a whole one")
+        except (http.client.HTTPException, OSError):
+            pass
+        answer = Answer(Page(farm), job, 1).to_the_end()
+        expect(answer.told[-1][0] == "picture-done" and answer.picture.is_whole(), answer.told)
+        farm.wait_for_job(job)
+        expect_same_pixels(answer.picture, exr_of(farm, job), ["R", "G", "B"])
+
+
+@tests.add
+def the_documented_program_keeps_a_picture():
+    """the program of docs/API.md keeps a frame that is rendered, and ends with the EXR file's pixels"""
+    with Farm() as farm:
+        page = Page(farm)
+        with open(os.path.join(ROOT, "docs", "API.md"), encoding="utf-8") as f:
+            program = re.search(r"```python\n(.*?)```", f.read(), re.S).group(1)
+        job = farm.submit(farm.scene(), "--size", "100x70", "--spp", "64")
+        path = farm.path("live.pfm")
+        reader = subprocess.Popen([sys.executable, "-c", program, "http://%s/api/v1" % page.address, page.token, str(job), "1", path],
+                                  stdout=subprocess.PIPE, text=True)
+        expect(reader.stdout.readline() == "picture\n", "the picture is announced")
+        farm.start_worker()
+        expect(reader.communicate(timeout=120)[0] == "picture-done\n" and reader.returncode == 0, reader.returncode)
+        file = exr.read_exr(exr_of(farm, job))
+        with open(path, "rb") as f:
+            head, size, scale, rest = f.read().split(b"\n", 3)
+        expect((head, size, scale) == (b"PF", b"100 70", b"-1.0"), (head, size, scale))
+        rows = [rest[at:at + 1200] for at in range(0, len(rest), 1200)][::-1]
+        values = struct.unpack("<%df" % (100 * 70 * 3), b"".join(rows))
+        for c, name in enumerate("RGB"):
+            expect([half_bits(v) for v in values[c::3]] == [half_bits(v) for v in file.values(name)], name)
+
+
+@tests.add
+def pictures_that_nobody_reads_cost_little():
+    """pictures that are not read, over a WebSocket or HTTP, take bounded memory and hold up no other; dropped, they leave nothing"""
+    with Farm() as farm:
+        page = Page(farm)
+        job = farm.submit(farm.scene(), "--size", "1600x1200", "--spp", "1")  # 15 MB of tiles, of which the kernel takes 4
+        farm.start_worker()
+        farm.wait_for_job(job)
+        web = page_program(farm)
+
+        def seconds():
+            begin = time.monotonic()
+            expect(Answer(page, job, 1).to_the_end().picture.is_whole(), "a whole picture")
+            with page.socket().watch(job, 1) as live:
+                expect("error" not in live.until_done() and live.picture.is_whole(), live.told)
+            return time.monotonic() - begin
+
+        for kept in (True, False):
+            if not kept:
+                farm.cli("cancel", job, "--discard", expect=0)  # without its film the picture is read from the EXR file
+            alone = seconds()
+            before, handles = memory_of(farm.coordinator) + resident(web), len(os.listdir("/proc/%d/fd" % web))
+            idle = [page.socket(receive_buffer=4096).watch(job, 1).ws for _ in range(4)]
+            idle += [Answer(page, job, 1, receive_buffer=4096) for _ in range(4)]
+            beside = seconds()
+            expect(beside < 5 * alone + 5, "%.1f s, alone %.1f s" % (beside, alone))
+            grown = memory_of(farm.coordinator) + resident(web) - before
+            # A mebibyte and a message are queued for each, and a quarter is read ahead; without a film two have all pixels.
+            expect(grown < 8 * (4 << 20) + (8 << 20 if kept else 64 << 20), "%d bytes more" % grown)
+            for each in idle:
+                each.drop()
+            wait_for(lambda: len(os.listdir("/proc/%d/fd" % web)) <= handles, "the dropped ones to end")
 
 
 # ---- tiles ---------------------------------------------------------------------------------------

@@ -152,8 +152,6 @@ static void on_drain(void *user)
 static void on_closed(void *user, const struct error *why)
 {
     struct calling *calling = user, **at = &calling->calls->first;
-    const char *text = why->code == STATUS_OK ? "the coordinator is ending; try again in a moment" : why->text;
-    enum problem problem = why->code == STATUS_ERR_REFUSED && calling->token ? PROBLEM_NO_TOKEN : PROBLEM_UNAVAILABLE;
 
     calling->closing = 1;
     while (calling->first) {
@@ -164,7 +162,7 @@ static void on_closed(void *user, const struct error *why)
         if (answered)
             web_end(request);
         else
-            problem_answer(request, problem, text);
+            problem_answer_lost(request, why);
     }
     while (*at != calling)
         at = &(*at)->next;

@@ -8,55 +8,15 @@
 #include "common/system/clock.h"
 #include "common/base/memory.h"
 #include "protocol/message.h"
+#include "web/api/live_parts.h"
 #include "web/base/control.h"
-#include "web/base/events.h"
 #include "protocol/json/json_wire.h"
-#include "web/base/link.h"
 #include "web/web.h"
 
 enum {
     LIVE_TEXT_MAX = 4096,        /* bytes of a client's message */
     LIVE_LINGER_MS = 30000,      /* the farm is listened to for so long after the last listener went: it may come back */
     LIVE_COMMENT_MS = 15000,     /* a stream of events without any gets a comment */
-    LIVE_MESSAGE_HEADER = 12,
-};
-
-struct live_client {
-    struct live_client *next, *previous;
-    struct live *live;
-    struct web_socket *socket;   /* or */
-    struct web_request *request; /* a stream of server-sent events */
-    int listens;
-    int waits;              /* to listen, until the farm is listened to, */
-    char id[EVENT_ID_SIZE]; /* from this event on; "": from now, and a reset if it had an id */
-    int had_id;
-    uint64_t seq; /* of the last event that it got */
-    uint64_t sent_ns;
-    struct tile_link *link; /* that brings it a picture's tiles; NULL: none yet */
-    uint32_t serial;        /* of what it watches; 0: nothing, else: */
-    uint64_t job;
-    uint32_t frame;
-    char layer[64];
-    uint64_t asked;      /* the number of the request for it */
-    uint64_t sent_bytes; /* of tiles, not yet acknowledged to the farm */
-};
-
-/* A connection to the farm, for one client that watches. */
-struct tile_link {
-    struct live_client *client; /* NULL: it went */
-    struct link_peer *peer;
-};
-
-enum hearing { LIVE_DEAF, LIVE_ASKS, LIVE_HEARS };
-
-struct live {
-    struct web *web;
-    struct events events;
-    enum hearing hearing; /* what the farm says */
-    uint64_t listened_ns; /* somebody listened last; 0: never */
-    struct live_client *clients;
-    uint64_t last_asked;
-    struct buffer text, json;
 };
 
 /* ---- life ------------------------------------------------------------------------------------ */
@@ -77,16 +37,13 @@ static size_t client_queued(const struct live_client *client)
     return client->socket ? web_socket_queued(client->socket) : web_queued(client->request);
 }
 
-static int client_has_room(const struct live_client *client) { return client_queued(client) < WEB_QUEUE_HIGH; }
+int live_client_has_room(const struct live_client *client) { return client_queued(client) < WEB_QUEUE_HIGH; }
 
-static void client_free(struct live_client *client)
+void live_client_free(struct live_client *client)
 {
     struct live *live = client->live;
 
-    if (client->link) {
-        client->link->client = NULL;
-        link_close(client->link->peer);
-    }
+    tiles_end(client);
     if (client->next)
         client->next->previous = client->previous;
     *(client->previous ? &client->previous->next : &live->clients) = client->next;
@@ -98,14 +55,14 @@ void live_free(struct live *live)
     if (!live)
         return;
     while (live->clients)
-        client_free(live->clients);
+        live_client_free(live->clients);
     events_release(&live->events);
     buffer_release(&live->text);
     buffer_release(&live->json);
     mem_free(live);
 }
 
-static struct live_client *client_new(struct live *live, struct web_socket *socket, struct web_request *request)
+struct live_client *live_client_new(struct live *live, struct web_socket *socket, struct web_request *request)
 {
     struct live_client *client = mem_calloc(1, sizeof *client);
 
@@ -121,18 +78,33 @@ static struct live_client *client_new(struct live *live, struct web_socket *sock
 
 /* ---- sending --------------------------------------------------------------------------------- */
 
-static void client_send(struct live_client *client, const struct buffer *text)
+/* An answer has each message's size before it: u32, little-endian. */
+static void send_sized(struct live_client *client, const struct buffer *message)
 {
-    client->sent_ns = clock_monotonic_ns();
-    if (!buffer_ok(text)) /* no memory: the client comes again */
-        return;
-    if (client->socket)
-        web_socket_send(client->socket, 0, text->data, text->size);
-    else
-        web_write(client->request, text->data, text->size);
+    uint8_t size[4];
+
+    if (!client->begun)
+        web_begin(client->request, 200, "application/octet-stream", NULL, 0);
+    client->begun = 1;
+    bytes_put32(size, (uint32_t)message->size);
+    web_write(client->request, size, sizeof size);
+    web_write(client->request, message->data, message->size);
 }
 
-static void client_tell(struct live_client *client, const char *name, const struct buffer *data)
+void live_client_send(struct live_client *client, int binary, const struct buffer *message)
+{
+    client->sent_ns = clock_monotonic_ns();
+    if (!buffer_ok(message)) /* no memory: the client comes again */
+        return;
+    if (client->socket)
+        web_socket_send(client->socket, binary, message->data, message->size);
+    else if (client->is_tiles)
+        send_sized(client, message);
+    else
+        web_write(client->request, message->data, message->size);
+}
+
+void live_client_tell(struct live_client *client, const char *name, const struct buffer *data)
 {
     struct buffer *text = &client->live->text;
 
@@ -140,7 +112,7 @@ static void client_tell(struct live_client *client, const char *name, const stru
     buffer_printf(text, "{\"event\":\"%s\",\"data\":", name);
     buffer_append(text, data->data, data->size);
     buffer_puts(text, "}");
-    client_send(client, text);
+    live_client_send(client, 0, text);
 }
 
 /* One event of the farm, as this kind of client gets it. Without a name only its id. */
@@ -157,14 +129,14 @@ static void send_event(struct live_client *client, const char *name, const char 
         buffer_printf(text, "id: %s\nevent: %s\ndata: ", id, name);
     buffer_append(text, json, size);
     buffer_puts(text, client->socket ? "}" : "\n\n");
-    client_send(client, text);
+    live_client_send(client, 0, text);
 }
 
 static void send_events(struct live_client *client)
 {
     const struct event *event;
 
-    while (client->listens && client_has_room(client)) {
+    while (client->listens && live_client_has_room(client)) {
         switch (events_next(&client->live->events, &client->seq, &event)) {
         case EVENTS_NONE: return;
         case EVENTS_RESET: send_event(client, "reset", "{}", 2); break;
@@ -216,152 +188,6 @@ static void listen_from(struct live_client *client, const char *id)
         hear(live, 1);
 }
 
-/* ---- a frame's tiles --------------------------------------------------------------------------- */
-
-static void put_field(struct buffer *out, const char *name, uint64_t value)
-{
-    buffer_printf(out, "%s\"%s\":%" PRIu64, out->size > 1 ? "," : "", name, value);
-}
-
-static void tell_picture(struct live_client *client, const Azulejo__Wire__TilesPicture *p)
-{
-    struct buffer data = BUFFER_INIT;
-
-    buffer_puts(&data, "{");
-    put_field(&data, "watch", client->serial);
-    put_field(&data, "job", p->job);
-    put_field(&data, "frame", p->frame);
-    put_field(&data, "width", p->width);
-    put_field(&data, "height", p->height);
-    put_field(&data, "tiles_x", p->tiles_x);
-    put_field(&data, "tiles_y", p->tiles_y);
-    buffer_puts(&data, ",\"layer\":");
-    json_put_text(&data, p->layer);
-    buffer_puts(&data, ",\"layers\":[");
-    for (size_t i = 0; i < p->n_layers; i++) {
-        buffer_puts(&data, i ? "," : "");
-        json_put_text(&data, p->layers[i]);
-    }
-    buffer_printf(&data, "],\"complete\":%s,\"linear\":true}", p->complete ? "true" : "false");
-    client_tell(client, "picture", &data);
-    buffer_release(&data);
-}
-
-static void tell_done(struct live_client *client, const char *why)
-{
-    struct buffer data = BUFFER_INIT;
-
-    buffer_puts(&data, "{");
-    put_field(&data, "watch", client->serial);
-    if (why[0]) {
-        buffer_puts(&data, ",\"error\":");
-        json_put_text(&data, why);
-    }
-    buffer_puts(&data, "}");
-    client_tell(client, "picture-done", &data);
-    buffer_release(&data);
-}
-
-static void send_tiles(struct live_client *client, const Azulejo__Wire__Tiles *tiles)
-{
-    struct buffer *text = &client->live->text;
-    uint8_t *header;
-
-    buffer_clear(text);
-    header = buffer_append_space(text, LIVE_MESSAGE_HEADER);
-    if (header) {
-        memcpy(header, "AZL1", 4);
-        bytes_put32(header + 4, client->serial);
-        bytes_put32(header + 8, tiles->count);
-    }
-    buffer_append(text, tiles->records.data, tiles->records.len);
-    if (buffer_ok(text))
-        web_socket_send(client->socket, 1, text->data, text->size);
-}
-
-/* The farm sends no more than the client takes. */
-static void tell_taken(struct live_client *client)
-{
-    Azulejo__Wire__TilesTaken taken = AZULEJO__WIRE__TILES_TAKEN__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(TILES_TAKEN, tiles_taken, &taken);
-
-    if (!client->link || client->sent_bytes == 0 || !client_has_room(client))
-        return;
-    taken.bytes = client->sent_bytes;
-    client->sent_bytes = 0;
-    (void)!link_send(client->link->peer, &envelope, NULL); /* if not, the connection ends */
-}
-
-static void on_tiles(void *user, const Azulejo__Wire__Envelope *message)
-{
-    struct live_client *client = ((struct tile_link *)user)->client;
-    int is_current;
-
-    if (!client)
-        return;
-    is_current = client->serial && message->request == client->asked;
-    if (message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_TILES) {
-        client->sent_bytes += message->tiles->records.len;
-        if (is_current)
-            send_tiles(client, message->tiles);
-        tell_taken(client);
-    } else if (is_current && message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_TILES_PICTURE) {
-        tell_picture(client, message->tiles_picture);
-    } else if (is_current && message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_TILES_DONE) {
-        tell_done(client, message->tiles_done->why);
-    } else if (is_current && message->body_case == AZULEJO__WIRE__ENVELOPE__BODY_FAILURE) {
-        tell_done(client, message->failure->text);
-    }
-}
-
-/* The client watches again when the farm is back (live_tick). */
-static void on_link_end(void *user, const struct error *why UNUSED)
-{
-    struct tile_link *link = user;
-
-    if (link->client)
-        link->client->link = NULL;
-    mem_free(link);
-}
-
-static struct tile_link *link_new(struct live_client *client, struct error *err)
-{
-    static const struct link_callbacks callbacks = {on_tiles, NULL, on_link_end};
-    struct tile_link *link = mem_calloc(1, sizeof *link);
-
-    if (!link) {
-        error_no_memory(err, "the live picture");
-        return NULL;
-    }
-    link->client = client;
-    if (link_open(&link->peer, &client->live->web->farm, client->socket->caller.token, &callbacks, link, err) != STATUS_OK) {
-        mem_free(link);
-        return NULL;
-    }
-    return link;
-}
-
-/* Ask for the tiles of what it watches. */
-static void ask_tiles(struct live_client *client)
-{
-    Azulejo__Wire__TilesWatch watch = AZULEJO__WIRE__TILES_WATCH__INIT;
-    Azulejo__Wire__Envelope envelope = MESSAGE(TILES_WATCH, tiles_watch, &watch);
-    struct error err = {0};
-
-    if (!client->link) {
-        client->sent_bytes = 0;
-        client->link = link_new(client, &err);
-    }
-    watch.job = client->serial ? client->job : 0;
-    watch.frame = client->frame;
-    watch.layer = client->layer;
-    envelope.request = client->asked = ++client->live->last_asked;
-    if (client->link && link_send(client->link->peer, &envelope, &err) == STATUS_OK)
-        return;
-    tell_done(client, err.text);
-    client->serial = 0;
-}
-
 /* ---- WebSockets ------------------------------------------------------------------------------ */
 
 static void refuse(struct live_client *client, const char *why)
@@ -371,7 +197,7 @@ static void refuse(struct live_client *client, const char *why)
     buffer_puts(&data, "{\"detail\":");
     json_put_text(&data, why);
     buffer_puts(&data, "}");
-    client_tell(client, "refused", &data);
+    live_client_tell(client, "refused", &data);
     buffer_release(&data);
 }
 
@@ -385,20 +211,11 @@ static uint64_t number_of(const json_t *object, const char *name, uint64_t most)
 
 static void take_watch(struct live_client *client, const json_t *message)
 {
-    const char *layer = json_string_value(json_object_get(message, "layer"));
     uint32_t serial = (uint32_t)number_of(message, "watch", UINT32_MAX);
 
-    if (!serial && !client->serial)
-        return;
-    client->serial = serial;
-    client->job = number_of(message, "job", INT64_MAX);
-    client->frame = (uint32_t)number_of(message, "frame", UINT32_MAX);
-    snprintf(client->layer, sizeof client->layer, "%s", layer ? layer : "");
-    if (serial && !client->job) {
-        tell_done(client, "job 0: there is none of that number");
-        client->serial = 0;
-    }
-    ask_tiles(client);
+    if (serial || client->serial)
+        tiles_watch(client, serial, number_of(message, "job", INT64_MAX), (uint32_t)number_of(message, "frame", UINT32_MAX),
+                    json_string_value(json_object_get(message, "layer")));
 }
 
 static void on_text(struct web_socket *socket, const char *text, size_t size)
@@ -423,18 +240,18 @@ static void on_socket_writable(struct web_socket *socket)
     struct live_client *client = socket->state;
 
     send_events(client);
-    tell_taken(client);
+    tiles_taken(client);
 }
 
 static void on_socket_gone(struct web_socket *socket)
 {
-    client_free(socket->state);
+    live_client_free(socket->state);
     socket->state = NULL;
 }
 
 void live_socket(struct live *live, struct web_socket *socket)
 {
-    socket->state = client_new(live, socket, NULL);
+    socket->state = live_client_new(live, socket, NULL);
     if (!socket->state) {
         web_socket_close(socket, 1013, "the coordinator has no memory for this now");
         return;
@@ -450,14 +267,14 @@ static void on_stream_writable(struct web_request *request) { send_events(reques
 
 static void on_stream_gone(struct web_request *request)
 {
-    client_free(request->state);
+    live_client_free(request->state);
     request->state = NULL;
 }
 
 void live_stream(struct live *live, struct web_request *request)
 {
     const char *last = web_header(request, "last-event-id");
-    struct live_client *client = client_new(live, NULL, request);
+    struct live_client *client = live_client_new(live, NULL, request);
     struct error err = {0};
 
     if (!client) {
@@ -489,17 +306,28 @@ static void follow_listeners(struct live *live, uint64_t now_ns)
         hear(live, 0);
 }
 
+/* Nothing was said for long: that the stream lives. */
+static void send_comment(struct live_client *client, uint64_t now_ns)
+{
+    static const uint8_t nothing[4];
+
+    client->sent_ns = now_ns;
+    if (client->is_tiles)
+        web_write(client->request, nothing, sizeof nothing);
+    else
+        web_write(client->request, ":\n\n", 3);
+}
+
 void live_tick(struct live *live, uint64_t now_ns)
 {
     follow_listeners(live, now_ns);
-    for (struct live_client *c = live->clients; c; c = c->next) {
+    for (struct live_client *c = live->clients, *next; c; c = next) {
+        next = c->next;
         send_events(c);
+        if (c->request && live_client_has_room(c) && now_ns > c->sent_ns && now_ns - c->sent_ns >= LIVE_COMMENT_MS * NS_PER_MS)
+            send_comment(c, now_ns);
         if (c->serial && !c->link && web_is_connected(live->web))
-            ask_tiles(c);
-        if (c->request && client_has_room(c) && now_ns > c->sent_ns && now_ns - c->sent_ns >= LIVE_COMMENT_MS * NS_PER_MS) {
-            c->sent_ns = now_ns;
-            web_write(c->request, ":\n\n", 3);
-        }
+            tiles_again(c);
     }
 }
 

@@ -2,7 +2,7 @@
  * messages.
  *
  *   FarmChange --events.h--> every listener: a WebSocket, or a stream of server-sent events
- *   Tiles, of a connection of its own --> the WebSocket that watches; TilesTaken as it takes them
+ *   Tiles, of a connection of its own --> the WebSocket or the request that watches; TilesTaken as it takes them
  *
  * A client is never waited for: a slow one misses events, and is sent a reset, and older states of tiles, which are not
  * needed. What is queued for it is at most twice WEB_QUEUE_HIGH. Without listeners the farm sends nothing. When the
@@ -32,3 +32,5 @@ void live_tick(struct live *live, uint64_t now_ns);
 void live_socket(struct live *live, struct web_socket *socket);
 /* GET /api/v1/events: server-sent events. */
 void live_stream(struct live *live, struct web_request *request);
+/* GET /api/v1/jobs/{job}/frames/{frame}/live: a frame's tiles as one answer. */
+void live_tiles(struct live *live, struct web_request *request);

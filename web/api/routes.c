@@ -34,7 +34,7 @@
     {WEB_POST, "/api/v1/workers/{name}/" word, ASKS(WORKER_STEER, WORKER_LIST),             \
      .fixed = "verb=" word, .summary = says}
 
-static web_handler events_stream;
+static web_handler events_stream, tiles_stream;
 static void live_open(struct web_socket *socket);
 
 #define PICTURE(file, what, says)                                                                               \
@@ -129,6 +129,8 @@ static const struct web_route routes[] = {
      .summary = "A stream of server-sent events: what changes on the farm."},
     {WEB_GET, "/api/v1/live", MAY(JOB_WATCH), .open = live_open,
      .summary = "A WebSocket: the same events, and a frame's picture while it is rendered."},
+    {WEB_GET, "/api/v1/jobs/{job}/frames/{frame}/live", MAY(JOB_WATCH), .message = BODY(TILES_WATCH), .run = tiles_stream,
+     .query = "layer", .summary = "A frame's picture while it is rendered, as one answer that goes on."},
     {WEB_POST, "/api/v1/imports", MAY(JOB_SUBMIT), .run = import_begin,
      .summary = "Begin an upload of a scene's files."},
     {WEB_PUT, "/api/v1/imports/{import}/files/{path...}", MAY(JOB_SUBMIT), .run = import_file, .streams_body = 1,
@@ -140,6 +142,8 @@ static const struct web_route routes[] = {
 };
 
 static void events_stream(struct web_request *request) { live_stream(request->web->live, request); }
+
+static void tiles_stream(struct web_request *request) { live_tiles(request->web->live, request); }
 
 static void live_open(struct web_socket *socket) { live_socket(socket->web->live, socket); }
 

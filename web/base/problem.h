@@ -65,6 +65,8 @@ enum problem problem_of_http(unsigned http_status);
 void problem_put(struct buffer *out, enum problem problem, const char *detail, const char *instance);
 /* problem_answer.c: answer the request with it. */
 void problem_answer(struct web_request *request, enum problem problem, const char *detail);
+/* The connection to the farm that it waits for has ended. */
+void problem_answer_lost(struct web_request *request, const struct error *why);
 
 /* GET /docs/errors: the list of codes, as text. */
 void problem_list(struct web_request *request);

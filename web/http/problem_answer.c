@@ -10,6 +10,14 @@ void problem_answer(struct web_request *request, enum problem problem, const cha
     buffer_release(&text);
 }
 
+void problem_answer_lost(struct web_request *request, const struct error *why)
+{
+    int is_token = why->code == STATUS_ERR_REFUSED && request->caller.token;
+
+    problem_answer(request, is_token ? PROBLEM_NO_TOKEN : PROBLEM_UNAVAILABLE,
+                   why->code == STATUS_OK ? "the coordinator is ending; try again in a moment" : why->text);
+}
+
 void problem_list(struct web_request *request)
 {
     struct buffer text = BUFFER_INIT;
