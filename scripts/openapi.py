@@ -204,7 +204,7 @@ FORMS = {
     "get /api/v1/jobs/{job}/frames/{frame}/live": ("application/octet-stream", {"type": "string", "format": "binary"}),
     "post /api/v1/imports": ("application/json", obj("import", **{"import": BIG})),
     "put /api/v1/imports/{import}/files/{path...}": ("application/json", obj("path bytes", bytes=BIG)),
-    "post /api/v1/imports/{import}": ("application/json", obj("job", job=BIG), obj("scene", "options", options=array(TEXT))),
+    "post /api/v1/imports/{import}": ("application/json", obj("job", job=BIG), obj("scene", "options", options=array(TEXT), keep=BOOL)),
     "delete /api/v1/imports/{import}": ("application/json", {}),
 }
 FORMS["post /api/v1/imports/{import}"][1]["additionalProperties"] = True

@@ -1,5 +1,6 @@
 #include "client/options/job_options.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -71,7 +72,9 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     out->first_frame = out->last_frame = 1;
     out->priority = (int32_t)o->priority;
     if (result == STATUS_OK && o->size)
-        result = parse_size(o->size, &s->width, &s->height, err);
+        result = parse_size("--size", o->size, &s->width, &s->height, err);
+    if (result == STATUS_OK && o->fit)
+        result = parse_size("--fit", o->fit, &out->fit_width, &out->fit_height, err);
     if (result == STATUS_OK && o->region)
         result = parse_region(o->region, &out->region, err);
     THEN(result, frames_check(&o->frames, out, err));
@@ -84,17 +87,40 @@ status job_options_check(const struct job_options *o, struct job_request *out, s
     return result;
 }
 
+/* What is rendered fits then; where that is a region, the whole picture is shrunk by as much. */
+static void shrink(struct job_request *request)
+{
+    struct render_settings *s = &request->settings;
+    struct tile_rect *r = &request->region;
+    const uint32_t width = r->width ? r->width : s->width, height = r->width ? r->height : s->height;
+    const double share = fmin(request->fit_width / (double)width, request->fit_height / (double)height);
+
+    if (request->fit_width == 0 || share >= 1)
+        return;
+    s->width = (uint32_t)fmax(round(s->width * share), 1);
+    s->height = (uint32_t)fmax(round(s->height * share), 1);
+    if (r->width == 0)
+        return;
+    r->width = (uint32_t)fmax(round(r->width * share), 1);
+    r->height = (uint32_t)fmax(round(r->height * share), 1);
+    r->x = (uint32_t)fmin(round(r->x * share), s->width - r->width);
+    r->y = (uint32_t)fmin(round(r->y * share), s->height - r->height);
+}
+
 status job_request_crop(struct job_request *request, struct error *err)
 {
     struct render_settings *s = &request->settings;
     const struct tile_rect *r = &request->region;
 
-    if (r->width == 0)
+    if (r->width == 0) {
+        shrink(request);
         return STATUS_OK;
+    }
     if (r->x >= s->width || r->width > s->width - r->x || r->y >= s->height || r->height > s->height - r->y)
         return error_set(err, STATUS_ERR_USAGE,
                          "--region %u,%u,%u,%u: is not inside the picture of %ux%u pixels (--size)", r->x, r->y,
                          r->width, r->height, s->width, s->height);
+    shrink(request);
     if (r->width == s->width && r->height == s->height)
         return STATUS_OK; /* all of it */
     s->whole_width = s->width;

@@ -17,7 +17,7 @@
 struct job_options {
     struct import_options import;
     union setting_said said[SETTING_COUNT];
-    const char *camera, *size, *region;
+    const char *camera, *size, *fit, *region;
     struct frame_choice frames;
     struct output_options output;
     int alpha;
@@ -45,6 +45,9 @@ struct job_options {
     {"size", 's', OPTION_STRING, &(o).size, "WxH",                                              \
      "pixels (default: the file's own, 720 rows at the camera's aspect, or 1280x720)", 0, 0,     \
      NULL},                                                                                     \
+    {"fit", 0, OPTION_STRING, &(o).fit, "WxH",                                                  \
+     "shrink the picture, or its --region, in its own proportions until it fits into so many "      \
+     "pixels", 0, 0, NULL},                                                                         \
     {"alpha", 0, OPTION_FLAG, &(o).alpha, NULL,                                                   \
      "a channel A: what camera rays meet; what is seen behind everything, as the environment, is "  \
      "left out of the picture", 0, 0, NULL},                                                        \
@@ -87,8 +90,9 @@ struct job_request {
     uint32_t schedule_width, schedule_height;
     char schedule_region[SETTINGS_REGION_TEXT_SIZE]; /* settings_region_text of its picture */
     struct output_request output;
-    struct buffer source;    /* words for a shell: the scene's file, and the options of its import */
-    struct tile_rect region; /* of the whole picture to render; width 0: all */
+    struct buffer source;           /* words for a shell: the scene's file, and the options of its import */
+    struct tile_rect region;        /* of the whole picture to render; width 0: all */
+    uint32_t fit_width, fit_height; /* it is shrunk until it fits into these; 0: it is not */
     uint32_t first_frame, last_frame;
     struct frame_list frames; /* the only ones to render until the job continues; count 0: all */
     int estimate;             /* to predict the job's cost; the job continues it when submitted
@@ -101,7 +105,7 @@ struct job_request {
     char token[JOB_TOKEN_BYTES_MAX + 1];
 };
 
-/* Once the size is known: the picture is the region. ERR_USAGE: it is not inside. */
+/* Once the size is known: shrink the picture as --fit says, and make it the region. ERR_USAGE: it is not inside. */
 status job_request_crop(struct job_request *request, struct error *err) MUST_CHECK;
 
 /* Check what can be checked before the scene is read, so that a wrong option is reported at once.

@@ -9,7 +9,7 @@
 
 static status check_options(const struct job_options *o, struct error *err)
 {
-    const char *said = o->stop.spp != 0 ? "spp" : NULL;
+    const char *said = o->stop.spp != 0 ? "spp" : o->fit ? "fit" : NULL;
 
     for (int i = 0; i < STOP_COUNT; i++)
         said = o->stop.said[i].text ? stop_rules_rows[i].option : said;

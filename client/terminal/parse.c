@@ -23,16 +23,17 @@ const char *parse_digits(const char *text, uint64_t max, uint64_t *out)
     return text;
 }
 
-status parse_size(const char *text, uint32_t *width, uint32_t *height, struct error *err)
+status parse_size(const char *option, const char *text, uint32_t *width, uint32_t *height, struct error *err)
 {
     uint64_t w, h;
     const char *at = parse_digits(text, UINT32_MAX, &w);
 
     if (!at || (*at != 'x' && *at != 'X') || !(at = parse_digits(at + 1, UINT32_MAX, &h)) || *at)
-        return error_set(err, STATUS_ERR_USAGE, "--size: '%s' is not a size, write WIDTHxHEIGHT as in 1280x720", text);
+        return error_set(err, STATUS_ERR_USAGE, "%s: '%s' is not a size, write WIDTHxHEIGHT as in 1280x720", option,
+                         text);
     if (w < 1 || h < 1 || w > SETTINGS_SIZE_MAX || h > SETTINGS_SIZE_MAX || w * h > SETTINGS_PIXELS_MAX)
-        return error_set(err, STATUS_ERR_USAGE, "--size: %s: each side must be 1..%d and the whole at most %d pixels",
-                         text, SETTINGS_SIZE_MAX, SETTINGS_PIXELS_MAX);
+        return error_set(err, STATUS_ERR_USAGE, "%s: %s: each side must be 1..%d and the whole at most %d pixels",
+                         option, text, SETTINGS_SIZE_MAX, SETTINGS_PIXELS_MAX);
     *width = (uint32_t)w;
     *height = (uint32_t)h;
     return STATUS_OK;

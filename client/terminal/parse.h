@@ -6,8 +6,9 @@
 
 #include "common/base/status.h"
 
-/* "WxH" in pixels, each side 1..SETTINGS_SIZE_MAX, the whole at most SETTINGS_PIXELS_MAX. ERR_USAGE. */
-status parse_size(const char *text, uint32_t *width, uint32_t *height, struct error *err) MUST_CHECK;
+/* "WxH" in pixels, each side 1..SETTINGS_SIZE_MAX, the whole at most SETTINGS_PIXELS_MAX; of `option`, as "--size".
+ * ERR_USAGE. */
+status parse_size(const char *option, const char *text, uint32_t *width, uint32_t *height, struct error *err) MUST_CHECK;
 
 /* "X,Y,W,H" in pixels: the rectangle's upper left corner, counted from the picture's, and its size. ERR_USAGE. */
 struct tile_rect;

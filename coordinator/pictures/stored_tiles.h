@@ -1,8 +1,8 @@
 /* stored_tiles: the tiles of a frame that is done, one after the other, from what the store kept of it.
  *
  * The kept film has everything. Where it was not kept, the stored picture has the means: then the standard error is
- * not known, and the samples are the frame's mean. The film takes the memory of one tile, the picture that of all its
- * pixels: hence few at once.
+ * not known, and the samples are the frame's mean. A film takes the memory of one tile and of its index (5 MiB at
+ * 3840x2160), a picture that of all its pixels: hence few at once.
  *
  * Made on the farm's thread; stored_tiles_read from any thread.
  */

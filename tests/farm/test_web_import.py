@@ -224,6 +224,40 @@ def asked_twice():
 
 
 @tests.add
+def a_look_first():
+    """with keep the upload stays: each look is a job of its own, small and in the file's proportions; then it is submitted as ever"""
+    with Farm() as farm:
+        start(farm)
+        api = Api(farm)
+        files = gltf_files(farm)
+        number = api.begin()
+        for path, data in files.items():
+            api.put(number, path, data)
+        body = {"scene": "scene.gltf", "options": ["--size", "640x480", "--fit", "32x32", "--spp", "2"], "keep": True}
+        looks = [api.ask("POST", "imports/%d" % number, body, 201).json() for _ in range(2)]
+        farm.start_worker()
+        expect(looks[0]["job"] != looks[1]["job"], "a second look is the first one")
+        settings = farm.job(looks[0]["job"])["settings"]
+        expect((settings["width"], settings["height"], settings["spp"]) == (32, 24, 2), settings)
+        for wrong in ("yes", 1, None):
+            problem = api.ask("POST", "imports/%d" % number, dict(body, keep=wrong), 422).json()
+            expect("keep: must be true or false" in problem["detail"], problem)
+        expect(folders(farm) == [str(number)], folders(farm))
+        for look in looks:
+            farm.wait_for_job(look["job"])
+            farm.cli("remove", str(look["job"]), expect=0)
+        api.put(number, "textures/wood red.png", png(8, 8, (20, 40, 200)))  # another file, and only that
+        job = api.submit(number, "scene.gltf", *SMALL)["job"]
+        farm.wait_for_job(job)
+        expect(api.submit(number, "scene.gltf", *SMALL)["job"] == job, "two jobs")
+        whole = api.upload(dict(files, **{"textures/wood red.png": png(8, 8, (20, 40, 200))}), "scene.gltf", *SMALL)["job"]
+        farm.wait_for_job(whole)
+        pictures = [read_bytes(f) for n in (job, whole) for f in farm.fetch(n, "got-%d" % n) if f.endswith(".png")]
+        expect(pictures[0] == pictures[1], "another picture than without a look")
+        wait_for(lambda: not folders(farm), "the uploads to go")
+
+
+@tests.add
 def paths():
     """names that lead out of the upload, or are none, are refused and make no file"""
     with Farm() as farm:

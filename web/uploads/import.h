@@ -2,7 +2,7 @@
  *
  *   POST /imports --> OPEN --PUT files, again and again--> OPEN
  *   POST /imports/N: OPEN --> WAITING --a place is free--> RUNNING --a job--> DONE: its files go
- *                      ^---------- an error, or the client vanished --/
+ *                      ^-- an error, the client vanished, "keep": true --/
  *   DELETE, an hour without use, the coordinator's start: gone
  *
  * `azulejo submit`, the program beside this one, reads the files (child.h), so every format and every

@@ -76,7 +76,7 @@ static const struct {
     enum kind kind;
 } allowed[] = {
     {"size", VALUE}, {"spp", VALUE}, {"frames", VALUE}, {"first-middle-last", FLAG}, {"name", VALUE}, {"priority", VALUE},
-    {"camera", VALUE}, {"region", VALUE}, {"tonemap", VALUE}, {"tonemap-param", VALUE}, {"lut", PATH},
+    {"camera", VALUE}, {"fit", VALUE}, {"region", VALUE}, {"tonemap", VALUE}, {"tonemap-param", VALUE}, {"lut", PATH},
     {"alpha", FLAG}, {"half", FLAG}, {"format", VALUE}, {"png-bits", VALUE}, {"jpeg-quality", VALUE}, {"no-dither", FLAG},
     {"env", PATH}, {"scene", VALUE}, {"variant", VALUE}, {"animation", VALUE}, {"light-units", VALUE}, {"studio", VALUE},
     {"strict", FLAG},

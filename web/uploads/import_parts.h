@@ -23,7 +23,9 @@ struct import {
     uint32_t files, folders;
     uint32_t writes; /* files that are arriving */
     char who[WEB_WHO_MAX + 1];
-    char *scene; /* "./path"; with the words, of the last request to run it */
+    char *scene; /* "./path"; with the words and `keep`, of the last request to run it */
+    int keep;    /* its files stay when the job is there */
+    uint32_t runs;
     struct import_words words;
     struct web_request *asking; /* who waits for the job; NULL: vanished */
     struct web_child *child;    /* RUNNING, */

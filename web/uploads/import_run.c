@@ -134,7 +134,7 @@ static void on_end(void *user, const struct web_child_result *r)
     note(import, asking ? asking->peer : "", job, answer ? NULL : &err);
     if (!answer)
         log_info("an upload of %s was not submitted: %s", import->who, err.text);
-    if (answer && !import->removed)
+    if (answer && !import->removed && !import->keep)
         done(import, answer);
     if (asking)
         asking->state = NULL;
@@ -205,7 +205,10 @@ static status start(struct import *import, struct error *err)
         s = err->code;
     buffer_wipe(&key);
     snprintf(address, sizeof address, "127.0.0.1:%u", port);
-    snprintf(token, sizeof token, "upload-%" PRIu64, import->number);
+    if (import->keep) /* each of these is a job of its own */
+        snprintf(token, sizeof token, "upload-%" PRIu64 "-%" PRIu32, import->number, ++import->runs);
+    else
+        snprintf(token, sizeof token, "upload-%" PRIu64, import->number);
     if (s == STATUS_OK && (!folder || !environment))
         s = error_no_memory(err, "an import");
     if (s == STATUS_OK) {
@@ -284,7 +287,7 @@ static void on_gone(struct web_request *request)
 
 /* ---- the request -------------------------------------------------------------------------- */
 
-/* {"scene": "path", "options": [...]} */
+/* {"scene": "path", "options": [...], "keep": false} */
 static status read_body(struct import *import, const struct buffer *body, struct error *err)
 {
     json_error_t where;
@@ -293,6 +296,7 @@ static status read_body(struct import *import, const struct buffer *body, struct
                        : NULL;
     const char *scene = json_string_value(json_object_get(said, "scene")), *name;
     struct buffer path = BUFFER_INIT;
+    const json_t *keep = json_object_get(said, "keep");
     json_t *value;
     status s = STATUS_OK;
 
@@ -300,8 +304,12 @@ static status read_body(struct import *import, const struct buffer *body, struct
         s = error_set(err, STATUS_ERR_USAGE,
                       "the body must be JSON as in {\"scene\": \"room.gltf\", \"options\": [\"--spp\", \"64\"]}");
     if (s == STATUS_OK)
-        json_object_foreach(said, name, value) if (strcmp(name, "scene") != 0 && strcmp(name, "options") != 0) s =
-            error_set(err, STATUS_ERR_USAGE, "the body may have 'scene' and 'options', not '%.64s'", name);
+        json_object_foreach(said, name, value) if (strcmp(name, "scene") != 0 && strcmp(name, "options") != 0 &&
+                                                   strcmp(name, "keep") != 0) s =
+            error_set(err, STATUS_ERR_USAGE, "the body may have 'scene', 'options' and 'keep', not '%.64s'", name);
+    if (s == STATUS_OK && keep && !json_is_boolean(keep))
+        s = error_set(err, STATUS_ERR_USAGE, "keep: must be true or false");
+    import->keep = json_is_true(keep);
     THEN(s, import_path_check(scene, err));
     THEN(s, import_words_read(&import->words, json_object_get(said, "options"), err));
     if (s == STATUS_OK) {

@@ -170,11 +170,55 @@ static void lens(void **state)
     assert_int_equal(complete(&s, &err), STATUS_OK);
 }
 
+/* The picture fits, in its own proportions; what fits already stays; a region is what fits. */
+static void fit(void **state)
+{
+    static const struct {
+        const char *size, *region, *fit;
+        uint32_t whole[2], rect[4]; /* width 0: all */
+    } cases[] = {
+        {"1920x1080", NULL, "320x320", {320, 180}, {0}},
+        {"1080x1920", NULL, "320x320", {180, 320}, {0}},
+        {"1000x1000", NULL, "320x200", {200, 200}, {0}},
+        {"640x480", NULL, "640x480", {640, 480}, {0}},
+        {"64x48", NULL, "320x320", {64, 48}, {0}},
+        {"65536x1", NULL, "16x16", {16, 1}, {0}},
+        {"3x3", NULL, "2x2", {2, 2}, {0}},
+        {"1000x500", "500,250,500,250", "100x100", {200, 100}, {100, 50, 100, 50}},
+        {"1000x500", "500,250,100,50", "100x100", {1000, 500}, {500, 250, 100, 50}},
+        {"1000x500", "0,0,1000,500", "100x100", {100, 50}, {0}},
+        {"65536x1", "65535,0,1,1", "1x1", {65536, 1}, {65535, 0, 1, 1}},
+        {"1001x3", "999,2,2,1", "1x1", {501, 2}, {500, 1, 1, 1}},
+    };
+    struct error err = {0};
+    struct stage s;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct render_settings *r = &s.request.settings;
+        const uint32_t *rect = cases[i].rect, *whole = cases[i].whole;
+        stage_set(&s);
+        s.options.size = cases[i].size;
+        s.options.region = cases[i].region;
+        s.options.fit = cases[i].fit;
+        assert_int_equal(complete(&s, &err), STATUS_OK);
+        assert_int_equal(job_request_crop(&s.request, &err), STATUS_OK);
+        assert_int_equal(rect[2] ? r->whole_width : r->width, whole[0]);
+        assert_int_equal(rect[2] ? r->whole_height : r->height, whole[1]);
+        assert_int_equal(r->whole_width != 0, rect[2] != 0);
+        assert_true(!rect[2] || (r->region_x == rect[0] && r->region_y == rect[1] && r->width == rect[2] && r->height == rect[3]));
+        assert_int_equal(render_settings_validate(r, 1, &err), STATUS_OK);
+    }
+    s.options.fit = "320";
+    assert_int_equal(complete(&s, &err), STATUS_ERR_USAGE);
+    assert_non_null(strstr(err.text, "--fit"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(plain),    cmocka_unit_test(every_setting), cmocka_unit_test(frames),
-        cmocka_unit_test(exposure), cmocka_unit_test(lens),
+        cmocka_unit_test(exposure), cmocka_unit_test(lens),          cmocka_unit_test(fit),
     };
     return cmocka_run_group_tests_name("job_options", tests, NULL, NULL);
 }

@@ -32,14 +32,14 @@ static void sizes(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
-        assert_int_equal(parse_size(good[i].text, &width, &height, &err), STATUS_OK);
+        assert_int_equal(parse_size("--size", good[i].text, &width, &height, &err), STATUS_OK);
         assert_int_equal(width, good[i].width);
         assert_int_equal(height, good[i].height);
     }
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         width = height = 77;
         err.text[0] = 0;
-        assert_int_equal(parse_size(bad[i], &width, &height, &err), STATUS_ERR_USAGE);
+        assert_int_equal(parse_size("--size", bad[i], &width, &height, &err), STATUS_ERR_USAGE);
         assert_non_null(strstr(err.text, "--size"));
         assert_int_equal(width, 77); /* untouched */
         assert_int_equal(height, 77);
