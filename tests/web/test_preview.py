@@ -107,10 +107,13 @@ def nothing_stays():
     """a preview that waits says so, and its job goes: when the scene is submitted, when the form is left, and when the page is closed"""
     with WebFarm() as farm, Browser() as browser:
         farm.start_coordinator()
-        page = farm.page(browser)
+        page = farm.page(browser, role="submit", width=390, height=844, phone=True)
         form(page, farm)
         page.click(LOOK)
         page.wait_text("The preview waits", WORDS)
+        place = page.js("(({top, bottom}) => [top, bottom, innerHeight])(document.querySelector('.preview').getBoundingClientRect())")
+        expect(0 <= place[0] and place[1] <= place[2], "the picture is not in view: %s" % place)
+        page.size(1280, 1000)
         expect([(j["name"], j["priority"]) for j in jobs(farm)] == [("tiny (preview)", 100)], names(farm))
         page.type("[name=size]", "32x24")
         page.click(LOOK)  # the one before is of no use any more

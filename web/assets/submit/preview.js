@@ -75,6 +75,7 @@ export function makePreview() {
       show(element, true);
       text(words, '');
       children(warnings, []);
+      element.scrollIntoView({ block: 'nearest' }); /* the button may be far below, as on a phone */
     },
     /* What is shown is of other files or options. */
     isOld() {
