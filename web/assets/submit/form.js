@@ -66,7 +66,7 @@ export function submitForm(node) {
       h('p', { class: 'buttons' }, h('button', { type: 'button', onclick: () => one.click() }, 'Files…'), h('button', { type: 'button', onclick: () => folder.click() }, 'Folder…'), one, folder), summary, list),
     preview.element, sceneField, envField, h('div', { class: 'fields' }, FIELDS.map((f) => field(f)), after),
     h('details', null, h('summary', null, 'Picture, layers, machines'), h('div', { class: 'fields' }, operator, MORE.map((f) => field(f)))), problem, work,
-    h('div', { class: 'buttons' }, start, look, stop, h('button', { type: 'button', onclick: () => { chosen.files = new Map(); dropUpload(); redraw(true); } }, 'Clear')));
+    h('div', { class: 'buttons' }, start, look, stop, h('button', { type: 'button', onclick: () => { if (running) running.abort(); chosen.files = new Map(); dropUpload(); redraw(true); } }, 'Clear')));
   node.append(form, h('p', { class: 'hint' }, 'From a terminal, with all options:'), command(`azulejo submit scene.glb${where()}`));
 
   const fill = (select, paths, none) => { const now = select.value; children(select, [...(none ? [h('option', { value: '' }, none)] : []), ...paths.map((p) => h('option', { value: p }, p))]); if (paths.includes(now)) select.value = now; };

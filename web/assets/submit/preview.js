@@ -44,18 +44,20 @@ export function makePreview() {
     address = URL.createObjectURL(bytes);
     attr(image, 'alt', 'What the camera sees');
     attr(image, 'src', address);
+    await image.decode().catch(() => {}); /* what is said of it comes with it */
   }
   /* Shows what there is; whether that is all. */
   async function step(number, signal) {
-    const info = (await get(`/jobs/${number}`, { signal })).jobs[0], at = `/jobs/${number}/frames/${info.first_frame}`;
+    const info = (await get(`/jobs/${number}`, { signal })).jobs[0], why = reason(info), at = `/jobs/${number}/frames/${info.first_frame}`;
     if (info.state === 'done') {
       await picture(`${at}/png`, signal);
       text(words, isOther ? CHANGED : `Frame ${info.first_frame}, a first look: ${SAMPLES} samples a pixel, denoised.`);
-    } else if (ended(info)) text(words, `There is no preview: ${reason(info) || info.state}.`);
-    else if (Number(info.samples_done) > 0) {
-      await picture(`${at}/preview.png`, signal).catch(() => {}); /* the next one is not far */
-      text(words, 'It is rendered…');
-    } else text(words, `The preview waits${reason(info) ? `: ${reason(info)}` : ' for a worker'}.`);
+    } else if (ended(info)) text(words, `There is no preview: ${why || info.state}.`);
+    else {
+      const begun = Number(info.samples_done) > 0, waits = /^waits/.test(why) || !begun;
+      if (begun) await picture(`${at}/preview.png`, signal).catch(() => {}); /* the next one is not far */
+      text(words, waits ? `The preview ${/^waits/.test(why) ? why : `waits${why ? `: ${why}` : ' for a worker'}`}.` : 'It is rendered…');
+    }
     return ended(info);
   }
   function end() {

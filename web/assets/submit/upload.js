@@ -18,7 +18,7 @@ export function dropUpload() {
   if (number) del(`/imports/${number}`).catch(() => {});
   forget();
 }
-/* Nobody comes back for it. */
+/* A closed page does not ask for its upload again. */
 addEventListener('pagehide', () => {
   if (number) fetch(`${base}/imports/${number}`, { method: 'DELETE', keepalive: true }).catch(() => {});
   forget();
