@@ -180,7 +180,7 @@ WORDS = array(TEXT)
 VERB = obj("name path role says label done question button takes field single states accepted front", single=BOOL,
            states=WORDS, accepted=WORDS, front=WORDS,
            takes={"enum": ["nothing", "flag", "number", "text", "frames", "form"]})
-NAMES = "effects stages aovs isas env_samplings samplers light_choices texture_filters bvh_qualities stop_measures"
+NAMES = "effects stages aovs isas env_samplings samplers light_choices texture_filters bvh_qualities pixel_filters stop_measures"
 SESSION = obj("role who", "token software farm name address port login_required", role={
     "enum": ["none", "view", "submit", "operate", "admin"]}, token=WHOLE)
 SESSION["additionalProperties"] = True

@@ -20,6 +20,7 @@ static void take_hints(const struct import_hints *hints, const struct job_option
     const int size = !o->size && hints->width && hints->height;
     const int spp = !request->spp_given && hints->spp;
     const int depth = !o->said[SETTING_max_depth].text && hints->has_max_depth;
+    const int filter = !o->said[SETTING_pixel_filter].text && !o->said[SETTING_filter_width].text && hints->has_filter;
 
     if (size) {
         s->width = hints->width;
@@ -31,9 +32,14 @@ static void take_hints(const struct import_hints *hints, const struct job_option
         s->spp = hints->spp;
     if (depth)
         s->max_depth = hints->max_depth;
-    if ((size || spp || depth) && !quiet)
-        fprintf(stderr, "from the file: %ux%u pixels, %u samples, depth %u%s\n", s->width, s->height, s->spp,
-                s->max_depth, size && hints->crop_width && !o->region ? ", its crop window as --region" : "");
+    if (filter) {
+        s->pixel_filter = hints->pixel_filter;
+        s->filter_width = hints->filter_width;
+    }
+    if ((size || spp || depth || filter) && !quiet)
+        fprintf(stderr, "from the file: %ux%u pixels, %u samples, depth %u%s%s%s\n", s->width, s->height, s->spp,
+                s->max_depth, filter ? ", pixel filter " : "", filter ? pixel_filter_name(s->pixel_filter) : "",
+                size && hints->crop_width && !o->region ? ", its crop window as --region" : "");
 }
 
 /* Without folders, so that a picture's header is the same wherever it was rendered. */

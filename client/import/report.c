@@ -106,6 +106,8 @@ static void print_hints(const struct import_hints *hints, FILE *out)
         fprintf(out, "%s %u samples a pixel", hints->width ? "," : "", hints->spp);
     if (hints->has_max_depth)
         fprintf(out, "%s depth %u", hints->width || hints->spp ? "," : "", hints->max_depth);
+    if (hints->has_filter)
+        fprintf(out, ", a %s filter %g pixels wide", pixel_filter_name(hints->pixel_filter), (double)hints->filter_width);
     fputc('\n', out);
 }
 
@@ -415,6 +417,10 @@ static json_t *hints_json(const struct import_hints *hints)
         json_object_set_new(out, "spp", json_integer(hints->spp));
     if (hints->has_max_depth)
         json_object_set_new(out, "max_depth", json_integer(hints->max_depth));
+    if (hints->has_filter) {
+        json_object_set_new(out, "pixel_filter", json_string(pixel_filter_name(hints->pixel_filter)));
+        json_object_set_new(out, "filter_width", json_real((double)hints->filter_width));
+    }
     if (hints->crop_width)
         json_object_set_new(out, "region", json_pack("[i, i, i, i]", (int)hints->crop_x, (int)hints->crop_y,
                                                      (int)hints->crop_width, (int)hints->crop_height));

@@ -12,7 +12,7 @@ static const struct option_group option_groups[] = {
     {"when a frame is done:", "core-limit max-rays allocation min-spp schedule-from effects by pilot-spp price currency"},
     {"the scene:", "scene variant animation light-units studio env-rotate env-strength allow-outside only-below strict max-image "
                   "max-image-memory"},
-    {"camera and picture:", "first-middle-last fps shutter lens focus fit alpha region aov"},
+    {"camera and picture:", "first-middle-last fps shutter lens focus fit pixel-filter filter-width alpha region aov"},
     {"light and paths:", "max-depth seed sampler env-sampling light-choice roulette clamp texture-filter bvh-quality "
                         "robust isa"},
     {"tone mapping:", "tonemap-param lut auto-exposure percentile white-balance temporal denoise denoise-around"},

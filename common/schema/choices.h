@@ -61,6 +61,13 @@
     CHOICE(TONEMAP_METERING, KEY, 1, "key")               /* the log-mean luminance becomes 0.18 */                    \
     CHOICE(TONEMAP_METERING, PERCENTILE, 2, "percentile") /* a percentile of the luminance becomes 1 */
 
+/* How a pixel weighs the samples around its centre: worker/render/camera/camera.h. */
+#define PIXEL_FILTERS(CHOICE)                                                                                          \
+    CHOICE(PIXEL_FILTER, BLACKMAN_HARRIS, 0, "blackman-harris")                                                        \
+    CHOICE(PIXEL_FILTER, BOX, 1, "box")                                                                                \
+    CHOICE(PIXEL_FILTER, TRIANGLE, 2, "triangle")                                                                      \
+    CHOICE(PIXEL_FILTER, GAUSSIAN, 3, "gaussian")
+
 /* How an EXR's channels are named: as most compositors want it, or as Blender writes files of several layers. */
 #define EXR_NAMINGS(CHOICE)                                                                                            \
     CHOICE(EXR_NAMES, PLAIN, 0, "plain")                                                                               \
@@ -95,6 +102,7 @@
     CHOICE(LIGHT_CHOICE, light_choice, light_choice, LIGHT_CHOICES)                                                    \
     CHOICE(TEXTURE_FILTER, texture_filter, texture_filter, TEXTURE_FILTERS)                                            \
     CHOICE(BVH_QUALITY, bvh_quality, bvh_quality, BVH_QUALITIES)                                                       \
+    CHOICE(PIXEL_FILTER, pixel_filter, pixel_filter, PIXEL_FILTERS)                                                    \
     CHOICE(EXR_NAMES, exr_names, exr_names, EXR_NAMINGS)                                                               \
     CHOICE(TONEMAP_METERING, tonemap_metering, tonemap_metering, TONEMAP_METERINGS)                                    \
     CHOICE(DENOISING, denoising, denoising, DENOISINGS)                                                                \

@@ -98,6 +98,14 @@
             "azulejo:textureFilter", "texture-filter", "HOW",                                                          \
             "filter textures by the width of the ray's cone, or use only their finest level, interpolated or by its"   \
             " nearest texel (default cone)", CHOICE_OF(TEXTURE_FILTER, TEXTURE_FILTERS), .says = "texture filter")     \
+    SETTING(o, CHOICE, enum pixel_filter, pixel_filter, PIXEL_FILTER_BLACKMAN_HARRIS, 0, 0, LISTED,                    \
+            "azulejo:pixelFilter", "pixel-filter", "NAME",                                                             \
+            "how a pixel weighs the samples around its centre (default blackman-harris)",                              \
+            CHOICE_OF(PIXEL_FILTER, PIXEL_FILTERS), .says = "pixel filter")                                            \
+    /* pixels, of both sides together; 0: the filter's own */                                                          \
+    SETTING(o, NUMBER, float, filter_width, 0, 0.01, 16, LISTED, "azulejo:filterWidth", "filter-width", "PIXELS",      \
+            "the pixel filter's width (default: 3, of triangle 2, of box 1)",                                         \
+            .says = "filter width")                                                                                    \
     SETTING(o, CHOICE, enum bvh_quality, bvh_quality, BVH_QUALITY_MEDIUM, 0, 0, LISTED, "azulejo:bvhQuality",          \
             "bvh-quality", "HOW",                                                                                      \
             "quality of Embree's trees; high needs --robust off (default medium)",                                     \

@@ -462,7 +462,7 @@ def settings_of_a_job():
         expect(settings["lens_radius"] == settings["focus_distance"] == 0 and not settings["pinhole"], settings)
         expect(settings["without"] == [] and settings["aovs"] == [], settings)
         choices = {"env_sampling": "learned", "sampler": "sobol", "light_choice": "learned",
-                   "no_roulette": False, "texture_filter": "cone", "bvh_quality": "medium",
+                   "no_roulette": False, "texture_filter": "cone", "pixel_filter": "blackman-harris", "filter_width": 0, "bvh_quality": "medium",
                    "not_robust": False, "clamp": 0, "exr_names": "plain"}
         expect({name: settings[name] for name in choices} == choices, settings)
         expect(" choices " not in shown, shown)

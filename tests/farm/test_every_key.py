@@ -617,7 +617,7 @@ PBRT_KINDS = {  # those that are not read as they are meant: the kind is named
              [SHAPE % kind for kind in ("heightfield", "nurbs", "xyzzy")] + [LIGHT % "xyzzy"] + ['AreaLightSource "xyzzy" %s\nShape "sphere"'] +
              [MEDIUM % kind for kind in ("rgbgrid", "cloud", "nanovdb", "xyzzy")],
     "before": ['Integrator "%s" %%s' % kind for kind in ("ambientocclusion", "function", "whitted", "xyzzy")] +
-              ['PixelFilter "%s" %%s' % kind for kind in ("box", "mitchell", "sinc", "triangle", "xyzzy")],
+              ['PixelFilter "%s" %%s' % kind for kind in ("mitchell", "sinc", "xyzzy")],
     "film": ['Film "gbuffer" %s', 'Film "spectral" %s'],
 }
 PBRT_QUIET = {

@@ -147,6 +147,7 @@ void api_effects(struct web_request *request)
         {"light_choices", CHOICE_LIGHT_CHOICE},
         {"texture_filters", CHOICE_TEXTURE_FILTER},
         {"bvh_qualities", CHOICE_BVH_QUALITY},
+        {"pixel_filters", CHOICE_PIXEL_FILTER},
         {"stop_measures", CHOICE_STOP_MEASURE},
     };
     struct buffer out = BUFFER_INIT;

@@ -7,6 +7,7 @@
 #include "client/import/builder/input_files.h"
 #include "common/base/digest.h"
 #include "common/scene/scene.h"
+#include "common/schema/choices.h"
 #include "common/scene/simplify/simplify.h"
 
 enum {
@@ -55,9 +56,10 @@ struct import_animation {
 struct import_hints {
     uint32_t width, height;                           /* pixels */
     uint32_t crop_x, crop_y, crop_width, crop_height; /* the part that is wanted; no width: all */
-    uint32_t spp;
-    int has_max_depth;
-    uint32_t max_depth; /* as in struct render_settings */
+    int has_max_depth, has_filter;
+    uint32_t spp, max_depth; /* as in struct render_settings, these */
+    enum pixel_filter pixel_filter;
+    float filter_width;
 };
 
 struct import_result {

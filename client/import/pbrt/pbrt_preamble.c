@@ -57,9 +57,7 @@ static status do_filter(struct pbrt *p, const struct pbrt_place *at)
     struct pbrt_directive d;
 
     TRY(pbrt_read_directive(p, "PixelFilter", NULL, at, &d));
-    pbrt_warn(p, at, "PixelFilter",
-              "the pixel filter \"%.40s\" is ignored: the filter is always a Blackman-Harris "
-              "window of 3 pixels", d.kind);
+    pbrt_filter(p, &d);
     return STATUS_OK;
 }
 

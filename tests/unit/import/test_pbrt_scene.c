@@ -313,7 +313,7 @@ static void test_hints(void **state)
     assert_int_equal(r.hints.spp, 64);
     assert_true(r.hints.has_max_depth && r.hints.max_depth == 17);
     assert_float_equal(r.scene.cameras[0].exposure_ev, 1, 1e-6f); /* twice the light */
-    pbrt_warned(&r, "a.pbrt:1: |pixel filter|gaussian|Blackman-Harris");
+    assert_true(r.hints.has_filter && r.hints.pixel_filter == PIXEL_FILTER_GAUSSIAN && r.hints.filter_width == 3);
     pbrt_warned(&r, "Option|forcediffuse");
     assert_false(pbrt_has_warned(&r, "seed"));
     import_result_release(&r);
@@ -346,6 +346,41 @@ static void test_exposure(void **state)
     }
 }
 
+/* A filter's width by the radius, or by the deviation, which pbrt-v3 gives as 1 / (2 sigma^2); both programs' defaults. */
+static void test_filters(void **state)
+{
+    static const struct {
+        const char *text;
+        enum pixel_filter filter;
+        double width;
+    } cases[] = {
+        {"\"box\"", PIXEL_FILTER_BOX, 1},
+        {"\"box\" \"float xradius\" 1 \"float yradius\" 1", PIXEL_FILTER_BOX, 2},
+        {"\"triangle\"", PIXEL_FILTER_TRIANGLE, 4},
+        {"\"triangle\" \"float xradius\" .75 \"float yradius\" .75", PIXEL_FILTER_TRIANGLE, 1.5},
+        {"\"gaussian\"", PIXEL_FILTER_GAUSSIAN, 3},
+        {"\"gaussian\" \"float sigma\" .25", PIXEL_FILTER_GAUSSIAN, 1.5},
+        {"\"gaussian\" \"float alpha\" 2 \"float xradius\" 2 \"float yradius\" 2", PIXEL_FILTER_GAUSSIAN, 3},
+        {"\"gaussian\" \"float alpha\" .5 \"float xradius\" 3 \"float yradius\" 3", PIXEL_FILTER_GAUSSIAN, 6},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct import_result r;
+        char text[512];
+        snprintf(text, sizeof text, "Film \"rgb\" PixelFilter %s " EYE "WorldBegin " LAMP TRIANGLE, cases[i].text);
+        pbrt_whole(text, NULL, &r);
+        if (!r.hints.has_filter || r.hints.pixel_filter != cases[i].filter || fabs((double)r.hints.filter_width - cases[i].width) > 1e-6)
+            fail_msg("%s: %d, %g", cases[i].text, (int)r.hints.pixel_filter, (double)r.hints.filter_width);
+        assert_int_equal(r.warning_count, 0);
+        import_result_release(&r);
+    }
+    struct import_result none;
+    pbrt_whole(EYE "WorldBegin " LAMP TRIANGLE, NULL, &none);
+    assert_false(none.hints.has_filter);
+    import_result_release(&none);
+}
+
 /* What would change pbrt's picture and is not done is named with its line; what is as pbrt has it
  * anyway is not. */
 static void test_hints_not_taken(void **state)
@@ -364,7 +399,13 @@ static void test_hints_not_taken(void **state)
         {"Film \"rgb\" \"integer pixelbounds\" [2000 2005 0 1]", "crop window"},
         {"Film \"rgb\" \"integer xresolution\" 100000", "100000|65536"},
         {"Sampler \"halton\" \"integer pixelsamples\" 2000000", "2000000|1048576"},
-        {"PixelFilter \"box\"", "pixel filter|box"},
+        {"PixelFilter \"mitchell\"", "pixel filter|mitchell|blackman-harris"},
+        {"PixelFilter \"blackman-harris\"", "pixel filter|blackman-harris"},
+        {"PixelFilter \"box\" \"float xradius\" 1 \"float yradius\" 2", "yradius"},
+        {"PixelFilter \"box\" \"float sigma\" 1", "pixel filter|sigma"},
+        {"PixelFilter \"triangle\" \"float xradius\" 9", "18 pixels wide"},
+        {"PixelFilter \"triangle\" \"float xradius\" 0", "0 pixels wide"},
+        {"PixelFilter \"gaussian\" \"float sigma\" 1", "cut at 3|1.5 pixels"},
     };
     struct import_result r;
 
@@ -635,6 +676,7 @@ int main(void)
         cmocka_unit_test(test_perspective),
         cmocka_unit_test(test_other_cameras),
         cmocka_unit_test(test_hints),
+        cmocka_unit_test(test_filters),
         cmocka_unit_test(test_exposure),
         cmocka_unit_test(test_hints_not_taken),
         cmocka_unit_test(test_fov),

@@ -35,6 +35,8 @@ static struct render_settings example_settings(void)
     s.sampler = SAMPLER_INDEPENDENT;
     s.light_choice = LIGHT_CHOICE_UNIFORM;
     s.texture_filter = TEXTURE_FILTER_NEAREST;
+    s.pixel_filter = PIXEL_FILTER_GAUSSIAN;
+    s.filter_width = 4.5f;
     s.bvh_quality = BVH_QUALITY_HIGH;
     s.exr_names = EXR_NAMES_BLENDER;
     s.not_robust = 1;
@@ -175,6 +177,10 @@ static void test_settings_out_of_range(void **state)
     REFUSED(sampler, 0xffffffff, 1);
     REFUSED(light_choice, LIGHT_CHOICE_COUNT, 1);
     REFUSED(texture_filter, TEXTURE_FILTER_COUNT, 1);
+    REFUSED(pixel_filter, PIXEL_FILTER_COUNT, 1);
+    REFUSED(filter_width, NAN, 1);
+    REFUSED(filter_width, 17, 1);
+    REFUSED(filter_width, -1, 1);
     REFUSED(bvh_quality, BVH_QUALITY_COUNT, 1);
     REFUSED(not_robust, 0, 1); /* the quality is high */
     REFUSED(clamp, NAN, 1);

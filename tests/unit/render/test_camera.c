@@ -94,60 +94,96 @@ static void test_orthographic(void **state)
     near_to(r.origin.y, 6 + (1 - 2 * 99.5 / 100) * 2, 1e-3);
 }
 
-/* The filter's samples against the Blackman-Harris window: chi-square over 60 bins, two
- * axes, family-wise level 0.01. */
+/* A filter's weight at x of -1..1, by its definition; the Gaussian's standard deviation is a third. */
+static double weight_by_definition(enum pixel_filter filter, double x)
+{
+    double turn = M_PI * (x + 1);
+
+    if (filter == PIXEL_FILTER_BOX)
+        return 1;
+    if (filter == PIXEL_FILTER_TRIANGLE)
+        return 1 - fabs(x);
+    if (filter == PIXEL_FILTER_GAUSSIAN)
+        return exp(-9 * x * x / 2) - exp(-4.5);
+    return 0.35875 - 0.48829 * cos(turn) + 0.14128 * cos(2 * turn) - 0.01168 * cos(3 * turn);
+}
+
+enum { BINS = 60, FILTERS = 7 };
+
+/* p of one axis' counts, of n in all. */
+static double filter_p_value(const double count[BINS], enum pixel_filter filter, double n)
+{
+    double expected[BINS] = {0}, total = 0, statistic = 0, pooled_e = 0, pooled_n = 0;
+    int cells = 0;
+
+    for (int i = 0; i < BINS; i++) {
+        for (int j = 0; j < 50; j++)
+            expected[i] += weight_by_definition(filter, 2 * (i + (j + 0.5) / 50) / BINS - 1);
+        total += expected[i];
+    }
+    for (int i = 0; i < BINS; i++) {
+        double e = expected[i] / total * n;
+        if (e < 5) {
+            pooled_e += e;
+            pooled_n += count[i];
+            continue;
+        }
+        statistic += (count[i] - e) * (count[i] - e) / e;
+        cells++;
+    }
+    if (pooled_e > 0) {
+        statistic += (pooled_n - pooled_e) * (pooled_n - pooled_e) / pooled_e;
+        cells++;
+    }
+    return chi_square_p_value(statistic, cells - 1);
+}
+
+/* The filters' samples against their definitions: chi-square over 60 bins, two axes, family-wise level 0.01. */
 static void test_filter(void **state)
 {
-    enum { BINS = 60, N = 200000 };
-    static double expected[BINS], count[2][BINS];
+    enum { N = 200000 };
+    static const struct {
+        enum pixel_filter filter;
+        float width;   /* as it is set */
+        double radius; /* as it should be */
+    } cases[FILTERS] = {
+        {PIXEL_FILTER_BLACKMAN_HARRIS, 0, 1.5}, {PIXEL_FILTER_BLACKMAN_HARRIS, 1.5f, 0.75}, {PIXEL_FILTER_BOX, 0, 0.5},
+        {PIXEL_FILTER_BOX, 2, 1},               {PIXEL_FILTER_TRIANGLE, 0, 1},              {PIXEL_FILTER_TRIANGLE, 4, 2},
+        {PIXEL_FILTER_GAUSSIAN, 0, 1.5},
+    };
     struct scene_camera description = looking_down_z(CAMERA_ORTHOGRAPHIC);
-    struct camera camera;
-    double total = 0;
 
     (void)state;
     description.ymag = 50; /* one pixel is one metre */
     description.to_world = (struct transform_d){{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
-    camera_of(&camera, &description, 100, 100);
-    for (int i = 0; i < BINS; i++)
-        for (int j = 0; j < 50; j++) {
-            double turn = 2 * M_PI * (i + (j + 0.5) / 50) / BINS;
-            expected[i] += 0.35875 - 0.48829 * cos(turn) + 0.14128 * cos(2 * turn) - 0.01168 * cos(3 * turn);
-        }
-    for (int i = 0; i < BINS; i++)
-        total += expected[i];
-    for (uint32_t i = 0; i < N; i++) {
-        struct sampler s;
-        struct ray ray;
-        /* A frame each: independent samples, as the test wants them. */
-        sampler_start(&s, 3, i, 50, 50, 0, 0);
-        camera_ray(&camera, 50, 50, &s, &ray);
-        for (int axis = 0; axis < 2; axis++) {
-            double offset = axis ? -0.5 - (double)ray.origin.y : (double)ray.origin.x - 0.5;
-            int bin = (int)floor((offset + 1.5) / 3 * BINS);
-            assert_true(offset >= -1.5001 && offset <= 1.5001);
-            count[axis][bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin]++;
-        }
-    }
-    for (int axis = 0; axis < 2; axis++) {
-        double statistic = 0, pooled_e = 0, pooled_n = 0, p;
-        int cells = 0;
-        for (int i = 0; i < BINS; i++) {
-            double e = expected[i] / total * N;
-            if (e < 5) {
-                pooled_e += e;
-                pooled_n += count[axis][i];
-                continue;
+    for (int c = 0; c < FILTERS; c++) {
+        double count[2][BINS] = {{0}}, radius = cases[c].radius;
+        struct render_settings settings;
+        struct camera camera;
+        render_settings_default(&settings);
+        settings.width = settings.height = 100;
+        settings.pixel_filter = cases[c].filter;
+        settings.filter_width = cases[c].width;
+        assert_int_equal(render_settings_validate(&settings, 1, NULL), STATUS_OK);
+        camera_init(&camera, &description, &settings, NULL);
+        for (uint32_t i = 0; i < N; i++) {
+            struct sampler s;
+            struct ray ray;
+            /* A frame each: independent samples, as the test wants them. */
+            sampler_start(&s, 3 + (uint64_t)c, i, 50, 50, 0, 0);
+            camera_ray(&camera, 50, 50, &s, &ray);
+            for (int axis = 0; axis < 2; axis++) {
+                double offset = axis ? -0.5 - (double)ray.origin.y : (double)ray.origin.x - 0.5;
+                int bin = (int)floor((offset + radius) / (2 * radius) * BINS);
+                assert_true(fabs(offset) <= radius + 0.0001);
+                count[axis][bin < 0 ? 0 : bin >= BINS ? BINS - 1 : bin]++;
             }
-            statistic += (count[axis][i] - e) * (count[axis][i] - e) / e;
-            cells++;
         }
-        if (pooled_e > 0) {
-            statistic += (pooled_n - pooled_e) * (pooled_n - pooled_e) / pooled_e;
-            cells++;
+        for (int axis = 0; axis < 2; axis++) {
+            double p = filter_p_value(count[axis], cases[c].filter, N);
+            if (p < sidak_alpha(0.01, 2 * FILTERS))
+                fail_msg("case %d, axis %d: p = %g", c, axis, p);
         }
-        p = chi_square_p_value(statistic, cells - 1);
-        if (p < sidak_alpha(0.01, 2))
-            fail_msg("axis %d: chi-square %g with %d cells, p = %g", axis, statistic, cells, p);
     }
 }
 

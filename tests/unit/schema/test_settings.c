@@ -159,7 +159,7 @@ static void looks(void **state)
 static void texts_come_back(void **state)
 {
     static const char *const values[] = {"0.25", "1", "33.3", "9", "12345678901234567890", "sse2", "uniform", "independent",
-                                         "power", "nearest", "low", "off", "depth,uv", "blender"};
+                                         "power", "nearest", "low", "off", "depth,uv", "blender", "triangle"};
     char text[SETTING_TEXT_SIZE];
 
     (void)state;

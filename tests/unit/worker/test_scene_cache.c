@@ -393,6 +393,8 @@ static void test_equal_settings(void **state)
     DIFFERS(sampler);
     DIFFERS(light_choice);
     DIFFERS(texture_filter);
+    DIFFERS(pixel_filter);
+    DIFFERS(filter_width);
     DIFFERS(bvh_quality);
     DIFFERS(not_robust);
     DIFFERS(no_roulette);

@@ -1,7 +1,7 @@
 /* camera: from a position on the film to a ray in world space.
  *
- * The pixel filter is importance-sampled (a Blackman-Harris window of 3 pixels), so every sample
- * belongs to exactly one pixel with weight 1 and tiles share nothing. The position on the lens
+ * The pixel filter is importance-sampled (one of settings.h, by default a Blackman-Harris window of 3 pixels), so every
+ * sample belongs to exactly one pixel with weight 1 and tiles share nothing. The position on the lens
  * (uniform over the aperture) and the time within the shutter interval are sampled likewise.
  *
  * A moving camera has transforms at `motion_steps` moments, evenly spaced from the shutter's
@@ -39,7 +39,7 @@ struct camera {
     real blade_rotation_rad;       /* of the first corner, counter-clockwise from +X */
     real blade_cosine, blade_sine; /* of the angle from one corner to the next */
     /* Left half of the filter: entry i is where its accumulated weight reaches (i / size)^4; pixels
-     * from the pixel's centre, -1.5..0. */
+     * from the pixel's centre, -1.5..0 by default. */
     real filter_offset[FILTER_TABLE_SIZE + 1];
 };
 

@@ -5,37 +5,49 @@
 #include "common/scene/effects.h"
 #include "worker/render/camera/camera.h"
 
-/* Half the width of the filter's support, pixels. */
-#define FILTER_RADIUS 1.5
+/* Half the width of each filter's support, pixels. */
+static const double filter_radii[PIXEL_FILTER_COUNT] = {
+    [PIXEL_FILTER_BLACKMAN_HARRIS] = 1.5,
+    [PIXEL_FILTER_BOX] = 0.5,
+    [PIXEL_FILTER_TRIANGLE] = 1,
+    [PIXEL_FILTER_GAUSSIAN] = 1.5,
+};
 
-/* Blackman-Harris window over -FILTER_RADIUS..FILTER_RADIUS (Harris 1978, 4 terms, -92 dB). */
-static double blackman_harris(double x)
+/* The weight at x of -1..0, the left half of the support: up to a factor. The window of Blackman and Harris has 4 terms
+ * (Harris 1978, -92 dB). The Gaussian's standard deviation is a third of the radius, where it is cut and 0. */
+static double filter_weight(enum pixel_filter filter, double x)
 {
-    double turn = (x / FILTER_RADIUS + 1) * PI_D;
+    double turn = (x + 1) * PI_D;
 
-    return 0.35875 - 0.48829 * (double)real_cos((real)turn) + 0.14128 * (double)real_cos((real)(2 * turn)) -
-           0.01168 * (double)real_cos((real)(3 * turn));
+    switch (filter) {
+    case PIXEL_FILTER_BOX: return 1;
+    case PIXEL_FILTER_TRIANGLE: return 1 + x;
+    case PIXEL_FILTER_GAUSSIAN: return (double)(real_exp((real)(-4.5 * x * x)) - real_exp(-4.5f));
+    default:
+        return 0.35875 - 0.48829 * (double)real_cos((real)turn) + 0.14128 * (double)real_cos((real)(2 * turn)) -
+               0.01168 * (double)real_cos((real)(3 * turn));
+    }
 }
 
 /* The table's entry i is where the left half's accumulated weight, of 1, reaches (i / FILTER_TABLE_SIZE)^4: the fourth
  * power gives the faint tail as many entries as the bright middle. */
-static void filter_table_fill(real table[FILTER_TABLE_SIZE + 1])
+static void filter_table_fill(real table[FILTER_TABLE_SIZE + 1], enum pixel_filter filter, double radius)
 {
     enum { STEPS = 1 << 14 };
-    const double step = FILTER_RADIUS / STEPS;
+    const double step = radius / STEPS;
     double total = 0, sum = 0;
     int next = 1;
 
     for (int i = 0; i < STEPS; i++)
-        total += blackman_harris(-FILTER_RADIUS + (i + 0.5) * step);
-    table[0] = -FILTER_RADIUS;
+        total += filter_weight(filter, (-radius + (i + 0.5) * step) / radius);
+    table[0] = (real)-radius;
     for (int i = 0; i < STEPS; i++) {
-        double weight = blackman_harris(-FILTER_RADIUS + (i + 0.5) * step) / total;
+        double weight = filter_weight(filter, (-radius + (i + 0.5) * step) / radius) / total;
         for (; next < FILTER_TABLE_SIZE; next++) {
             double w = (double)next / FILTER_TABLE_SIZE, target = w * w * w * w;
             if (sum + weight < target)
                 break;
-            table[next] = (real)(-FILTER_RADIUS + (i + (target - sum) / weight) * step);
+            table[next] = (real)(-radius + (i + (target - sum) / weight) * step);
         }
         sum += weight;
     }
@@ -85,7 +97,9 @@ void camera_init(struct camera *camera, const struct scene_camera *description, 
         }
     }
     camera->pinhole = camera->kind == CAMERA_PERSPECTIVE && !(camera->lens_radius > 0) && !camera->shutter_open;
-    filter_table_fill(camera->filter_offset);
+    filter_table_fill(camera->filter_offset, settings->pixel_filter,
+                      settings->filter_width > 0 ? (double)settings->filter_width / 2
+                                                 : filter_radii[settings->pixel_filter]);
 }
 
 struct camera_cone camera_cone(const struct camera *camera)

@@ -253,6 +253,7 @@ int pbrt_look_at(const double n[9], struct transform_d *out);
 void pbrt_option(struct pbrt *p, const struct pbrt_directive *d);
 void pbrt_sampler(struct pbrt *p, const struct pbrt_directive *d);
 void pbrt_integrator(struct pbrt *p, const struct pbrt_directive *d);
+void pbrt_filter(struct pbrt *p, const struct pbrt_directive *d);
 /* The film's size and aspect, and the camera's exposure. */
 void pbrt_film_hints(struct pbrt *p, struct scene_camera *camera, double *aspect);
 /* Without an Integrator pbrt goes PBRT_MAX_DEPTH deep, as with one that names no depth. */

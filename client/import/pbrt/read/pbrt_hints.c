@@ -61,6 +61,45 @@ void pbrt_integrator(struct pbrt *p, const struct pbrt_directive *d)
     if (known)
         pbrt_params_report(d->params, p->b, "integrator");
 }
+/* A Gaussian is given by its deviation and where it is cut; pbrt-v3's "alpha" is 1 / (2 sigma^2). Ours is cut at 3 of
+ * them. */
+static double gaussian_width(struct pbrt *p, const struct pbrt_directive *d, double radius)
+{
+    const double alpha = pbrt_float(d->params, "alpha", 0);
+    const double sigma = alpha > 0 ? 1 / sqrt(2 * alpha) : pbrt_float(d->params, "sigma", 0.5);
+
+    if (radius < 2.5 * sigma)
+        pbrt_warn(p, &d->at, "PixelFilter cut", "the Gaussian filter is cut at 3 standard deviations, not at %g pixels", radius);
+    return 6 * sigma;
+}
+
+void pbrt_filter(struct pbrt *p, const struct pbrt_directive *d)
+{
+    struct import_hints *hints = &p->b->out->hints;
+    const int kind = pixel_filter_parse(d->kind);
+    double x, y, width;
+
+    if (kind < 0 || kind == PIXEL_FILTER_BLACKMAN_HARRIS) {
+        pbrt_warn(p, &d->at, "PixelFilter", "the pixel filter \"%.40s\" is not supported: %s is used", d->kind,
+                  pixel_filter_name(PIXEL_FILTER_BLACKMAN_HARRIS));
+        return;
+    }
+    x = pbrt_float(d->params, "xradius", kind == PIXEL_FILTER_BOX ? 0.5 : kind == PIXEL_FILTER_TRIANGLE ? 2 : 1.5);
+    y = pbrt_float(d->params, "yradius", x);
+    width = kind == PIXEL_FILTER_GAUSSIAN ? gaussian_width(p, d, x) : 2 * x;
+    pbrt_params_report(d->params, p->b, "pixel filter");
+    if (x != y)
+        pbrt_warn(p, &d->at, "PixelFilter yradius", "the pixel filter is as high as it is wide: its \"yradius\" is ignored");
+    if (!(width >= 0.01 && width <= 16)) {
+        pbrt_warn(p, &d->at, "PixelFilter width",
+                  "a pixel filter %g pixels wide is not supported (0.01 to 16 are): it is ignored", width);
+        return;
+    }
+    hints->has_filter = 1;
+    hints->pixel_filter = (enum pixel_filter)kind;
+    hints->filter_width = (float)width;
+}
+
 /* "cropwindow" [x0 x1 y0 y1] in shares of the film, "pixelbounds" in pixels: pixels from the first up to the last. */
 static void read_crop(struct pbrt *p, struct pbrt_params *params)
 {
