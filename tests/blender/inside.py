@@ -223,7 +223,17 @@ def sky(folder):
     tree.nodes["Background"].inputs["Strength"].default_value = 2
 
 
-CASES = {f.__name__: f for f in (default, principled, room, lamps, rig, lens, upright, noise, sky)}
+def edge(folder):
+    """A black half in front of a white world, orthographic. 64 pixels wide, the edge is between two of them."""
+    scene = empty()
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1, 1, 1, 1)
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 1
+    camera = add_camera((0, -6, 0), (0, 0, 0))
+    camera.data.type, camera.data.ortho_scale = "ORTHO", 64
+    box("half", (-50, 0, 0), (100, 1, 100), lambert("black", (0, 0, 0)))
+
+
+CASES = {f.__name__: f for f in (default, principled, room, lamps, rig, lens, upright, noise, sky, edge)}
 
 
 # ---- rendering -------------------------------------------------------------------------------------------------------------
@@ -252,6 +262,8 @@ def picture_settings(scene, options):
     scene.cycles.samples = int(options.get("cycles_samples", options.get("samples", 16)))
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 12
     scene.cycles.sample_clamp_indirect = 0
+    if "filter" in options:
+        scene.cycles.pixel_filter_type, scene.cycles.filter_width = options["filter"], float(options["filter_width"])
     if "border" in options:
         render.use_border, render.use_crop_to_border = True, options.get("crop") == "1"
         render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y = (

@@ -142,6 +142,29 @@ def a_lens_and_a_baked_world_are_as_bright():
                 expect((picture.width, picture.height) == (90, 160), (picture.width, picture.height))
 
 
+def columns(path):
+    """The mean of each column of pixels."""
+    picture = read_exr(path)
+    values = picture.values("G")
+    return [sum(values[x::picture.width]) / picture.height for x in range(picture.width)]
+
+
+@tests.add
+def an_edge_is_as_soft():
+    """Cycles' pixel filters, whose widths Blender's panel sets: each column across an edge within four times the noise"""
+    with Farm() as farm:
+        pixels = []
+        for kind, width in (("BLACKMAN_HARRIS", 1.5), ("BLACKMAN_HARRIS", 4), ("GAUSSIAN", 6), ("BOX", 4)):
+            run = Run(farm, "edge", engines="azulejo,cycles", width=64, height=64, samples=256, filter=kind, filter_width=width)
+            said = no_error(run.end())
+            expect(said["notes"] == [], said["notes"])
+            mine, other = (columns(run.path(name + ".exr")) for name in ("azulejo", "cycles"))
+            off = max(abs(a - b) for a, b in zip(mine, other))
+            expect(off < .03, (kind, width, off, mine[26:38], other[26:38]))
+            pixels.append(mine[32])
+        expect(all(b - a > .03 for a, b in zip(sorted(pixels), sorted(pixels)[1:])), ("filters are alike", pixels))
+
+
 @tests.add
 def an_animation_with_a_rig():
     """three frames of a bending bar under a moving camera, with a frame step: each within 4 % of Cycles, and blurred"""

@@ -42,7 +42,7 @@ def close(a, b, tolerance=1e-6):
 
 def settings(**more):
     return dict({"samples": 64, "target_error": "", "time_limit_s": 0, "max_depth": 12, "seed": 0, "frame": 7, "shutter": 0,
-                 "transparent": False, "aovs": [], "denoise": "off", "name": "cube-0007", "priority": 0}, **more)
+                 "transparent": False, "aovs": [], "denoise": "off", "filter": None, "name": "cube-0007", "priority": 0}, **more)
 
 
 def exported(**more):
@@ -211,10 +211,20 @@ def options_say_what_the_panel_says():
 
 
 @tests.add
+def the_filter_is_cycles():
+    """Cycles' pixel filters become Azulejo's, each with the width of its support; one that is too wide becomes 16 pixels"""
+    for kind, width, name, pixels in (("BLACKMAN_HARRIS", 1.5, "blackman-harris", "3"), ("BOX", 4.0, "box", "1"),
+                                      ("GAUSSIAN", 1.5, "gaussian", "2.25"), ("BLACKMAN_HARRIS", 10, "blackman-harris", "16")):
+        words = options.submit_words(settings(filter=options.pixel_filter(kind, width)), exported(), (8, 8), None)
+        expect((option(words, "--pixel-filter"), option(words, "--filter-width")) == (name, pixels), words)
+    expect(options.pixel_filter("MITCHELL", 1) is None, "one that is not known")
+
+
+@tests.add
 def every_option_exists():
     """azulejo submit knows each of them"""
     words = options.submit_words(settings(target_error="1%", time_limit_s=1, shutter=1, transparent=True, aovs=["depth"], denoise="on",
-                                          priority=1),
+                                          priority=1, filter=("box", 1.0)),
                                  exported(lens_radius=1, focus=1, shift=[.5, .5]), (8, 8), None)
     text = subprocess.run([AZULEJO, "help", "submit"], capture_output=True, text=True, check=True).stdout
     for word in words:

@@ -141,18 +141,20 @@ def wrong_regions():
             expect("--region" in result.err and "unknown" not in result.err and not os.path.exists(farm.path("x.exr")), result)
 
 
+PBRT = ('LookAt 0 1 4  0 0 0  0 1 0\nCamera "perspective"\nFilm "rgb" "integer xresolution" 60 "integer yresolution" 40 %s\n'
+        'Sampler "independent" "integer pixelsamples" 4\nWorldBegin\nLightSource "infinite" "rgb L" [1 2 3]\n'
+        'Shape "sphere" "float radius" 1\n')
+
+
 @tests.add
 def crop_window_of_pbrt():
     """a pbrt film's cropwindow and pixelbounds are regions; an option on the command line is stronger"""
     with Farm() as farm:
-        text = ('LookAt 0 1 4  0 0 0  0 1 0\nCamera "perspective"\nFilm "rgb" "integer xresolution" 60 "integer yresolution" 40 %s\n'
-                'Sampler "independent" "integer pixelsamples" 4\nWorldBegin\nLightSource "infinite" "rgb L" [1 2 3]\n'
-                'Shape "sphere" "float radius" 1\n')
         pictures = {}
         for name, words in (("whole", ""), ("window", '"float cropwindow" [0.24 0.5 0.1 0.8]'),
                             ("bounds", '"integer pixelbounds" [15 30 4 32]')):
             with open(farm.path(name + ".pbrt"), "w") as scene:
-                scene.write(text % words)
+                scene.write(PBRT % words)
             result = farm.cli("render", farm.path(name + ".pbrt"), "-o", farm.path(name + ".exr"), connect=False, expect=0)
             expect(("crop window" in result.err) == (name != "whole"), result)
             pictures[name] = read_exr(farm.path(name + ".exr"))
@@ -160,6 +162,26 @@ def crop_window_of_pbrt():
         check(pictures["bounds"], pictures["whole"], 15, 4, 15, 28)
         farm.cli("render", farm.path("window.pbrt"), "--region", "1,2,3,4", "-o", farm.path("own.exr"), connect=False, expect=0)
         check(read_exr(farm.path("own.exr")), pictures["whole"], 1, 2, 3, 4)
+
+
+@tests.add
+def pixel_filter_of_pbrt():
+    """a pbrt file's filter is used, and said; with either of its options on the command line it is the options' alone"""
+    with Farm() as farm:
+        def picture(name, *options):
+            where = farm.path("-".join((name, ) + options) + ".exr")
+            farm.cli("render", farm.path(name + ".pbrt"), *options, "-o", where, connect=False, expect=0)
+            return read_exr(where).values("R")
+        for name, words in (("plain", ""), ("wide", '\nPixelFilter "triangle" "float xradius" 3 "float yradius" 3')):
+            with open(farm.path(name + ".pbrt"), "w") as scene:
+                scene.write(PBRT % words)
+        result = farm.cli("render", farm.path("wide.pbrt"), "-o", farm.path("said.exr"), connect=False, expect=0)
+        expect("pixel filter triangle" in result.err, result)
+        plain, wide = picture("plain"), picture("wide")
+        expect(wide != plain and wide == picture("plain", "--pixel-filter", "triangle", "--filter-width", "6"), "the file's filter")
+        for options in (("--filter-width", "2"), ("--pixel-filter", "box")):
+            expect(picture("wide", *options) == picture("plain", *options) not in (plain, wide), options)
+        expect(picture("wide", "--pixel-filter", "blackman-harris") == plain, "the default's name")
 
 
 tests.run()

@@ -95,7 +95,9 @@ class Frame:
         render = self.scene.render
         self.border = options.border_pixels(self.size, render.border_min_x, render.border_min_y, render.border_max_x,
                                             render.border_max_y) if render.use_border else None
-        self.gain = getattr(getattr(self.scene, "cycles", None), "film_exposure", 1.0)
+        cycles = getattr(self.scene, "cycles", None)
+        self.gain = getattr(cycles, "film_exposure", 1.0)
+        self.filter = options.pixel_filter(cycles.pixel_filter_type, cycles.filter_width) if cycles else None
         self.wanted = wanted_passes(self.scene, self.layer)
         self.result = None
         self.stopped = False
@@ -114,7 +116,7 @@ class Frame:
         return {"samples": panel.samples, "target_error": panel.target_error.strip(), "time_limit_s": panel.time_limit,
                 "max_depth": panel.max_depth, "seed": panel.seed, "frame": self.scene.frame_current, "shutter": shutter,
                 "transparent": render.film_transparent, "aovs": passes.aovs(self.wanted), "denoise": panel.denoise.lower(),
-                "priority": panel.priority, "name": "%s-%04d" % (name, self.scene.frame_current)}
+                "priority": panel.priority, "filter": self.filter, "name": "%s-%04d" % (name, self.scene.frame_current)}
 
     def position(self):
         render = self.scene.render
@@ -221,6 +223,8 @@ class Frame:
             self.note("the shutter is open for one frame at most: %g became 1" % render.motion_blur_shutter)
         if render.pixel_aspect_x != render.pixel_aspect_y:
             self.note("the pixels' aspect is not exported: they are square")
+        if self.filter and self.filter[1] > options.FILTER_WIDTH_MOST:
+            self.note("the pixel filter is %g pixels wide at most, not %g" % (options.FILTER_WIDTH_MOST, self.filter[1]))
         crypto = [p for p in self.wanted if p.flag.startswith("use_pass_cryptomatte")]
         if crypto and self.layer.pass_cryptomatte_depth > 2 * passes.CRYPTO_LAYERS:
             self.note("Cryptomatte has %d levels at most" % (2 * passes.CRYPTO_LAYERS))

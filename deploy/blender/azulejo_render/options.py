@@ -5,6 +5,10 @@ import re
 from . import scene_fix
 
 SEED_MOST = (1 << 31) - 1
+FILTER_WIDTH_MOST = 16.0  # pixels
+# Azulejo's name of each of Cycles' pixel filters, and its whole width where Cycles' is 1. Cycles' Gaussian has a standard
+# deviation of a quarter of its width; Azulejo's is six of them wide.
+FILTERS = {"BLACKMAN_HARRIS": ("blackman-harris", 2.0), "GAUSSIAN": ("gaussian", 1.5), "BOX": ("box", 1.0)}
 
 
 def seconds(number):
@@ -33,10 +37,19 @@ def border_pixels(size, low_x, low_y, high_x, high_y):
     return x, y, max(int(high_x * width + 1e-4) - x, 1), max(int(high_y * height + 1e-4) - y, 1)
 
 
+def pixel_filter(kind, width):
+    """(Azulejo's name, its whole width in pixels) of Cycles' filter; None: one that is not known. Cycles' box has always one pixel."""
+    if kind not in FILTERS:
+        return None
+    name, times = FILTERS[kind]
+    return name, times * (1.0 if kind == "BOX" else width)
+
+
 def submit_words(settings, exported, size, border):
     """The words after `azulejo submit` but for the coordinator's.
 
-    settings: {samples, target_error, time_limit_s, max_depth, seed, frame, shutter, transparent, aovs, denoise, name, priority}"""
+    settings: {samples, target_error, time_limit_s, max_depth, seed, frame, shutter, transparent, aovs, denoise, name, priority,
+    filter: None, or what pixel_filter() returns}"""
     found, env = exported["scene"], exported["env"]
     camera = found["camera"]
     width, height, part = region(camera, size, border)
@@ -56,6 +69,9 @@ def submit_words(settings, exported, size, border):
         words += ["--target-error", settings["target_error"]]
     if settings["time_limit_s"] > 0:
         words += ["--time-limit", seconds(settings["time_limit_s"])]
+    if settings["filter"]:
+        name, width = settings["filter"]
+        words += ["--pixel-filter", name, "--filter-width", "%.9g" % min(width, FILTER_WIDTH_MOST)]
     if settings["transparent"]:
         words += ["--alpha"]
     if settings["aovs"]:

@@ -87,6 +87,12 @@ class AZULEJO_PT_film(Panel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column()
+        cycles = getattr(context.scene, "cycles", None)
+        if cycles:
+            column.prop(cycles, "film_exposure")
+            column.prop(cycles, "pixel_filter_type", text="Pixel Filter")
+            if cycles.pixel_filter_type != "BOX":
+                column.prop(cycles, "filter_width", text="Width")
         column.prop(context.scene.render, "film_transparent", text="Transparent")
         column.prop(context.scene.render, "use_motion_blur", text="Motion Blur")
         row = column.row()
