@@ -233,7 +233,153 @@ def edge(folder):
     box("half", (-50, 0, 0), (100, 1, 100), lambert("black", (0, 0, 0)))
 
 
-CASES = {f.__name__: f for f in (default, principled, room, lamps, rig, lens, upright, noise, sky, edge)}
+def principled_like(name, color, **inputs):
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    node = material.node_tree.nodes["Principled BSDF"]
+    node.inputs["Base Color"].default_value = color + (1, )
+    for key, value in inputs.items():
+        node.inputs[key.replace("_", " ")].default_value = value
+    return material
+
+
+def smooth(name, material, bevel=0.0):
+    """The object that was just made, with this material and soft edges."""
+    thing = bpy.context.object
+    thing.name = name
+    thing.data.materials.append(material)
+    bpy.ops.object.shade_smooth()
+    if bevel:
+        rounded = thing.modifiers.new("Bevel", "BEVEL")
+        rounded.width, rounded.segments, rounded.limit_method = bevel, 6, "ANGLE"
+        thing.data.use_auto_smooth = True
+    return thing
+
+
+def nodes_of(name, kind, **inputs):
+    """A new material whose surface is a node of this kind; its tree and that node."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.remove(tree.nodes["Principled BSDF"])
+    node = tree.nodes.new(kind)
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    for key, value in inputs.items():
+        node.inputs[key].default_value = value
+    return material, tree, node
+
+
+def instanced(thing, place):
+    """Show an object by an instance of its collection alone."""
+    parts, holder = bpy.data.collections.new("parts"), bpy.data.objects.new("holder", None)
+    parts.objects.link(thing)
+    bpy.context.collection.objects.unlink(thing)
+    holder.instance_type, holder.instance_collection, holder.location = "COLLECTION", parts, place
+    bpy.context.scene.collection.objects.link(holder)
+
+
+def image_with_holes(folder):
+    """A PNG file of 8x8 pixels, ochre where it is not clear."""
+    image = bpy.data.images.new("holes", 8, 8, alpha=True)
+    image.pixels = [c for y in range(8) for x in range(8) for c in (.8, .5, .1, (x + y) % 2)]
+    image.file_format, image.filepath_raw = "PNG", os.path.join(folder, "holes.png")
+    image.save()
+    bpy.data.images.remove(image)
+    return bpy.data.images.load(os.path.join(folder, "holes.png"))
+
+
+def ball(x, material):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=.45, location=(x, 0, 0))
+    return smooth(material.name, material)
+
+
+def balls(folder):
+    """Eight balls before stripes, 40 pixels each at a width of 320: clear, with alpha, coated, without a material, inside out."""
+    scene = empty()
+    leaf, tree, mix = nodes_of("leaf", "ShaderNodeMixShader")
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[1])
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], mix.inputs[2])
+    holes = tree.nodes.new("ShaderNodeTexImage")
+    holes.image, holes.interpolation = image_with_holes(folder), "Closest"
+    tree.links.new(holes.outputs["Alpha"], mix.inputs["Fac"])
+    tree.links.new(holes.outputs["Color"], mix.inputs[2].links[0].from_node.inputs["Color"])
+    veil, tree, mix = nodes_of("veil", "ShaderNodeMixShader", Fac=.3)
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], mix.inputs[1])
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[2])
+    juice, tree, _ = nodes_of("juice", "ShaderNodeBsdfGlass", Roughness=0, IOR=1.33)
+    inside = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    inside.inputs["Color"].default_value, inside.inputs["Density"].default_value = (.9, .5, .1, 1), 3
+    tree.links.new(inside.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    for i, material in enumerate((
+            principled_like("glass", (.9, .6, .4), Transmission=1, Roughness=0), juice, principled_like("ghost", (.7, .2, .2), Alpha=.5, Specular=0),
+            leaf, veil, principled_like("coat", (0, 0, 0), Specular=0, Clearcoat=1, Roughness=1))):
+        ball(i - 3.5, material)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=.45, location=(2.5, 0, 0))
+    box("empty slot", (2.5, -.7, 0), (.4, .4, .4), None)
+    culled = lambert("culled", (.3, .6, .2))
+    culled.use_backface_culling = True
+    ball(3.5, culled).data.flip_normals()
+    bpy.ops.mesh.primitive_cube_add(size=.4)
+    instanced(bpy.context.object, (3.5, -.7, 0))
+    for i in range(-8, 9):
+        box("stripe", (i * .5, 1.5, 0), (.25, .05, 6), lambert("stripe", (.7, .7, .7) if i % 2 else (.1, .3, .5)))
+    camera = add_camera((0, -6, 0), (0, 0, 0))
+    camera.data.type, camera.data.ortho_scale = "ORTHO", 8
+    light_by_map(scene, sky_map(folder), 40, .6)
+
+
+def lost(folder):
+    """Parts of the Principled BSDF, and mixes of shaders, that cannot be exported."""
+    default(folder)
+    odd = principled_like("odd", (.5, .5, .5), Subsurface=.1, Anisotropic=.5, Sheen=.2)
+    two, tree, mix = nodes_of("two", "ShaderNodeMixShader")
+    for socket in mix.inputs[1:3]:
+        tree.links.new(tree.nodes.new("ShaderNodeBsdfPrincipled").outputs[0], socket)
+    fog, tree, _ = nodes_of("fog", "ShaderNodeBsdfGlass")
+    tree.links.new(tree.nodes.new("ShaderNodeVolumeScatter").outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    for i, material in enumerate((odd, two, fog)):
+        box("thing", (i * 3 - 3, 3, 0), (1, 1, 1), material)
+    inner = box("inner", (0, 0, 0), (1, 1, 1), principled_like("inner", (.5, .5, .5), Subsurface=.1))
+    made = bpy.data.node_groups.new("made", "GeometryNodeTree")
+    made.inputs.new("NodeSocketGeometry", "Geometry")
+    made.outputs.new("NodeSocketGeometry", "Geometry")
+    first, node, last = (made.nodes.new(n) for n in ("NodeGroupInput", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+    node.inputs["Material"].default_value = principled_like("made", (.5, .5, .5), Sheen=1)
+    made.links.new(first.outputs[0], node.inputs["Geometry"])
+    made.links.new(node.outputs[0], last.inputs[0])
+    box("made", (0, 9, 0), (1, 1, 1), None).modifiers.new("made", "NODES").node_group = made
+    instanced(inner, (0, 6, 0))
+
+
+def product(folder):
+    """A jar with a metal lid, a plastic ball and a glass one in a photographer's studio."""
+    scene = empty()
+    background = scene.world.node_tree.nodes["Background"].inputs
+    background["Color"].default_value, background["Strength"].default_value = (.8, .9, 1, 1), .15
+    profile = [(-6, 0)] + [(2 + 1.5 * math.sin(a), 1.5 - 1.5 * math.cos(a)) for a in (i * math.pi / 32 for i in range(17))] + [(3.5, 6)]
+    count = len(profile)
+    sweep = bpy.data.meshes.new("sweep")
+    sweep.from_pydata([(x, y, z) for x in (-8, 8) for y, z in profile], [],
+                      [(i, count + i, count + i + 1, i + 1) for i in range(count - 1)])
+    thing = bpy.data.objects.new("sweep", sweep)
+    scene.collection.objects.link(thing)
+    sweep.materials.append(lambert("paper", (.7, .7, .7)))
+    for face in sweep.polygons:
+        face.use_smooth = True
+    bpy.ops.mesh.primitive_cylinder_add(vertices=96, radius=.6, depth=1.2, location=(-.2, 0, .6))
+    smooth("jar", lambert("clay", (.7, .25, .1)), .08)
+    bpy.ops.mesh.primitive_cylinder_add(vertices=96, radius=.62, depth=.3, location=(-.2, 0, 1.36))
+    smooth("lid", principled_like("brass", (.9, .7, .35), Metallic=1, Roughness=.25), .05)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=.45, location=(.95, -.3, .45))
+    smooth("plastic ball", principled_like("plastic", (.08, .25, .6), Roughness=.3))
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=.35, location=(-1.15, -.5, .35))
+    smooth("glass ball", principled_like("glass", (1, 1, 1), Transmission=1, Roughness=0))
+    add_lamp("AREA", "key", (-3.5, -2.5, 4), (0, 0, .6), 250, shape="SQUARE", size=2.0)
+    add_lamp("AREA", "rim", (4, 0, 2.5), (0, 0, .6), 80, shape="RECTANGLE", size=.5, size_y=2.5)
+    add_camera((0, -6.5, 1.9), (0, 0, .75), lens=60)
+
+
+CASES = {f.__name__: f for f in (default, principled, room, lamps, rig, lens, upright, noise, sky, edge, balls, lost, product)}
 
 
 # ---- rendering -------------------------------------------------------------------------------------------------------------
@@ -261,7 +407,7 @@ def picture_settings(scene, options):
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     scene.cycles.samples = int(options.get("cycles_samples", options.get("samples", 16)))
     scene.cycles.max_bounces = scene.cycles.diffuse_bounces = 12
-    scene.cycles.sample_clamp_indirect = 0
+    scene.cycles.sample_clamp_indirect = scene.cycles.blur_glossy = 0
     if "filter" in options:
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = options["filter"], float(options["filter_width"])
     if "border" in options:

@@ -166,6 +166,37 @@ def an_edge_is_as_soft():
 
 
 @tests.add
+def clear_things_are_as_clear():
+    """glass, filled glass, alpha, no material, culling, two mixes with Transparent: each ball's mean within 2 % of Cycles, and its pixels alike; a coat's within 10 %"""
+    with Farm() as farm:
+        run = Run(farm, "balls", engines="azulejo,cycles", width=320, height=40, samples=512)
+        said = no_error(run.end())
+        expect(said["notes"] == [], said["notes"])
+        mine, other = (rows_of(run.path(name + ".exr")) for name in ("azulejo", "cycles"))
+        for ball, name in enumerate(("glass", "juice", "ghost", "leaf", "veil", "coat", "bare", "culled")):
+            inside = [y * 320 + x for y in range(40) for x in range(ball * 40, ball * 40 + 40)
+                      if math.hypot(x + .5 - ball * 40 - 20, y + .5 - 20) < 17]
+            a, b = (sum(sum(rows[p]) for p in inside) for rows in (mine, other))
+            off = sum(abs(sum(mine[p]) - sum(other[p])) for p in inside) / b
+            expect(abs(a / b - 1) < (.1 if name == "coat" else .02) and off < .15, (name, a / b, off))
+
+
+@tests.add
+def a_photographers_table_is_as_bright():
+    """paper, clay, glass and brass within 3 % of Cycles; plastic, whose diffuse part is another one, within 10 %"""
+    with Farm() as farm:
+        run = Run(farm, "product", engines="azulejo,cycles", width=240, height=135, samples=256)
+        expect(no_error(run.end())["notes"] == [], "notes")
+        mine, other = (rows_of(run.path(name + ".exr")) for name in ("azulejo", "cycles"))
+        for name, left, top, right, bottom in (("paper", 160, 10, 230, 55), ("clay", 80, 55, 135, 100), ("glass", 33, 88, 57, 112),
+                                               ("brass", 75, 23, 140, 40), ("plastic", 160, 70, 200, 110)):
+            inside = [y * 240 + x for y in range(top, bottom) for x in range(left, right)]
+            ratio = sum(sum(mine[p]) for p in inside) / sum(sum(other[p]) for p in inside)
+            print("# %s: %.3f of Cycles" % (name, ratio))
+            expect(abs(ratio - 1) < (.1 if name == "plastic" else .03), (name, ratio))
+
+
+@tests.add
 def an_animation_with_a_rig():
     """three frames of a bending bar under a moving camera, with a frame step: each within 4 % of Cycles, and blurred"""
     with Farm() as farm:
@@ -357,6 +388,11 @@ def what_is_not_exported_is_named():
         run = Run(farm, "noise", width=32, height=18, samples=4, package=package)
         said = no_error(run.end())
         expect("material marble: Noise Texture is not exported; bake it" in said["notes"], said["notes"])
+        lost = no_error(Run(farm, "lost", width=32, height=18, samples=4).end())["notes"]
+        for words in ("odd: its subsurface scattering", "odd: its anisotropy", "odd: its sheen", "two: Mix Shader", "fog: its volume",
+                      "inner: its subsurface scattering", "made: its sheen"):
+            expect(any(n.startswith("material " + words) and "not exported" in n for n in lost), (words, lost))
+        expect(len(lost) == 7, lost)
         expect(os.path.exists(os.path.join(run.folder, "user")), "not installed in a folder of its own")
 
 

@@ -149,6 +149,25 @@ def the_camera_sees_what_blenders_does():
 
 
 @tests.add
+def materials_are_cycles():
+    """a clear material bounds a solid, which a volume may fill; before Blender 4 a coat has a quarter of its weight; no material is grey"""
+    gltf = {"meshes": [{"primitives": [{"material": 0}, {}]}, {"primitives": [{}]}], "materials": [{"name": "plain"}, {"name": "glass", "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}},
+                          {"name": "juice", "extensions": {"KHR_materials_transmission": {}, "KHR_materials_volume": {"thicknessFactor": .2}}},
+                          {"name": "coat", "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": .8}}}]}
+    scene_fix.fix(gltf, {"camera": camera(), "lights": [], "size": [8, 8], "begin": 0, "coat": .25, "absorption": {"juice": (4, [1, .5, 0])}})
+    plain, glass, juice, coat, grey = (row.get("extensions") for row in gltf["materials"])
+    expect(plain is None and glass["KHR_materials_volume"] == {"thicknessFactor": 1}, gltf)
+    volume = juice["KHR_materials_volume"]
+    expect(volume["thicknessFactor"] == .2 and volume["attenuationDistance"] == .25, volume)
+    for part, absorbed in zip(volume["attenuationColor"], (0, 2, 4)):
+        close(-math.log(part) / volume["attenuationDistance"], absorbed)
+    close(coat["KHR_materials_clearcoat"]["clearcoatFactor"], .2)
+    expect([p["material"] for mesh in gltf["meshes"] for p in mesh["primitives"]] == [0, 4, 4], gltf["meshes"])
+    expect(grey == {"KHR_materials_specular": {"specularFactor": 0}}, grey)
+    expect(gltf["extensionsUsed"] == ["KHR_materials_volume", "KHR_materials_specular"], gltf["extensionsUsed"])
+
+
+@tests.add
 def motion_is_retimed():
     """a frame is a second, all is as much later as the shutter wants it, shared times change once"""
     keys = bytearray(struct.pack("<3f3f", .25, .5, .75, 9, 9, 9))

@@ -21,7 +21,12 @@ import scene_fix  # noqa: E402  (by its folder: the package may have any name)
 # Nodes from which the glTF exporter makes what they are.
 READ_NODES = {"BSDF_PRINCIPLED", "OUTPUT_MATERIAL", "TEX_IMAGE", "NORMAL_MAP", "MAPPING", "UVMAP", "TEX_COORD", "SEPRGB",
               "SEPARATE_COLOR", "RGB", "VALUE", "REROUTE", "FRAME", "GROUP_INPUT", "GROUP_OUTPUT", "EMISSION", "BSDF_TRANSPARENT",
-              "MIX_SHADER", "ATTRIBUTE", "VERTEX_COLOR"}
+              "ATTRIBUTE", "VERTEX_COLOR"}
+# Inputs of the Principled BSDF that no glTF file holds, by their names before and since Blender 4: what they are without effect,
+# and what a note calls them.
+LOST_INPUTS = ((("Subsurface", "Subsurface Weight"), 0.0, "subsurface scattering"), (("Anisotropic", ), 0.0, "anisotropy"),
+               (("Sheen", ), 0.0, "sheen"), (("Transmission Roughness", ), 0.0, "roughness of transmission alone"),
+               (("Thin Film Thickness", ), 0.0, "thin film"), (("Coat Tint", ), (1.0, 1.0, 1.0, 1.0), "tint of the coat"))
 NEVER_SHAPES = {"VOLUME": "volume", "GPENCIL": "grease pencil", "GREASEPENCIL": "grease pencil", "POINTCLOUD": "point cloud",
                 "CURVES": "hair curves", "META": "metaball"}
 WORLD_BAKE_WIDTH = 2048
@@ -96,7 +101,7 @@ def look_at_object(thing, notes):
 # ---- materials -----------------------------------------------------------------------------------------------------------
 
 def reached(tree, out, seen=None):
-    """The nodes from which the active output gets something, in groups as well."""
+    """The nodes from which the active output's surface gets something, in groups as well."""
     seen = set() if seen is None else seen
     starts = [n for n in tree.nodes if n.type in ("OUTPUT_MATERIAL", "OUTPUT_WORLD") and n.is_active_output] or \
              [n for n in tree.nodes if n.type == "GROUP_OUTPUT"]
@@ -109,16 +114,20 @@ def reached(tree, out, seen=None):
         if node.type == "GROUP" and node.node_tree:
             reached(node.node_tree, out, seen)
         for socket in node.inputs:
-            starts += [link.from_node for link in socket.links]
+            if not (node.type.startswith("OUTPUT_") and socket.name in ("Volume", "Displacement")):
+                starts += [link.from_node for link in socket.links]
     return out
 
 
+def find(node, *names):
+    """The input that has one of these names: they differ between Blender 3.4 and 4.x."""
+    return next((node.inputs[name] for name in names if name in node.inputs), None)
+
+
 def put(node, value, *names):
-    """Set the input that has one of these names: they differ between Blender 3.4 and 4.x."""
-    for name in names:
-        if name in node.inputs:
-            node.inputs[name].default_value = value
-            return
+    socket = find(node, *names)
+    if socket:
+        socket.default_value = value
 
 
 def value_of(socket):
@@ -126,8 +135,10 @@ def value_of(socket):
     return tuple(value) if hasattr(value, "__len__") else value
 
 
-def as_principled(tree, node, output):
-    """A Principled BSDF in place of a plain shader that is connected to the output; None if it has no counterpart."""
+def as_principled(tree, node):
+    """A Principled BSDF in place of a plain shader; None if it has no counterpart."""
+    if node.type == "BSDF_PRINCIPLED":
+        return node
     if node.type not in ("BSDF_DIFFUSE", "BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_GLASS", "EMISSION"):
         return None
     new = tree.nodes.new("ShaderNodeBsdfPrincipled")
@@ -153,11 +164,52 @@ def as_principled(tree, node, output):
         tree.links.new(color.links[0].from_socket, new.inputs[target])
     if "Normal" in node.inputs and node.inputs["Normal"].is_linked:
         tree.links.new(node.inputs["Normal"].links[0].from_socket, new.inputs["Normal"])
-    tree.links.new(new.outputs[0], output.inputs["Surface"])
     return new
 
 
-def look_at_material(material, notes):
+def is_clear(node):
+    """Whether it is a white Transparent BSDF."""
+    if node is None or node.type != "BSDF_TRANSPARENT" or node.inputs["Color"].is_linked:
+        return False
+    return min(node.inputs["Color"].default_value[:3]) == 1
+
+
+def without_mix(tree, mix):
+    """A Principled BSDF with alpha in place of a mix of a shader with a Transparent BSDF; None if the mix is another one."""
+    factor, shaders = mix.inputs[0], [s.links[0].from_node if s.is_linked else None for s in mix.inputs[1:3]]
+    clear = [is_clear(s) for s in shaders]
+    if None in shaders or clear.count(True) != 1 or (clear[1] and factor.is_linked):  # 1 less an image is none
+        return None
+    new = as_principled(tree, shaders[clear.index(False)])
+    if new is None or new.inputs["Alpha"].is_linked or new.inputs["Alpha"].default_value != 1:
+        return None
+    if factor.is_linked:
+        tree.links.new(factor.links[0].from_socket, new.inputs["Alpha"])
+    else:
+        new.inputs["Alpha"].default_value = 1 - factor.default_value if clear[1] else factor.default_value
+    return new
+
+
+def absorption(output):
+    """(density, color) of a Volume Absorption that is the same everywhere; None: the material has another volume."""
+    node = output.inputs["Volume"].links[0].from_node
+    if node.type != "VOLUME_ABSORPTION" or any(s.is_linked for s in node.inputs):
+        return None
+    return node.inputs["Density"].default_value, [min(max(c, 0.0), 1.0) for c in node.inputs["Color"].default_value[:3]]
+
+
+def look_at_principled(material, node, notes):
+    for names, neutral, what in LOST_INPUTS:
+        socket = find(node, *names)
+        if socket and (socket.is_linked or value_of(socket) != neutral):
+            notes.say("material %s: its %s is not exported" % (material.name, what))
+    if node.inputs["Alpha"].is_linked or node.inputs["Alpha"].default_value < 1:
+        material.blend_method = "BLEND"  # which the exporter asks, and Cycles does not
+
+
+def look_at_material(material, found, notes):
+    """Makes of the material what the exporter reads, and names the rest. found: what scene_fix.fix takes."""
+    material.use_backface_culling = False  # likewise
     if not material.use_nodes or not material.node_tree:
         return
     tree = material.node_tree
@@ -165,12 +217,20 @@ def look_at_material(material, notes):
     if not outputs or not outputs[0].inputs["Surface"].is_linked:
         return
     first = outputs[0].inputs["Surface"].links[0].from_node
-    as_principled(tree, first, outputs[0])
+    new = without_mix(tree, first) if first.type == "MIX_SHADER" else as_principled(tree, first)
+    if new:
+        tree.links.new(new.outputs[0], outputs[0].inputs["Surface"])
     for socket in ("Volume", "Displacement"):
         if outputs[0].inputs[socket].is_linked:
-            notes.say("material %s: its %s is not exported" % (material.name, socket.lower()))
+            inside = absorption(outputs[0]) if socket == "Volume" else None
+            if inside:
+                found["absorption"][material.name] = inside
+            else:
+                notes.say("material %s: its %s is not exported" % (material.name, socket.lower()))
     for node in reached(tree, []):
         label = node.bl_label
+        if node.type == "BSDF_PRINCIPLED":
+            look_at_principled(material, node, notes)
         if node.type.startswith("TEX_") and node.type not in READ_NODES:
             notes.say("material %s: %s is not exported; bake it" % (material.name, label))
         elif node.type == "TEX_IMAGE" and node.image and node.image.is_dirty and not node.image.packed_file:
@@ -183,17 +243,19 @@ def look_at_material(material, notes):
             notes.say("material %s: the node group %s is exported only as far as glTF's exporter reads groups" % (
                 material.name, node.node_tree.name if node.node_tree else label))
         elif node.type not in READ_NODES and not node.type.startswith("TEX_"):
-            what = "bake it" if not node.type.startswith(("BSDF", "SUBSURFACE", "ADD_SHADER")) else "use a Principled BSDF"
+            what = "bake it" if not node.type.startswith(("BSDF", "SUBSURFACE", "ADD_SHADER", "MIX_SHADER")) else "use a Principled BSDF"
             notes.say("material %s: %s is not exported; %s" % (material.name, label, what))
 
 
-def look_at_materials(things, notes):
-    done = set()
-    for thing in things:
-        for slot in thing.material_slots:
-            if slot.material and slot.material.name not in done:
-                done.add(slot.material.name)
-                look_at_material(slot.material, notes)
+def look_at_materials(seen, found, notes):
+    used = set()
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        thing = instance.object
+        if (instance.parent if instance.is_instance else thing).original in seen:
+            used.update(m.original for m in getattr(thing.data, "materials", ()) if m)
+            used.update(s.material for s in thing.original.material_slots if s.material)
+    for material in sorted(used, key=lambda m: m.name):
+        look_at_material(material, found, notes)
 
 
 # ---- lights ----------------------------------------------------------------------------------------------------------------
@@ -429,7 +491,8 @@ def export(scene, request):
     # The shutter opens at the frame's own second.
     shift = {"START": 0.0, "END": shutter}.get(request["position"], shutter / 2)
     seen = show_what_renders(scene, request["layer"], notes)
-    look_at_materials(seen, notes)
+    found = {"absorption": {}, "coat": 0.25 if bpy.app.version < (4, 0) else 1.0}
+    look_at_materials(seen, found, notes)
     matrices = []
     scene.frame_start, scene.frame_end, scene.frame_step = frame - 1, frame + 1, 1
     for moment in ((frame - 1, frame, frame + 1) if shutter > 0 else (frame, )):
@@ -437,8 +500,7 @@ def export(scene, request):
         thing = scene.camera.evaluated_get(bpy.context.evaluated_depsgraph_get())
         matrices.append([list(row) for row in thing.matrix_world])
     scene.frame_set(frame)
-    found = {"camera": camera_row(scene, matrices, notes), "lights": lights(seen, notes), "size": request["size"],
-             "begin": frame - 1 + shift}
+    found.update(camera=camera_row(scene, matrices, notes), lights=lights(seen, notes), size=request["size"], begin=frame - 1 + shift)
     for name in scene_fix.glowing_in_view(found):
         notes.say("light %s: is in the camera's view and is seen as a glowing surface, which Cycles hides" % name)
     env = environment(scene, folder, notes)

@@ -320,9 +320,45 @@ def retime(gltf, buffers, fps, shift):
         accessor["min"], accessor["max"] = [times[0]], [times[-1]]
 
 
+# ---- materials -------------------------------------------------------------------------------------------------------
+
+def fix_material(gltf, row, scene):
+    """What Cycles makes of a material, and the exporter writes otherwise: clear surfaces bound a solid, which a volume may
+    fill, and before Blender 4 a coat has a quarter of its weight."""
+    known = row.get("extensions", {})
+    coat = known.get("KHR_materials_clearcoat")
+    if coat and "clearcoatFactor" in coat:
+        coat["clearcoatFactor"] *= scene["coat"]
+    if "KHR_materials_transmission" not in known:
+        return
+    uses(gltf, "KHR_materials_volume")
+    volume = known.setdefault("KHR_materials_volume", {"thicknessFactor": 1.0})
+    density, color = scene["absorption"].get(row.get("name"), (0, None))
+    if density > 0:
+        # Cycles absorbs density * (1 - color) a metre.
+        volume["attenuationDistance"] = 1 / density
+        volume["attenuationColor"] = [math.exp(c - 1) for c in color]
+
+
+def fill_without_material(gltf):
+    """Cycles' material for what has none: a grey one. glTF's is a white metal."""
+    bare = [p for mesh in gltf.get("meshes", ()) for p in mesh["primitives"] if "material" not in p]
+    if not bare:
+        return
+    uses(gltf, "KHR_materials_specular")
+    number = add(gltf, "materials", {
+        "name": "no material", "doubleSided": True, "extensions": {"KHR_materials_specular": {"specularFactor": 0}},
+        "pbrMetallicRoughness": {"baseColorFactor": [.8, .8, .8, 1], "metallicFactor": 0, "roughnessFactor": 1}})
+    for primitive in bare:
+        primitive["material"] = number
+
+
 def fix(gltf, scene):
-    """Add the lights and the camera to the parsed JSON."""
+    """Mend the materials of the parsed JSON, and add the lights and the camera."""
     width, height = scene["size"]
+    for row in gltf.get("materials", ()):
+        fix_material(gltf, row, scene)
+    fill_without_material(gltf)
     for light in scene["lights"]:
         add_light(gltf, light)
     add_camera(gltf, scene["camera"], width, height, scene["begin"])
